@@ -1,0 +1,1 @@
+"""Networks as torch modules; nothing else in this package needs torch to be stepped."""
