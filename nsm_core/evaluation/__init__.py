@@ -1,0 +1,1 @@
+"""Measures of motion and pictures to judge it by."""
