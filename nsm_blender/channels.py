@@ -1,0 +1,77 @@
+"""Actions across Blender versions: slots and channelbags where they exist, plain F-curves before.
+
+One path for 4.3 to 5.2; ``ActionChannels`` is all that the rest of the add-on sees of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+
+LINEAR = bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items["LINEAR"].value
+# The type that marks keys as made by a tool came with 4.5; before that they are ordinary keys.
+_KEY_TYPES = bpy.types.Keyframe.bl_rna.properties["type"].enum_items
+GENERATED = _KEY_TYPES["GENERATED"].value if "GENERATED" in _KEY_TYPES else _KEY_TYPES["KEYFRAME"].value
+
+
+@dataclass
+class ActionChannels:
+    """The F-curves and groups of one action for one animated object."""
+
+    action: bpy.types.Action
+    slot: Any | None  # bpy.types.ActionSlot from 4.4 on
+    bag: Any  # the channelbag, or the action itself before slots
+
+    def curve(self, path: str, index: int, group: str, frames: np.ndarray, values: np.ndarray) -> bpy.types.FCurve:
+        """Add an F-curve with one linear, GENERATED key per frame: ``frames`` (N,), ``values`` (N,)."""
+        fcurve = self.bag.fcurves.new(path, index=index)
+        fcurve.group = self.bag.groups.get(group) or self.bag.groups.new(group)
+        keys = fcurve.keyframe_points
+        keys.add(len(frames))
+        keys.foreach_set("co", np.column_stack((frames, values)).astype(np.float32).ravel())
+        keys.foreach_set("interpolation", np.full(len(frames), LINEAR, np.intc))
+        keys.foreach_set("type", np.full(len(frames), GENERATED, np.intc))
+        fcurve.update()
+        return fcurve
+
+
+def new_action(name: str, slot_name: str) -> ActionChannels:
+    """Make an empty action with a slot for an object; it is not assigned to anything yet."""
+    action = bpy.data.actions.new(name)
+    if not hasattr(action, "slots"):
+        return ActionChannels(action, None, action)
+    slot = action.slots.new(id_type="OBJECT", name=slot_name)
+    return ActionChannels(action, slot, _channelbag(action, slot))
+
+
+def channels_of(target: bpy.types.Object) -> ActionChannels | None:
+    """The channels that animate ``target`` now, or None when it has no action or no slot in it."""
+    data = target.animation_data
+    if data is None or data.action is None:
+        return None
+    if not hasattr(data.action, "slots"):
+        return ActionChannels(data.action, None, data.action)
+    if data.action_slot is None:
+        return None
+    return ActionChannels(data.action, data.action_slot, _channelbag(data.action, data.action_slot))
+
+
+def assign(target: bpy.types.Object, action: bpy.types.Action | None, slot: Any | None) -> None:
+    """Give ``target`` an action together with the slot that animates it; None takes its action away."""
+    data = target.animation_data or target.animation_data_create()
+    data.action = action
+    if action is not None and slot is not None:
+        data.action_slot = slot
+
+
+def _channelbag(action: bpy.types.Action, slot: Any) -> Any:
+    try:
+        from bpy_extras.anim_utils import action_ensure_channelbag_for_slot
+    except ImportError:  # 4.4 and 4.5
+        layer = action.layers[0] if action.layers else action.layers.new("Layer")
+        strip = layer.strips[0] if layer.strips else layer.strips.new(type="KEYFRAME")
+        return strip.channelbag(slot, ensure=True)
+    return action_ensure_channelbag_for_slot(action, slot)
