@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from .rotations import Array, quat_conjugate, quat_from_matrix, quat_mul, quat_rotate, quat_to_matrix
+from .rotations import Array, quat_conjugate
 from .skeleton import ARMS, FEET, INDEX, OFFSETS, PARENTS
 
 # Hinge axis of knee and elbow in the rest frame of the upper bone: turning the lower bone about it flexes the joint.
 _HINGES = {INDEX["RightKnee"]: (1, 0, 0), INDEX["LeftKnee"]: (1, 0, 0), INDEX["RightElbow"]: (0, 0, 1), INDEX["LeftElbow"]: (0, 0, -1)}
 # Of the length of the straight limb: where the reach begins to soften, its end, and the tightest fold.
-SOFT_REACH, FULL_REACH, TIGHTEST = 0.99, 0.9995, 0.25
+SOFT_REACH, FULL_REACH, TIGHTEST = 0.99, 0.9995, 0.15
 # Sine of the bend over which the limb's own plane takes over from the hinge axis.
 _STRAIGHT, _BENT = 0.02, 0.12
 
@@ -63,23 +63,22 @@ def place_limbs(
     local = local_rotations.astype(np.float64)
     starts, middles, ends = (list(joints) for joints in zip(*chains, strict=True))
     position, parent = chain_frames(hips_position, local, tuple(starts))
-    upper = quat_mul(parent, local[..., starts, :])
-    lower = quat_mul(upper, local[..., middles, :])
+    upper = mul(parent, local[..., starts, :])
+    lower = mul(upper, local[..., middles, :])
     if end_rotations is None:
-        end_rotations = quat_mul(lower, local[..., ends, :])
-    rotation = np.stack((quat_to_matrix(upper), quat_to_matrix(lower)))
-    bones = (rotation @ np.stack((OFFSETS[middles], OFFSETS[ends])).reshape((2,) + (1,) * (local.ndim - 2) + (len(starts), 3, 1)))[..., 0]
+        end_rotations = mul(lower, local[..., ends, :])
+    hinges = np.array([_HINGES[m] for m in middles], dtype=np.float64)
+    rest = np.stack((OFFSETS[middles], OFFSETS[ends], hinges)).reshape((3,) + (1,) * (local.ndim - 2) + (len(starts), 3))
+    vectors = rotate(np.stack((upper, lower, upper)), rest)
+    bones = vectors[:2]
     knee = position + bones[0]
-    ankle = knee + bones[1]
-    hinge = (rotation[0] @ np.array([_HINGES[m] for m in middles], dtype=np.float64)[:, :, None])[..., 0]
-    new_knee, new_ankle, axis, old_axis = _solve(position, knee, ankle, np.asarray(targets, dtype=np.float64), hinge)
+    new_knee, new_ankle, axis, old_axis = _solve(position, knee, knee + bones[1], np.asarray(targets, dtype=np.float64), vectors[2])
     # Each bone turns by what carries its direction and the bending axis from before to after.
-    after = _frame(np.stack((new_knee - position, new_ankle - new_knee)), axis)
-    turn = quat_from_matrix(after @ np.swapaxes(_frame(bones, old_axis), -1, -2))
-    new_upper, new_lower = quat_mul(turn[0], upper), quat_mul(turn[1], lower)
-    local[..., starts, :] = quat_mul(quat_conjugate(parent), new_upper)
-    local[..., middles, :] = quat_mul(quat_conjugate(new_upper), new_lower)
-    local[..., ends, :] = quat_mul(quat_conjugate(new_lower), end_rotations)
+    turn = _carry(bones, old_axis, np.stack((new_knee - position, new_ankle - new_knee)), axis)
+    new_upper, new_lower = mul(turn[0], upper), mul(turn[1], lower)
+    local[..., starts, :] = mul(quat_conjugate(parent), new_upper)
+    local[..., middles, :] = mul(quat_conjugate(new_upper), new_lower)
+    local[..., ends, :] = mul(quat_conjugate(new_lower), np.asarray(end_rotations, dtype=np.float64))
     return local.astype(dtype)
 
 
@@ -99,8 +98,8 @@ def place_wrists(hips_position: Array, local_rotations: Array, side: int, wrist_
 
 def solve_leg_with_toe(hips_position: Array, local_rotations: Array, side: int, toe_target: Array, foot_rotation: Array) -> Array:
     """Put the toe joint of one leg at (..., 3) world metres with the foot turned to (..., 4) world; return new local rotations."""
-    offset = np.broadcast_to(OFFSETS[FEET[side][3]].astype(foot_rotation.dtype), foot_rotation.shape[:-1] + (3,))
-    return place_limb(hips_position, local_rotations, FEET[side][:3], toe_target - quat_rotate(foot_rotation, offset), foot_rotation)
+    ankle_target = toe_target - rotate(foot_rotation, OFFSETS[FEET[side][3]].astype(foot_rotation.dtype))
+    return place_limb(hips_position, local_rotations, FEET[side][:3], ankle_target, foot_rotation)
 
 
 def chain_frames(hips_position: Array, local_rotations: Array, joints: tuple[int, ...]) -> tuple[Array, Array]:
@@ -110,14 +109,12 @@ def chain_frames(hips_position: Array, local_rotations: Array, joints: tuple[int
     def frame(j: int) -> tuple[Array, Array]:
         if j not in known:
             p, r = frame(PARENTS[j])
-            offset = np.broadcast_to(OFFSETS[j].astype(r.dtype), p.shape)
-            known[j] = (p + quat_rotate(r, offset), quat_mul(r, local_rotations[..., j, :]))
+            known[j] = (p + rotate(r, OFFSETS[j].astype(r.dtype)), mul(r, local_rotations[..., j, :]))
         return known[j]
 
     parents = [frame(PARENTS[j]) for j in joints]
     rotation = np.stack([r for _, r in parents], axis=-2)
-    offsets = np.broadcast_to(OFFSETS[list(joints)].astype(rotation.dtype), rotation.shape[:-1] + (3,))
-    return np.stack([p for p, _ in parents], axis=-2) + quat_rotate(rotation, offsets), rotation
+    return np.stack([p for p, _ in parents], axis=-2) + rotate(rotation, OFFSETS[list(joints)].astype(rotation.dtype)), rotation
 
 
 def leg_reach() -> float:
@@ -160,11 +157,18 @@ def _soften(distance: Array, before: Array, length: Array) -> Array:
     return np.maximum(np.where(over > 0, start + room * -np.expm1(-over / room), distance), TIGHTEST * length)
 
 
-def _frame(direction: Array, axis: Array) -> Array:
-    """Right-handed frames (..., 3, 3) with their first column along ``direction`` and the second near ``axis``."""
-    x = _unit(direction)[0]
-    y = _unit(axis - x * _dot(axis, x))[0]
-    return np.stack((x, y, _cross(x, y)), axis=-1)
+def _carry(bone: Array, axis: Array, new_bone: Array, new_axis: Array) -> Array:
+    """Rotations (..., 4) that turn bones onto new bones and, about them, the bending axis onto the new one, all (..., 3)."""
+    x, new_x = _unit(bone)[0], _unit(new_bone)[0]
+    y, new_y = _unit(axis - x * _dot(axis, x))[0], _unit(new_axis - new_x * _dot(new_axis, new_x))[0]
+    cosine = _dot(x, new_x)
+    # A bone turned right about swings on its bending axis.
+    swing = np.concatenate((np.maximum(1 + cosine, 0), np.where(1 + cosine < 1e-9, y, _cross(x, new_x))), axis=-1)
+    swing = _unit(swing)[0]
+    y = rotate(swing, y)
+    cosine = np.clip(_dot(y, new_y), -1, 1)
+    twist = np.concatenate((np.sqrt((1 + cosine) / 2), np.copysign(np.sqrt((1 - cosine) / 2), _dot(_cross(y, new_y), new_x)) * new_x), axis=-1)
+    return mul(twist, swing)
 
 
 def _dot(a: Array, b: Array) -> Array:
@@ -180,6 +184,23 @@ def _unit(v: Array) -> tuple[Array, Array]:
     return v / np.maximum(n, 1e-9), n
 
 
+# np.cross and products written out by component cost several times more on single frames, where every call counts.
+_NEXT, _LAST = np.array((1, 2, 0)), np.array((2, 0, 1))
+_HAMILTON = np.array(((0, 1, 2, 3), (1, 0, 3, 2), (2, 3, 0, 1), (3, 2, 1, 0)))
+_SIGNS = np.array(((1.0, -1, -1, -1), (1, 1, -1, 1), (1, 1, 1, -1), (1, -1, 1, 1)))
+
+
 def _cross(a: Array, b: Array) -> Array:
-    # np.cross moves axes about and is several times slower on single frames.
-    return a[..., (1, 2, 0)] * b[..., (2, 0, 1)] - a[..., (2, 0, 1)] * b[..., (1, 2, 0)]
+    return a.take(_NEXT, -1) * b.take(_LAST, -1) - a.take(_LAST, -1) * b.take(_NEXT, -1)
+
+
+def mul(a: Array, b: Array) -> Array:
+    """``rotations.quat_mul`` of (..., 4), fastest for a few quaternions."""
+    return ((a[..., _HAMILTON] * _SIGNS.astype(a.dtype)) @ b[..., None])[..., 0]
+
+
+def rotate(q: Array, v: Array) -> Array:
+    """``rotations.quat_rotate`` of (..., 3) by (..., 4), fastest for a few vectors."""
+    u = q[..., 1:]
+    t = 2 * _cross(u, v)
+    return v + q[..., :1] * t + _cross(u, t)

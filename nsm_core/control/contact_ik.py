@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..conventions import FPS
-from ..limbs import leg_reach, place_limbs
-from ..rotations import Array, direction_to_heading, heading_quat, quat_mul, quat_rotate
+from ..limbs import chain_frames, leg_reach, mul, place_limbs, rotate
+from ..rotations import Array, direction_to_heading, heading_quat, wrap_angle
 from ..skeleton import ANKLE_HEIGHT, FEET, OFFSETS, TOE_HEIGHT, forward_kinematics
 
 ANKLES, TOES = [foot[2] for foot in FEET], [foot[3] for foot in FEET]
@@ -18,6 +18,8 @@ _TOE_OFFSET = OFFSETS[TOES[0]].astype(np.float64)
 # Underside of the heel in the foot's rest frame, from the ankle joint, and seen from the toe joint.
 HEEL_FROM_ANKLE = np.array((0, 0.05, -ANKLE_HEIGHT))
 _HEEL_FROM_TOE = HEEL_FROM_ANKLE - _TOE_OFFSET
+_HIP_OFFSETS = OFFSETS[[leg[0] for leg in _LEGS]].astype(np.float64)
+_AHEAD = np.array((0.0, -1.0, 0.0))
 
 
 def detect_foot_contacts(positions: Array, height: float = 0.045, speed: float = 0.3, window: int = 5, fps: float = FPS) -> Array:
@@ -60,17 +62,17 @@ def lock_feet(
     shift, turn = np.zeros_like(toes), np.zeros(toes.shape[:2])
     for side in (0, 1):
         shift[:, side], turn[:, side] = _corrections(toes[:, side], _foot_heading(feet[:, side]), positions[:, ANKLES[side], 2], on[:, side], place, fade)
-    feet = quat_mul(heading_quat(turn), feet)
+    feet = mul(heading_quat(turn), feet)
     toes = toes + shift
     toes[..., 2] += sole_depth(toes, feet)
-    targets = toes - quat_rotate(feet, np.broadcast_to(_TOE_OFFSET, toes.shape))
+    targets = toes - rotate(feet, _TOE_OFFSET)
     hips = hips - np.array((0, 0, 1.0)) * _pelvis_drop(positions, targets, on, fade)[:, None]
     return hips.astype(hips_position.dtype), place_limbs(hips, local, _LEGS, targets, feet).astype(dtype)
 
 
 def sole_depth(toes: Array, feet: Array) -> Array:
     """How far (...) feet reach under the floor, metres, at least 0: toe joints (..., 3) world, ankle rotations (..., 4) world."""
-    heel = quat_rotate(feet, np.broadcast_to(_HEEL_FROM_TOE, toes.shape))[..., 2]
+    heel = rotate(feet, _HEEL_FROM_TOE)[..., 2]
     return np.maximum(0, np.maximum(TOE_CLEARANCE - toes[..., 2], -(toes[..., 2] + heel)))
 
 
@@ -129,9 +131,167 @@ def intervals(on: Array) -> list[tuple[int, int]]:
 
 def _foot_heading(feet: Array) -> Array:
     """Heading (...) of feet from their ankles' world rotations (..., 4)."""
-    return direction_to_heading(quat_rotate(feet, np.broadcast_to(np.array((0.0, -1.0, 0.0)), feet.shape[:-1] + (3,))))
+    return direction_to_heading(rotate(feet, _AHEAD))
 
 
 def _smooth(t: Array) -> Array:
     t = np.clip(t, 0, 1)
     return t * t * (3 - 2 * t)
+
+
+# Label thresholds with hysteresis, seconds, metres and radians of the frame-by-frame version.
+LOCK, UNLOCK = 0.5, 0.3
+LANDING_TIME, RELEASE_TIME, DRAW_TIME = 0.1, 0.23, 0.5
+LOW_TOE, MAX_STRETCH, MAX_SHORTFALL, MAX_PIVOT = 0.08, 0.12, 0.03, np.radians(25)
+MAX_DRAW, MAX_DRAW_TURN, HIP_PLAY, HIP_PLAY_TURN = 0.3, np.radians(45), 0.01, np.radians(1)
+PELVIS_SPEED_DOWN, PELVIS_SPEED_UP, SETTLE_SPEED = 0.5, 0.25, 0.15
+
+
+class _Foot:
+    """Lock of one foot: where it holds, and the correction that it puts on the pose."""
+
+    def __init__(self) -> None:
+        self.locked = self.refused = False
+        self.hold = 0.0  # 0 while the foot still lands, 1 when it is fast
+        self.anchor, self.anchor_heading = np.zeros(2), 0.0
+        self.shift, self.turn = np.zeros(3), 0.0  # what is added to the pose now
+        self.left, self.left_turn, self.fading = np.zeros(3), 0.0, 1.0  # what was there at release; 0..1 faded out
+
+    def release(self) -> None:
+        if self.locked:
+            self.left, self.left_turn, self.fading = self.shift.copy(), self.turn, 0.0
+        self.locked, self.hold = False, 0.0
+
+    def update(self, toe: Array, heading: float, label: float, dt: float) -> None:
+        """Choose ``shift`` and ``turn`` for a pose whose toe joint is at ``toe`` (3,) with the foot turned to ``heading``."""
+        if label < UNLOCK:
+            self.refused = False
+        if self.locked and (label < UNLOCK or toe[2] > LOW_TOE):
+            self.release()
+        if not self.locked:
+            self.fading = min(1.0, self.fading + dt / RELEASE_TIME)
+            rest = 1 - float(_smooth(self.fading))
+            self.shift, self.turn = self.left * rest, self.left_turn * rest
+            self.refused = self.refused and rest > 0
+            if label > LOCK and toe[2] < LOW_TOE and not self.refused:
+                self.locked = True
+                self.anchor, self.anchor_heading = toe[:2] + self.shift[:2], heading + self.turn
+        if self.locked:
+            self.hold = min(1.0, self.hold + dt / LANDING_TIME)
+            # While it lands, the place still follows the foot, less and less.
+            follow = (1 - self.hold) ** 2
+            self.anchor += follow * (toe[:2] + self.shift[:2] - self.anchor)
+            # A pose that glides on drags the foot along in the end: to let go would flick it over the floor.
+            stretch = toe[:2] - self.anchor
+            self.anchor += stretch * max(0.0, 1 - MAX_STRETCH / max(float(np.hypot(*stretch)), 1e-9))
+            turn = float(wrap_angle(self.anchor_heading - heading))
+            self.turn = float(np.clip(turn, -MAX_PIVOT, MAX_PIVOT))  # past that the foot pivots on its ball
+            self.anchor_heading += self.turn - turn
+            self.shift[:2] = self.anchor - toe[:2]
+            settle = float(np.clip(TOE_HEIGHT - toe[2], -0.015, 0.015))
+            self.shift[2] += float(np.clip(settle - self.shift[2], -SETTLE_SPEED * dt, SETTLE_SPEED * dt))
+
+
+class ContactIK:
+    """Keep the feet of one character where they land and bring its hips onto the seat, frame by frame.
+
+    Replaces the reference code's rule, target = lerp(last target, ankle, 1 - contact), which drags feet whenever a label is
+    between 0 and 1.  Here a label switches a lock with hysteresis, the toe joint is the pivot, and what a lock added to the
+    pose fades in about 0.2 s after release.  Feet stay above the floor.  The result may be fed back to the network or be
+    used for display alone: the corrections are kept as offsets from the pose that comes in.
+    """
+
+    def __init__(self, fps: float = FPS) -> None:
+        self.dt = 1.0 / fps
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all locks, as for a new take or after a jump of the character."""
+        self._feet = (_Foot(), _Foot())
+        self._drop = 0.0
+        self._seated, self._draw = False, 0.0
+        self._goal: tuple[Array, float] | None = None
+
+    def apply(
+        self, hips_position: Array, local_rotations: Array, contacts: Array, hip_goal: tuple[Array, float] | None = None, heading: float | None = None
+    ) -> tuple[Array, Array]:
+        """Correct one frame; return new (3,) hips position and (23, 4) local rotations.
+
+        Args:
+            hips_position: (3,) world, metres; local_rotations: (23, 4).  Neither is changed.
+            contacts: (5,) labels 0..1 in the order of ``conventions.CONTACTS``.
+            hip_goal: world position (3,) of the hip joint and heading to sit at, or None.  While the hip label is high the
+                hips are drawn there within half a second, in position and heading, and stay within 1 cm and 1 degree.
+            heading: what counts as the body's heading now; None takes that of the hips joint.
+        """
+        dtype = local_rotations.dtype
+        hips, local = hips_position.astype(np.float64), local_rotations.astype(np.float64)
+        starts, parents = chain_frames(hips, local, (_LEGS[0][0], _LEGS[1][0]))
+        toes, feet = self._feet_of(starts, parents, local)
+        foot_headings = _foot_heading(feet)
+        for side, foot in enumerate(self._feet):
+            foot.update(toes[side], float(foot_headings[side]), float(contacts[3 + side]), self.dt)
+        self._draw_hips(hips, local, float(contacts[0]), hip_goal, heading)
+        turn = np.array([foot.turn for foot in self._feet])
+        if turn.any():
+            feet = mul(heading_quat(turn), feet)
+        toes = toes + np.stack([foot.shift for foot in self._feet])
+        lift = sole_depth(toes, feet)
+        toes[:, 2] += lift
+        targets = toes - rotate(feet, _TOE_OFFSET)
+        starts = hips + rotate(local[0], _HIP_OFFSETS)
+        self._lower_pelvis(hips, starts, targets)
+        if not (self._draw or self._drop or turn.any() or lift.any() or any(foot.shift.any() for foot in self._feet)):
+            return hips_position.copy(), local_rotations.copy()
+        return hips.astype(hips_position.dtype), place_limbs(hips, local, _LEGS, targets, feet).astype(dtype)
+
+    @property
+    def locked(self) -> tuple[bool, bool]:
+        """Whether the right and the left foot hold their places now."""
+        return self._feet[0].locked, self._feet[1].locked
+
+    def _feet_of(self, starts: Array, parents: Array, local: Array) -> tuple[Array, Array]:
+        """Toe joints (2, 3) and ankle rotations (2, 4), world, of the pose that came in."""
+        position, rotation = starts, parents
+        for k in range(3):
+            rotation = mul(rotation, local[[leg[k] for leg in FEET]])
+            position = position + rotate(rotation, OFFSETS[FEET[0][k + 1]].astype(np.float64))
+        return position, rotation
+
+    def _draw_hips(self, hips: Array, local: Array, label: float, goal: tuple[Array, float] | None, heading: float | None) -> None:
+        """Move ``hips`` and turn ``local[0]`` in place toward the goal by the weight reached so far."""
+        if goal is not None:
+            self._goal = (np.asarray(goal[0], dtype=np.float64), float(goal[1]))
+        self._seated = goal is not None and label > (UNLOCK if self._seated else LOCK)
+        self._draw = float(np.clip(self._draw + (1 if self._seated else -1) * self.dt / DRAW_TIME, 0, 1))
+        if not self._draw:
+            self._goal = None
+            return
+        weight = float(_smooth(self._draw))
+        gap = self._goal[0] - hips
+        far = np.linalg.norm(gap)
+        # A little play keeps the sitter alive; far goals are not for this class to reach.
+        if far > HIP_PLAY:
+            hips += weight * gap * (min(far - HIP_PLAY, MAX_DRAW) / far)
+        now = float(_foot_heading(local[0])) if heading is None else heading
+        turn = float(wrap_angle(self._goal[1] - now))
+        turn = np.sign(turn) * min(max(abs(turn) - HIP_PLAY_TURN, 0), MAX_DRAW_TURN)
+        local[0] = mul(heading_quat(np.asarray(weight * turn)), local[0])
+
+    def _lower_pelvis(self, hips: Array, starts: Array, targets: Array) -> None:
+        """Bring ``hips`` down in place, slowly and a little, where a locked foot is out of reach; let go what stays out."""
+        away = starts - targets
+        reach = leg_reach()
+        need = 0.0
+        for foot, (x, y, z) in zip(self._feet, away, strict=True):
+            if not foot.locked:
+                continue
+            down = z - np.sqrt(max(reach * reach - x * x - y * y, 0.0))
+            if np.sqrt(x * x + y * y + (z - MAX_PELVIS_DROP) ** 2) > reach + MAX_SHORTFALL:
+                foot.refused = True  # the foot goes home before it may hold again
+                foot.release()
+            elif np.abs(foot.shift).max() > 0.003:  # a leg that is straight of itself needs no help
+                need = max(need, min(down, MAX_PELVIS_DROP))
+        step = float(np.clip(need - self._drop, -PELVIS_SPEED_UP * self.dt, PELVIS_SPEED_DOWN * self.dt))
+        self._drop = max(0.0, self._drop + step) if self._drop + step > 1e-5 else 0.0
+        hips[2] -= self._drop
