@@ -1,0 +1,40 @@
+"""Cutting triangles small, so that a grid can be filled from their corners."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import GeometryError
+from ..rotations import Array
+
+
+def check_mesh(vertices: Array, triangles: Array) -> tuple[Array, Array]:
+    """Give vertices (V, 3) float64 and triangles (F, 3) int of a mesh that can be measured.
+
+    Raises GeometryError when there are no triangles, indices without a vertex, or coordinates that are not finite.
+    """
+    vertices = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
+    triangles = np.asarray(triangles).reshape(-1, 3)
+    if not len(triangles) or not len(vertices):
+        raise GeometryError("The mesh has no faces; choose an object that has a surface.")
+    if triangles.min() < 0 or triangles.max() >= len(vertices):
+        raise GeometryError("The mesh has faces without corners; run Mesh > Clean Up or export it again.")
+    if not np.isfinite(vertices[triangles]).all():
+        raise GeometryError("The mesh has coordinates that are not numbers; repair or delete these vertices.")
+    return vertices, triangles.astype(np.int64)
+
+
+def cut_triangles(corners: Array, longest: float) -> Array:
+    """Halve triangles (F, 3, 3) at their longest edge until no edge exceeds ``longest``: corners (F', 3, 3)."""
+    done, square = [], longest**2
+    while len(corners):
+        edges = ((corners - np.roll(corners, -1, axis=1)) ** 2).sum(-1)  # edge k runs from corner k to k + 1
+        k = edges.argmax(1)
+        large = edges[np.arange(len(k)), k] > square
+        done.append(corners[~large])
+        corners, k = corners[large], k[large]
+        rows = np.arange(len(k))
+        a, b, c = (corners[rows, (k + i) % 3] for i in range(3))
+        middle = (a + b) / 2
+        corners = np.concatenate((np.stack((a, middle, c), 1), np.stack((middle, b, c), 1)))
+    return np.concatenate(done) if done else np.zeros((0, 3, 3))
