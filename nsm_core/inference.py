@@ -17,7 +17,7 @@ BUNDLED = Path(__file__).parent / "weights" / "nsm.npz"
 BACKENDS = ("auto", "numpy", "torch")
 # Experts with a smaller coefficient are not read for a single character: their share of the output stays
 # far below the 1e-4 that the back ends may differ, and reading weights is what a step costs.
-NEGLIGIBLE = 1e-5
+NEGLIGIBLE = 1e-6
 
 
 class Model(Protocol):

@@ -78,7 +78,9 @@ def save_weights(
     for name, values in parameters.items():
         values = np.asarray(values, dtype=np.float32)
         if not np.all(np.abs(values) < np.finfo(np.float16).max):  # false for NaN too
-            raise WeightsError(f"Parameter {name} holds values that half precision cannot keep; the training diverged, resume from an earlier state.")
+            raise WeightsError(
+                f"Parameter {name} holds values that half precision cannot keep; the training diverged, resume from an earlier state."
+            )
         entries[f"parameters/{name}"] = values.astype(np.float16)
     for name, values in statistics.items():
         values = np.asarray(values, dtype=np.float32)
@@ -104,7 +106,8 @@ def save_weights(
             np.savez(file, **entries)
         os.replace(partial, path)
     except OSError as error:
-        partial.unlink(missing_ok=True) if path.parent.is_dir() else None
+        if path.parent.is_dir():
+            partial.unlink(missing_ok=True)
         raise OutputError(f"Cannot write the weights to {path} ({error.strerror or error}); choose a folder you may write to.") from error
     return path
 
@@ -130,7 +133,8 @@ def load_weights(path: str | Path, layout: Layout | None = None) -> Weights:
             "update the program or train the weights again."
         )
     if layout is not None and metadata.get("layout_hash") != layout_hash(layout):
-        raise WeightsError(f"{path} was trained on another feature layout ({_difference(metadata.get('layout', {}), layout)}); train it again.")
+        difference = _difference(metadata.get("layout", {}), layout)
+        raise WeightsError(f"{path} was trained on another feature layout ({difference}); train it again.")
     groups: dict[str, dict[str, Array]] = {"parameters": {}, "statistics": {}}
     for key, values in entries.items():
         group, _, name = key.partition("/")

@@ -1,0 +1,52 @@
+"""Shared by the tests without Blender: the repository root on the path, and a network of full size."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))
+
+from nsm_core.inference import expected_shapes
+from nsm_core.networks.config import NsmConfig
+from nsm_core.weights_file import save_weights
+
+LAYOUT = {"input": [("bones", 276), ("trajectory", 143)], "gating": [("gating", 650)], "output": [("bones", 276)]}
+
+
+def random_arrays(config: NsmConfig, seed: int = 0) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Parameters and statistics of a network whose signals neither vanish nor explode."""
+    rng = np.random.default_rng(seed)
+    parameters, statistics = {}, {}
+    for name, shape in expected_shapes(config).items():
+        if name.endswith("_std"):
+            statistics[name] = rng.uniform(0.1, 2, shape).astype(np.float32)
+        elif name.endswith("_mean"):
+            statistics[name] = rng.normal(size=shape).astype(np.float32)
+        elif name.endswith("weight"):
+            parameters[name] = rng.normal(size=shape).astype(np.float32) * np.float32(1.4 / np.sqrt(shape[-1]))
+        else:
+            parameters[name] = rng.normal(size=shape).astype(np.float32) * np.float32(0.1)
+    return parameters, statistics
+
+
+@pytest.fixture(scope="session")
+def full_weights(tmp_path_factory) -> Path:
+    """Weights file of a network of the shipped size, random values."""
+    config = NsmConfig()
+    path = tmp_path_factory.mktemp("weights") / "full.npz"
+    return save_weights(path, *random_arrays(config), config=config.to_dict(), layout=LAYOUT, credits=["nobody"], seeds={"init": 0})
+
+
+@pytest.fixture
+def small_config() -> NsmConfig:
+    """Sizes that train in no time."""
+    return NsmConfig(
+        frame=11, goal=7, environment=13, interaction=9, gating=6, outputs=10,
+        encoder_frame=12, encoder_goal=5, encoder_environment=8, encoder_interaction=6, gating_hidden=7, hidden=16, experts=3,
+    )  # fmt: skip
