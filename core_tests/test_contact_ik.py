@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from walks import synthetic_walk
 
-from nsm_core.control.contact_ik import ANKLES, TOES, ContactIK, detect_foot_contacts, lock_feet, sole_depth
+from nsm_core.control.contact_ik import ContactIK
+from nsm_core.control.foot_lock import ANKLES, TOES, detect_foot_contacts, lock_feet, sole_depth
 from nsm_core.limbs import place_limbs
 from nsm_core.rotations import heading_quat, quat_from_rotvec, quat_mul, quat_rotate, wrap_angle
 from nsm_core.skeleton import FEET, HIP_OVER_SEAT, INDEX, J, forward_kinematics
@@ -113,6 +114,14 @@ def test_feet_come_out_of_the_floor():
     positions, rotations = forward_kinematics(*lock_feet(sunk, local, contacts))
     assert sole_depth(forward_kinematics(sunk, local)[0][:, TOES], forward_kinematics(sunk, local)[1][:, ANKLES]).max() > 0.04
     assert sole_depth(positions[:, TOES], rotations[:, ANKLES]).max() < 2e-3
+
+
+def test_push_off_on_tiptoe_comes_down_to_the_ball():
+    hips, local, contacts = synthetic_walk()
+    raised = hips + (0, 0, 0.025)
+    low = forward_kinematics(*lock_feet(raised, local, contacts))[0][:, TOES, 2][contacts]
+    kept = forward_kinematics(*lock_feet(raised, local, contacts, ball_height=None))[0][:, TOES, 2][contacts]
+    assert np.median(low) < 0.036 and np.median(low) <= np.median(kept)
 
 
 def test_take_without_contacts_or_of_one_frame():
@@ -242,7 +251,7 @@ def test_turning_while_planted_pivots_on_the_ball():
     labels = np.zeros((frames, 5))
     labels[:, 3] = 1
     new_hips, new_local = run_frames(hips, local, labels)
-    positions, rotations = forward_kinematics(new_hips, new_local)
+    _, rotations = forward_kinematics(new_hips, new_local)
     assert np.isfinite(new_local).all()
     ahead = quat_rotate(rotations[:, ANKLES[0]], np.tile((0.0, -1, 0), (frames, 1)))
     heading = np.unwrap(np.arctan2(ahead[:, 0], -ahead[:, 1]))

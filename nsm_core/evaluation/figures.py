@@ -121,12 +121,15 @@ def contact_sheet(
     for i, f in enumerate(frames):
         corner = np.array(((i % per_row) * cell[0], (n_rows - 1 - i // per_row) * cell[1]))
         shift = corner - low - centres[i]
-        window = Rectangle(tuple(corner), cell[0], cell[1] - label, facecolor="#fbfaf7" if (i + i // per_row) % 2 else "#f1efe9", zorder=0)
+        shade = "#fbfaf7" if (i + i // per_row) % 2 else "#f1efe9"
+        window = Rectangle(tuple(corner), cell[0], cell[1] - label, facecolor=shade, zorder=0)
         ax.add_patch(window)
-        ax.text(corner[0] + cell[0] / 2, corner[1] + cell[1] - label / 2, f"{f}   {f / fps:.2f} s", ha="center", va="center", fontsize=7, color="#555")
+        name = corner + np.array((cell[0] / 2, cell[1] - label / 2))
+        ax.text(*name, f"{f}   {f / fps:.2f} s", ha="center", va="center", fontsize=7, color="#555")
 
         def lines(segments: list[Array], color: str, width: float, order: float, clip: Rectangle = window, **extra: object) -> None:
-            ax.add_collection(LineCollection(segments, colors=color, linewidths=width, zorder=order, capstyle="round", **extra)).set_clip_path(clip)
+            drawing = LineCollection(segments, colors=color, linewidths=width, zorder=order, capstyle="round", **extra)
+            ax.add_collection(drawing).set_clip_path(clip)
 
         if view != "top":
             ground = corner[1] - low[1]
@@ -138,9 +141,10 @@ def contact_sheet(
         arrow[:, :2] = points[f], points[f] + 0.3 * heading_to_direction(np.asarray(headings[f]))
         lines([_project(arrow, view, forward[f]) + shift], "#2c9c4b", 1.6, 1.8)
         _figure_lines(lines, positions[f], drawn[i] + shift, _depth(positions[f], view, forward[f]), weight)
-        head = drawn[i][INDEX["Head"]] + shift
         up = drawn[i][INDEX["Head"]] - drawn[i][INDEX["Neck"]]
-        ax.add_patch(plt.Circle(tuple(head + 0.6 * up), 0.09, facecolor="white", edgecolor=TRUNK, linewidth=weight * 0.7, zorder=5)).set_clip_path(window)
+        middle = drawn[i][INDEX["Head"]] + 0.6 * up + shift
+        head = plt.Circle(tuple(middle), 0.09, facecolor="white", edgecolor=TRUNK, linewidth=weight * 0.7, zorder=5)
+        ax.add_patch(head).set_clip_path(window)
         if contacts is not None:
             held = [j for j, on in zip(rings, np.asarray(contacts)[f] > 0.5, strict=True) if on]
             if held:
@@ -168,7 +172,7 @@ def path_sheet(
     plt = _pyplot()
     from matplotlib.collections import LineCollection
 
-    from ..control.contact_ik import detect_foot_contacts
+    from ..control.foot_lock import detect_foot_contacts, intervals
 
     points, headings = _roots(positions, roots)
     contacts = detect_foot_contacts(positions) if contacts is None else np.asarray(contacts)[:, -2:] > 0.5
@@ -195,7 +199,7 @@ def path_sheet(
         ax.fill(*outline.T, facecolor=WOOD, alpha=0.13, edgecolor=WOOD, lw=1.0, zorder=1)
 
     for (_, _, ankle, toe), on, color in zip(FEET, contacts.T, (RIGHT, LEFT), strict=True):
-        for first, last in _runs(on):
+        for first, last in intervals(on):
             a, t = positions[first:last, ankle, :2], positions[first:last, toe, :2]
             outline = _foot_outline(np.median(a, 0), np.median(t, 0))
             ax.fill(*outline.T, facecolor=color, alpha=0.28, edgecolor=color, lw=0.9, zorder=3)
@@ -367,9 +371,3 @@ def _ring_joints(contacts: Array | None) -> list[int]:
     if contacts is None:
         return []
     return [INDEX["RightToe"], INDEX["LeftToe"]] if np.asarray(contacts).shape[-1] == 2 else [INDEX[n] for n in CONTACTS]
-
-
-def _runs(on: Array) -> list[tuple[int, int]]:
-    """Half-open intervals in which (T,) flags are set."""
-    edges = np.flatnonzero(np.diff(np.concatenate(((False,), np.asarray(on, bool), (False,))).astype(np.int8)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
