@@ -19,7 +19,7 @@ TORCH_ROOMS = ("networks", "training", "evaluation")
 STEPPING = [
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
     for path in FILES
-    if path.relative_to(CORE).parts[0] not in ("training", "evaluation", "dataset") and path.stem not in ("nsm", "memory", "__main__")
+    if path.relative_to(CORE).parts[0] not in ("training", "evaluation", "dataset") and path.stem not in ("nsm", "memory", "__main__", "bench")
 ]
 
 

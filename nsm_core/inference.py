@@ -56,24 +56,32 @@ class NumpyModel:
         """Predict as ``Model.predict`` says."""
         x, gating = _checked(x, gating, self.config)
         s = self._statistics
-        coefficients = self._coefficients((gating - s["gating_mean"]) / s["gating_std"])
-        parts = np.split((x - s["input_mean"]) / s["input_std"], self._bounds, axis=1)
-        h = np.concatenate([self._encode(layers, part) for layers, part in zip(self._encoders, parts, strict=True)], axis=1)
-        mix = _mix_one if len(x) == 1 else _mix_many
-        for i, (weight, bias) in enumerate(self._experts):
-            h = mix(weight, h, coefficients) + coefficients @ bias
-            h = _elu(h) if i < len(self._experts) - 1 else h
+        coefficients = self.gate((gating - s["gating_mean"]) / s["gating_std"])
+        h = self.mix(self.encode((x - s["input_mean"]) / s["input_std"]), coefficients)
         return h * s["output_std"] + s["output_mean"], coefficients
 
-    def _coefficients(self, h: Array) -> Array:
+    def gate(self, gating: Array) -> Array:
+        """Coefficients (B, K) of normalised gating features (B, gating); papers/000 section 3.2."""
+        h = gating
         for weight, bias in self._gating[:-1]:
             h = _elu(_dense(weight, bias, h))
         return _softmax(_dense(*self._gating[-1], h))
 
-    @staticmethod
-    def _encode(layers: list[tuple[Array, Array]], h: Array) -> Array:
-        for weight, bias in layers:
-            h = _elu(_dense(weight, bias, h))
+    def encode(self, x: Array) -> Array:
+        """Four encodings side by side, (B, sum of encoders), of normalised inputs (B, inputs)."""
+        encodings = []
+        for layers, h in zip(self._encoders, np.split(x, self._bounds, axis=1), strict=True):
+            for weight, bias in layers:
+                h = _elu(_dense(weight, bias, h))
+            encodings.append(h)
+        return np.concatenate(encodings, axis=1)
+
+    def mix(self, encoded: Array, coefficients: Array) -> Array:
+        """Normalised outputs (B, outputs) of the prediction network blended by ``coefficients`` (B, K)."""
+        h, blend = encoded, _mix_one if len(encoded) == 1 else _mix_many
+        for i, (weight, bias) in enumerate(self._experts):
+            h = blend(weight, h, coefficients) + coefficients @ bias
+            h = _elu(h) if i < len(self._experts) - 1 else h
         return h
 
 

@@ -1,0 +1,42 @@
+"""Command line of the core: python -m nsm_core train | evaluate | bench | compose [arguments]."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+from .errors import NsmError
+
+# Imported only when asked for: bench must run where training's packages are missing.
+COMMANDS = {
+    "train": ("nsm_core.training.run", "train the network from a capture folder"),
+    "evaluate": ("nsm_core.evaluation.run", "print the tables of figures and write them as JSON"),
+    "bench": ("nsm_core.bench", "measure the speed of the network"),
+    "compose": ("nsm_core.dataset.compose", "stitch performances for training from captures"),
+}
+
+
+def main(arguments: list[str]) -> int:
+    """Run one command; returns the exit code.  Errors of the user's making come out as one sentence."""
+    if not arguments or arguments[0] not in COMMANDS:
+        print("usage: python -m nsm_core COMMAND [arguments]\n")
+        for name, (_, purpose) in COMMANDS.items():
+            print(f"  {name:10s}{purpose}")
+        return 0 if arguments[:1] in (["-h"], ["--help"]) else 2
+    name, rest = arguments[0], arguments[1:]
+    try:
+        return importlib.import_module(COMMANDS[name][0]).main(rest) or 0
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] == "nsm_core":
+            raise
+        print(f"{name} needs the package {error.name}; run it as `python3 dev.py {name}`, which installs it.", file=sys.stderr)
+    except NsmError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+    except KeyboardInterrupt:
+        print(f"{name}: stopped.", file=sys.stderr)
+        return 130
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
