@@ -171,6 +171,7 @@ def path_sheet(
     positions = _checked(positions)
     plt = _pyplot()
     from matplotlib.collections import LineCollection
+    from matplotlib.colors import to_rgba
 
     from ..control.foot_lock import detect_foot_contacts, intervals
 
@@ -202,7 +203,7 @@ def path_sheet(
         for first, last in intervals(on):
             a, t = positions[first:last, ankle, :2], positions[first:last, toe, :2]
             outline = _foot_outline(np.median(a, 0), np.median(t, 0))
-            ax.fill(*outline.T, facecolor=color, alpha=0.28, edgecolor=color, lw=0.9, zorder=3)
+            ax.fill(*outline.T, facecolor=to_rgba(color, 0.28), edgecolor=color, lw=1.0, zorder=3)
             ax.plot(*t.T, color=color, lw=1.3, zorder=4)  # the drift of the toe while planted
 
     steps = np.stack((points[:-1], points[1:]), axis=1)
