@@ -21,7 +21,8 @@ def elu(v: float) -> float:
 
 def affine(weight, bias, v):
     """Row by row, in double precision."""
-    return [float(sum(np.float64(w) * np.float64(x) for w, x in zip(row, v, strict=True))) + float(b) for row, b in zip(weight, bias, strict=True)]
+    v = [float(x) for x in v]
+    return [sum(w * x for w, x in zip(row, v, strict=True)) + b for row, b in zip(weight.tolist(), bias.tolist(), strict=True)]
 
 
 def reference(weights, x, gating):

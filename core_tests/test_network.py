@@ -7,10 +7,10 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from nsm_core.inference import expected_shapes, model_of  # noqa: E402
-from nsm_core.networks.config import NsmConfig  # noqa: E402
-from nsm_core.networks.nsm import NSM, STATISTICS, ExpertLinear  # noqa: E402
-from nsm_core.weights_file import load_weights, save_weights  # noqa: E402
+from nsm_core.inference import expected_shapes, model_of
+from nsm_core.networks.config import NsmConfig
+from nsm_core.networks.nsm import NSM, STATISTICS, ExpertLinear
+from nsm_core.weights_file import load_weights, save_weights
 
 
 @pytest.fixture

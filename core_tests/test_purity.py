@@ -15,11 +15,12 @@ FILES = sorted(CORE.rglob("*.py"))
 BLENDER = {"bpy", "mathutils", "bmesh", "gpu", "blf", "bpy_extras", "nsm_blender"}
 # Rooms that may import torch at the top of a file; everywhere else only inside a function.
 TORCH_ROOMS = ("networks", "training", "evaluation")
+ASIDE = ("nsm", "memory", "bench", "__main__")  # files outside those rooms that a take does not import
 # What a take in Blender imports; none of it may pull in torch, scipy or anything else that Blender lacks.
 STEPPING = [
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
     for path in FILES
-    if path.relative_to(CORE).parts[0] not in ("training", "evaluation", "dataset") and path.stem not in ("nsm", "memory", "__main__", "bench")
+    if path.relative_to(CORE).parts[0] not in ("training", "evaluation", "dataset") and path.stem not in ASIDE
 ]
 
 
