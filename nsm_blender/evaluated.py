@@ -11,8 +11,6 @@ import numpy as np
 from nsm_core.errors import GeometryError
 from nsm_core.rotations import Array
 
-SURFACES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
-
 
 @dataclass(frozen=True)
 class Shape:
@@ -35,7 +33,7 @@ def evaluated_shapes(depsgraph: bpy.types.Depsgraph, owners: Iterable[bpy.types.
     wanted = None if owners is None else {o.name_full for o in owners}
     for instance in depsgraph.object_instances:
         shown = instance.object
-        if shown.type not in SURFACES:
+        if shown.type != "MESH":  # curves, texts and metaballs come a second time, as the mesh they make
             continue
         owner = (instance.parent if instance.is_instance else shown).original
         if wanted is not None and owner.name_full not in wanted:
@@ -47,22 +45,14 @@ def evaluated_shapes(depsgraph: bpy.types.Depsgraph, owners: Iterable[bpy.types.
 
 def _shape(owner: bpy.types.Object, shown: bpy.types.Object, matrix: Array) -> Shape | None:
     """Triangles of one evaluated object at a world matrix (4, 4), or None where it has no faces."""
-    direct = isinstance(shown.data, bpy.types.Mesh)
-    mesh = shown.data if direct else shown.to_mesh()
-    if mesh is None:
+    mesh = shown.data
+    mesh.calc_loop_triangles()
+    if not len(mesh.loop_triangles):
         return None
-    try:
-        mesh.calc_loop_triangles()
-        count = len(mesh.loop_triangles)
-        if not count:
-            return None
-        vertices = np.empty(3 * len(mesh.vertices), dtype=np.float32)
-        mesh.vertices.foreach_get("co", vertices)
-        triangles = np.empty(3 * count, dtype=np.int32)
-        mesh.loop_triangles.foreach_get("vertices", triangles)
-    finally:
-        if not direct:
-            shown.to_mesh_clear()
+    vertices = np.empty(3 * len(mesh.vertices), dtype=np.float32)
+    mesh.vertices.foreach_get("co", vertices)
+    triangles = np.empty(3 * len(mesh.loop_triangles), dtype=np.int32)
+    mesh.loop_triangles.foreach_get("vertices", triangles)
     triangles = triangles.reshape(-1, 3).astype(np.int64)
     with np.errstate(invalid="ignore", over="ignore"):
         world = vertices.reshape(-1, 3).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
