@@ -84,6 +84,7 @@ def test_whole_take_stops_sliding(dtype):
     assert np.array_equal(new_hips[:, :2], moved[:, :2]) and np.all(moved[:, 2] - new_hips[:, 2] < 0.081)
     upper = [j for j in range(J) if j not in LEGS[0] + LEGS[1]]
     assert np.array_equal(new_local[:, upper], local[:, upper].astype(dtype))
+
     # No pop where the correction fades: the legs accelerate little more than before.
     def jolt(h, q):
         return np.abs(np.diff(forward_kinematics(h, q)[0][:, TOES], n=2, axis=0)).max()

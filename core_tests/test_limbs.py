@@ -52,7 +52,9 @@ def test_ankle_meets_every_target_within_reach(side, dtype, tolerance):
     assert np.abs(positions[:, FEET[side][2]] - target).max() < tolerance
     assert np.all(flexion(positions, world, FEET[side], (1, 0, 0)) > -1e-6)
     # The foot stays turned as it was, all else keeps its place.
-    foot = Rotation.from_quat(np.roll(world[:, FEET[side][2]], -1, -1)).inv() * Rotation.from_quat(np.roll(before[1][:, FEET[side][2]], -1, -1))
+    foot = Rotation.from_quat(np.roll(world[:, FEET[side][2]], -1, -1)).inv() * Rotation.from_quat(
+        np.roll(before[1][:, FEET[side][2]], -1, -1)
+    )
     assert foot.magnitude().max() < 10 * tolerance
     others = [j for j in range(J) if j not in FEET[side][:3]]
     assert np.array_equal(new[:, others], rotations[:, others])
@@ -105,6 +107,7 @@ def test_agrees_with_numeric_optimisation():
     ours, _, axis = solve_two_bone(hip, knee, ankle, target, hinge)
     a, b = (np.linalg.norm(OFFSETS[j]) for j in FEET[0][1:3])
     for i in range(6):
+
         def cost(k, i=i):
             lengths = (np.linalg.norm(k - hip[i]) - a) ** 2 + (np.linalg.norm(k - target[i]) - b) ** 2
             return lengths + np.dot(k - hip[i], axis[i]) ** 2

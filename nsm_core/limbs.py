@@ -49,11 +49,17 @@ def place_limb(
 
     All other joints keep their local rotations.  Unreachable targets are approached as in ``solve_two_bone``.
     """
-    return place_limbs(hips_position, local_rotations, (chain,), target[..., None, :], None if end_rotation is None else end_rotation[..., None, :])
+    return place_limbs(
+        hips_position, local_rotations, (chain,), target[..., None, :], None if end_rotation is None else end_rotation[..., None, :]
+    )
 
 
 def place_limbs(
-    hips_position: Array, local_rotations: Array, chains: tuple[tuple[int, int, int], ...], targets: Array, end_rotations: Array | None = None
+    hips_position: Array,
+    local_rotations: Array,
+    chains: tuple[tuple[int, int, int], ...],
+    targets: Array,
+    end_rotations: Array | None = None,
 ) -> Array:
     """Put the ends of several limbs at targets at once; as ``place_limb`` with (..., L, 3) targets and (..., L, 4) rotations.
 
@@ -82,7 +88,9 @@ def place_limbs(
     return local.astype(dtype)
 
 
-def place_ankles(hips_position: Array, local_rotations: Array, side: int, ankle_target: Array, ankle_rotation: Array | None = None) -> Array:
+def place_ankles(
+    hips_position: Array, local_rotations: Array, side: int, ankle_target: Array, ankle_rotation: Array | None = None
+) -> Array:
     """Put the ankle of one leg at a target; return new (..., 23, 4) local rotations.
 
     ``side`` is 0 for right and 1 for left; ``ankle_target`` (..., 3) world metres; ``ankle_rotation`` (..., 4) world,
@@ -91,7 +99,9 @@ def place_ankles(hips_position: Array, local_rotations: Array, side: int, ankle_
     return place_limb(hips_position, local_rotations, FEET[side][:3], ankle_target, ankle_rotation)
 
 
-def place_wrists(hips_position: Array, local_rotations: Array, side: int, wrist_target: Array, wrist_rotation: Array | None = None) -> Array:
+def place_wrists(
+    hips_position: Array, local_rotations: Array, side: int, wrist_target: Array, wrist_rotation: Array | None = None
+) -> Array:
     """Put the wrist of one arm at a target; as ``place_ankles``."""
     return place_limb(hips_position, local_rotations, ARMS[side], wrist_target, wrist_rotation)
 
@@ -167,7 +177,9 @@ def _carry(bone: Array, axis: Array, new_bone: Array, new_axis: Array) -> Array:
     swing = _unit(swing)[0]
     y = rotate(swing, y)
     cosine = np.clip(_dot(y, new_y), -1, 1)
-    twist = np.concatenate((np.sqrt((1 + cosine) / 2), np.copysign(np.sqrt((1 - cosine) / 2), _dot(_cross(y, new_y), new_x)) * new_x), axis=-1)
+    twist = np.concatenate(
+        (np.sqrt((1 + cosine) / 2), np.copysign(np.sqrt((1 - cosine) / 2), _dot(_cross(y, new_y), new_x)) * new_x), axis=-1
+    )
     return mul(twist, swing)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import GeometryError, OutputError
 from ..rotations import Array, heading_to_direction
+from ..sensors.query import Cuboids
 from ..skeleton import FEET, HIPS, INDEX, PARENTS, root_of
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def contact_sheet(
     path: str | Path,
     every: int | None = None,
     view: str = "side",
-    boxes: Array | None = None,
+    boxes: Array | Cuboids | None = None,
     roots: tuple[Array, Array] | Array | None = None,
     title: str | None = None,
     tiles: int = 12,
@@ -65,7 +66,7 @@ def contact_sheet(
         positions: (T, 23, 3) world joint positions, metres.
         every: frames between tiles; None fills at most ``rows`` rows.
         view: "side" (camera's right is forward), "front", "three_quarter" or "top".
-        boxes: furniture as (M, 8, 3) corners (see ``box_corners``) or (M, 2, 3) world minimum and maximum.
+        boxes: furniture as (M, 8, 3) corners (see ``box_corners``), (M, 2, 3) world minimum and maximum, or ``Cuboids``.
         roots: (T, 3) x, y, heading, or a pair of (T, 2) and (T,), drawn as an arrow on the floor; None takes the pose's own.
         tiles: poses in a row.
         follow: True keeps the hips in the middle of every tile; False shows the whole scene in every tile.
@@ -157,7 +158,7 @@ def path_sheet(
     path: str | Path,
     contacts: Array | None = None,
     roots: tuple[Array, Array] | Array | None = None,
-    boxes: Array | None = None,
+    boxes: Array | Cuboids | None = None,
     every: int = 10,
     goals: Array | None = None,
     title: str | None = None,
@@ -355,7 +356,11 @@ def _camera_headings(points: Array, headings: Array, camera: float | str) -> Arr
     return np.full(len(points), float(camera))
 
 
-def _corners(boxes: Array | None) -> Array:
+def _corners(boxes: Array | Cuboids | None) -> Array:
+    if isinstance(boxes, Cuboids):
+        halves = _CORNERS * 2 - 1
+        parts = [(g.centres[:, None] + halves * g.halves[:, None]) @ g.matrix.T + g.position for g in boxes.groups]
+        boxes = np.concatenate(parts) if parts else None
     if boxes is None or not len(boxes):
         return np.zeros((0, 8, 3))
     boxes = np.asarray(boxes, dtype=np.float64)
