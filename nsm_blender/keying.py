@@ -202,7 +202,8 @@ def _require_editable(armature: bpy.types.Object) -> None:
 def _require_take(hips: Array, local: Array) -> None:
     if hips.ndim != 2 or hips.shape[1] != 3 or local.shape != (len(hips), J, 4) or not len(hips):
         raise SkeletonError(
-            f"A take needs hips (T, 3) and rotations (T, {J}, 4) with T of at least 1, not {hips.shape} and {local.shape}; generate it again."
+            f"A take needs hips (T, 3) and rotations (T, {J}, 4) of one frame or more, not {hips.shape} and {local.shape}; "
+            "generate it again."
         )
     if not (np.isfinite(hips).all() and np.isfinite(local).all()):
         raise NsmError("The take holds values that are not numbers, so nothing was keyed; try another seed or another start.")

@@ -53,8 +53,8 @@ def loft(
     origin: tuple[float, float, float] = (0, 0, 0),
     caps: tuple[float, float] = (0.01, 0.01),
     roundness: tuple[float, float] = (2.0, 2.0),
-    spacing: float = 0.016,
-    ring: int = 28,
+    spacing: float = 0.024,
+    ring: int = 24,
 ) -> Part:
     """Skin cross-sections along an axis, with domed ends.
 
@@ -80,7 +80,7 @@ def loft(
     return Part(vertices, _ring_faces(len(rows), ring, np.linalg.det(np.asarray(axes, float)) < 0), material)
 
 
-def ball(centre: Array, radius: float | tuple[float, float, float], material: int, ring: int = 24) -> Part:
+def ball(centre: Array, radius: float | tuple[float, float, float], material: int, ring: int = 20) -> Part:
     """A sphere or ellipsoid with half-axes ``radius`` around ``centre`` (3,), metres."""
     sphere = loft([(-1e-3, 0, 0, 1, 1, 1), (1e-3, 0, 0, 1, 1, 1)], material, caps=(1, 1), ring=ring)
     return Part(sphere.vertices * radius + np.asarray(centre), sphere.faces, material)
@@ -109,7 +109,7 @@ def _interpolate(table: Array, spacing: float) -> Array:
     return np.concatenate(rows)
 
 
-def _dome(row: Array, height: float, steps: int = 6) -> Array:
+def _dome(row: Array, height: float, steps: int = 5) -> Array:
     """Rings that close an end, from nearly the pole to nearly the last section."""
     angle = np.linspace(np.pi / 2, 0, steps + 2)[1:-1]
     rows = np.repeat(row[None], steps, axis=0)

@@ -38,7 +38,7 @@ def _trunk() -> list[Part]:
         BODY,
         caps=(0.014, 0.012),
         roundness=(2.5, 2.4),
-        ring=48,
+        ring=40,
     ).rigid("Hips")
     waist = loft(
         [
@@ -49,7 +49,7 @@ def _trunk() -> list[Part]:
         ],
         JOINT,
         roundness=(2.2, 2.2),
-        ring=48,
+        ring=40,
     ).blend(2, spine)
     chest = loft(
         [
@@ -67,7 +67,7 @@ def _trunk() -> list[Part]:
         BODY,
         caps=(0.012, 0.006),
         roundness=(2.4, 2.3),
-        ring=56,
+        ring=40,
     ).blend(2, spine)
     neck = loft(
         [
@@ -94,7 +94,7 @@ def _head() -> list[Part]:
         caps=(0.014, 0.086),
         roundness=(2.2, 2.1),
         spacing=0.008,
-        ring=64,
+        ring=56,
     )
     x, y, z = head.vertices.T
     front = np.clip(-y / 0.08, 0, 1) ** 2
@@ -107,7 +107,7 @@ def _head() -> list[Part]:
 
 
 def _ear(side: int) -> Part:
-    ear = ball((0, 0, 0), (0.007, 0.017, 0.030), BODY, ring=20)
+    ear = ball((0, 0, 0), (0.007, 0.017, 0.030), BODY, ring=14)
     ear.vertices = ear.vertices + (0.0735 * side, 0.012, 1.628)
     return ear.rigid("Head")
 
@@ -164,7 +164,7 @@ def _hand(joints: Array) -> list[Part]:
         tuple(wrist),
         caps=(0.008, 0.008),
         roundness=(2.6, 2.6),
-        spacing=0.008,
+        spacing=0.014,
     )
     parts = [palm]
     for y, length, radius in ((-0.0295, 0.064, 0.0098), (-0.0098, 0.073, 0.0102), (0.0098, 0.067, 0.0098), (0.0285, 0.052, 0.0088)):
@@ -181,7 +181,7 @@ def _finger(start: Array, direction: Array, length: float, radius: float) -> Par
         (s * length, 0, -0.10 * length * s**2, radius * k, radius * k, radius * k)
         for s, k in ((0, 1), (0.35, 1), (0.7, 0.93), (1, 0.80))
     ]
-    return loft(sections, BODY, frame_along(direction), tuple(start), caps=(radius, radius * 0.8), spacing=0.010, ring=14)
+    return loft(sections, BODY, frame_along(direction), tuple(start), caps=(radius, radius * 0.8), spacing=0.020, ring=10)
 
 
 def _leg(joints: Array) -> list[Part]:
@@ -197,7 +197,7 @@ def _leg(joints: Array) -> list[Part]:
         ],
         BODY,
         caps=(0.018, 0.062),
-        ring=36,
+        ring=28,
     ).rigid("LeftHip")
     shin = loft(
         [
@@ -210,7 +210,7 @@ def _leg(joints: Array) -> list[Part]:
         ],
         BODY,
         caps=(0.012, 0.018),
-        ring=36,
+        ring=28,
     ).rigid("LeftKnee")
     return [
         thigh,
@@ -243,8 +243,8 @@ def _foot(joints: Array) -> list[Part]:
         axes,
         caps=(0.012, 0.014),
         roundness=(3.4, 2.15),
-        spacing=0.010,
-        ring=36,
+        spacing=0.018,
+        ring=28,
     )
     sole = loft(
         [(s, ankle[0] + c, 0.009, w + 0.003, 0.009, 0.008) for s, c, w, _ in outline],
@@ -252,7 +252,7 @@ def _foot(joints: Array) -> list[Part]:
         axes,
         caps=(0.014, 0.017),
         roundness=(7.0, 7.0),
-        spacing=0.010,
-        ring=36,
+        spacing=0.018,
+        ring=28,
     )
     return [part.blend(1, toes) for part in (upper, sole)]

@@ -1,0 +1,122 @@
+"""Set a scene up for pleasant Workbench pictures and put everything back afterwards."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+
+BACKGROUND = (0.70, 0.73, 0.76)
+# What the pictures change, by owner; the order matters where one choice opens the next.
+_RENDER = ("engine", "resolution_x", "resolution_y", "resolution_percentage", "filepath", "film_transparent", "fps_base",
+           "use_stamp", "use_border", "use_compositing", "use_sequencer", "use_file_extension", "use_overwrite")  # fmt: skip
+_IMAGE = ("media_type", "file_format", "color_mode", "color_depth", "compression")
+_FFMPEG = ("format", "codec", "constant_rate_factor", "ffmpeg_preset", "audio_codec")
+_SHADING = ("light", "studio_light", "color_type", "show_cavity", "cavity_type", "show_shadows", "shadow_intensity",
+            "show_specular_highlight", "show_object_outline", "curvature_ridge_factor", "curvature_valley_factor",
+            "cavity_ridge_factor", "cavity_valley_factor", "use_world_space_lighting", "studiolight_rotate_z", "show_xray")  # fmt: skip
+_DISPLAY = ("render_aa", "light_direction", "shadow_shift", "shadow_focus", "matcap_ssao_distance")
+_VIEW = ("view_transform", "look", "exposure", "gamma")
+_SCENE = ("camera", "world", "frame_start", "frame_end", "frame_step")
+
+
+@dataclass
+class Temporary:
+    """What exists only while pictures are made."""
+
+    camera: bpy.types.Object
+
+
+@contextlib.contextmanager
+def studio(scene: bpy.types.Scene, size: tuple[int, int], antialiasing: str = "5") -> Iterator[Temporary]:
+    """Make ``scene`` ready for Workbench pictures of ``size`` pixels with a camera of its own; restore it on leaving.
+
+    ``antialiasing`` is Workbench's: samples cost their number, "FXAA" nearly nothing.
+    """
+    owners = [
+        (scene, _SCENE),
+        (scene.render, _RENDER),
+        (scene.render.image_settings, _IMAGE),
+        (scene.render.ffmpeg, _FFMPEG),
+        (scene.display.shading, _SHADING),
+        (scene.display, _DISPLAY),
+        (scene.view_settings, _VIEW),
+    ]
+    kept = [(owner, name, _value(owner, name)) for owner, names in owners for name in names if hasattr(owner, name)]
+    frame = scene.frame_current, scene.frame_subframe
+    data = bpy.data.cameras.new("NSM Picture")
+    camera = bpy.data.objects.new("NSM Picture", data)
+    scene.collection.objects.link(camera)
+    world = bpy.data.worlds.new("NSM Picture")
+    world.color = BACKGROUND
+    try:
+        scene.camera, scene.world = camera, world
+        _set_up(scene, size, antialiasing)
+        yield Temporary(camera)
+    finally:
+        for owner, name, value in kept:
+            # A value that its owner no longer offers (a codec of another container) is left as it is.
+            with contextlib.suppress(TypeError, ValueError, AttributeError):
+                setattr(owner, name, value)
+        action = camera.animation_data.action if camera.animation_data else None
+        bpy.data.objects.remove(camera)
+        bpy.data.cameras.remove(data)
+        bpy.data.worlds.remove(world)
+        if action:
+            bpy.data.actions.remove(action)
+        scene.frame_set(frame[0], subframe=frame[1])
+
+
+def _set_up(scene: bpy.types.Scene, size: tuple[int, int], antialiasing: str) -> None:
+    render, shading, display, view = scene.render, scene.display.shading, scene.display, scene.view_settings
+    render.engine = "BLENDER_WORKBENCH"
+    render.resolution_x, render.resolution_y, render.resolution_percentage = size[0] // 2 * 2, size[1] // 2 * 2, 100
+    render.film_transparent = render.use_stamp = render.use_border = False
+    render.use_compositing = render.use_sequencer = False
+    render.use_file_extension = render.use_overwrite = True
+    shading.light, shading.color_type = "STUDIO", "MATERIAL"
+    with contextlib.suppress(TypeError):  # a build without this light keeps its default
+        shading.studio_light = "paint.sl"
+    shading.show_cavity, shading.cavity_type = True, "BOTH"
+    shading.cavity_ridge_factor, shading.cavity_valley_factor = 0.5, 1.2
+    shading.curvature_ridge_factor, shading.curvature_valley_factor = 0.7, 0.8
+    shading.show_shadows, shading.shadow_intensity = True, 0.35
+    shading.show_specular_highlight, shading.show_object_outline, shading.show_xray = True, False, False
+    display.light_direction = (0.30, 0.42, 0.85)
+    display.shadow_focus = 0.3
+    display.matcap_ssao_distance = 0.35
+    display.render_aa = antialiasing
+    # The neutral transform keeps the materials' own colours; every version offers it.
+    view.view_transform, view.look, view.exposure, view.gamma = "Standard", "None", 0.0, 1.0
+
+
+def _value(owner: Any, name: str) -> Any:
+    value = getattr(owner, name)
+    return tuple(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
+
+
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Keep the renderer's own lines off the terminal; Python's prints still arrive."""
+    try:
+        fileno = sys.stdout.fileno()
+    except (OSError, AttributeError, ValueError):
+        fileno = None
+    if fileno != 1:  # captured or redirected already: leave it alone
+        yield
+        return
+    sys.stdout.flush()
+    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    try:
+        with os.fdopen(os.dup(kept), "w", buffering=1) as python_out, contextlib.redirect_stdout(python_out):
+            os.dup2(nowhere, 1)
+            yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nowhere)
