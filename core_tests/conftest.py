@@ -12,11 +12,12 @@ ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
+from nsm_core.features import layout_description
 from nsm_core.inference import expected_shapes
 from nsm_core.networks.config import NsmConfig
 from nsm_core.weights_file import save_weights
 
-LAYOUT = {"input": [("bones", 276), ("trajectory", 143)], "gating": [("gating", 650)], "output": [("bones", 276)]}
+LAYOUT = layout_description()
 
 
 def random_arrays(config: NsmConfig, seed: int = 0) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:

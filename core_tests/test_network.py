@@ -7,6 +7,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from nsm_core import features
 from nsm_core.inference import expected_shapes, model_of
 from nsm_core.networks.config import NsmConfig
 from nsm_core.networks.nsm import NSM, STATISTICS, ExpertLinear
@@ -19,10 +20,11 @@ def net(small_config):
     return NSM(small_config)
 
 
-def test_defaults_are_the_contracted_sizes():
+def test_defaults_are_the_sizes_of_the_features():
     config = NsmConfig()
-    assert config.inputs == 419 + 143 + 1408 + 2048 and config.parts == (419, 143, 1408, 2048)
-    assert sum(config.encoded) == 1408 and config.gating == 13 * 50
+    assert config.parts == tuple(block.stop - block.start for block in features.INPUT.slices.values())
+    assert list(features.INPUT.slices) == ["frame", "goal", "environment", "interaction"]
+    assert (config.inputs, config.gating, config.outputs) == (features.INPUT.size, features.GATING.size, features.OUTPUT.size)
     assert NsmConfig.from_dict(config.to_dict() | {"of_a_later_version": 1}) == config
 
 

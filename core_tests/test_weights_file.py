@@ -85,9 +85,14 @@ def test_same_content_gives_same_bytes(small, tmp_path, small_config):
 
 
 def test_layout_hash_sees_names_sizes_and_order():
-    base = {"input": [("a", 1), ("b", 2)]}
-    others = [{"input": [("b", 2), ("a", 1)]}, {"input": [("a", 1), ("b", 3)]}, {"input": [("a", 1)]}, {"output": [("a", 1), ("b", 2)]}]
-    assert layout_hash(base) == layout_hash({"input": (["a", 1], ["b", 2])})
+    base = {"input": {"a": (1,), "b": (2, 3)}}
+    others = [
+        {"input": {"b": (2, 3), "a": (1,)}},
+        {"input": {"a": (1,), "b": (3, 2)}},
+        {"input": {"a": (1,)}},
+        {"output": {"a": (1,), "b": (2, 3)}},
+    ]
+    assert layout_hash(base) == layout_hash({"input": {"a": [1], "b": [2, 3]}})
     assert len({layout_hash(x) for x in [base, *others]}) == 5
 
 
@@ -154,9 +159,9 @@ def test_newer_version(small):
 @pytest.mark.parametrize(
     ("layout", "words"),
     [
-        ({**LAYOUT, "input": [("bones", 276), ("trajectory", 144)]}, "trajectory of 143 where this program has trajectory of 144"),
-        ({**LAYOUT, "input": [*LAYOUT["input"], ("goal", 156)]}, "lacks goal"),
-        ({**LAYOUT, "input": [("bones", 276)]}, "also has trajectory"),
+        ({**LAYOUT, "gating": {"per_key": (13, 51)}}, "gating vector has per_key of 13 x 50 where this program has per_key of 13 x 51"),
+        ({**LAYOUT, "input": {**LAYOUT["input"], "smell": (4,)}}, "input vector lacks smell"),
+        ({**LAYOUT, "input": {"frame": (419,)}}, "input vector also has goal"),
     ],
 )
 def test_other_layout_names_the_difference(small, layout, words):
@@ -199,3 +204,11 @@ def test_unwritable_target(tmp_path, small_config):
     with pytest.raises(OutputError) as caught:
         save_weights(tmp_path / "file" / "w.npz", *random_arrays(small_config), config=small_config.to_dict(), layout=LAYOUT)
     one_sentence(caught)
+
+
+def test_only_the_programs_own_layout_is_stepped(tmp_path, small_config):
+    other = {**LAYOUT, "output": {"everything": (605,)}}
+    path = save_weights(tmp_path / "w.npz", *random_arrays(small_config), config=small_config.to_dict(), layout=other)
+    with pytest.raises(WeightsError) as caught:
+        load_model(path, "numpy")
+    assert "everything of 605" in one_sentence(caught)

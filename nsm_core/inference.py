@@ -8,8 +8,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from .errors import WeightsError
+from .features import layout_description
 from .networks.config import NsmConfig
-from .weights_file import Layout, Weights, load_weights
+from .weights_file import Weights, load_weights
 
 Array = np.ndarray
 
@@ -109,15 +110,15 @@ class TorchModel:
         return y.numpy(), coefficients.numpy()
 
 
-def load_model(path: str | Path | None = None, backend: str = "auto", layout: Layout | None = None) -> Model:
+def load_model(path: str | Path | None = None, backend: str = "auto") -> Model:
     """Load a weights file, the bundled one without ``path``, for stepping.
 
-    ``backend`` is "numpy", "torch" or "auto": torch where it works, else numpy.  With ``layout``, the file's
-    feature layout must equal it.  Raises WeightsError on a bad file, or if "torch" is asked for and missing.
+    ``backend`` is "numpy", "torch" or "auto": torch where it works, else numpy.  The file's feature layout must
+    be the program's own.  Raises WeightsError on a bad file, or if "torch" is asked for and missing.
     """
     if backend not in BACKENDS:
         raise WeightsError(f"There is no back end {backend}; choose one of {', '.join(BACKENDS)}.")
-    return model_of(load_weights(path or BUNDLED, layout), backend)
+    return model_of(load_weights(path or BUNDLED, layout_description()), backend)
 
 
 def model_of(weights: Weights, backend: str = "auto") -> Model:

@@ -23,7 +23,7 @@ import numpy as np
 from .errors import OutputError, WeightsError
 
 Array = np.ndarray
-Layout = Mapping[str, Sequence[tuple[str, int]]]  # vector ("input", "gating", "output") -> named slices and their sizes
+Layout = Mapping[str, Mapping[str, Sequence[int]]]  # vector ("input", "output", ...) -> its blocks in order -> their shapes
 
 FORMAT = "nsm-weights"
 VERSION = 1
@@ -44,12 +44,12 @@ class Weights:
 
 
 def plain_layout(layout: Layout) -> dict[str, list[list[Any]]]:
-    """Layout as JSON keeps it: lists of [name, size] by vector."""
-    return {str(vector): [[str(name), int(size)] for name, size in slices] for vector, slices in layout.items()}
+    """Layout as JSON keeps it: lists of [name, shape] by vector, since the order counts."""
+    return {vector: [[name, [int(n) for n in shape]] for name, shape in blocks.items()] for vector, blocks in layout.items()}
 
 
 def layout_hash(layout: Layout) -> str:
-    """Short fingerprint of the names, order and sizes of all feature slices."""
+    """Short fingerprint of the names, order and shapes of all feature blocks."""
     text = json.dumps(plain_layout(layout), sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -164,13 +164,16 @@ def _read(path: Path) -> dict[str, Array]:
 
 def _difference(theirs: Mapping[str, Any], ours: Layout) -> str:
     """First difference of two layouts, in words."""
-    for vector, slices in plain_layout(ours).items():
-        for i, (name, size) in enumerate(slices):
-            other = list(theirs.get(vector, []))
-            if i >= len(other):
-                return f"its {vector} vector lacks {name}"
-            if list(other[i]) != [name, size]:
-                return f"its {vector} vector has {other[i][0]} of {other[i][1]} where this program has {name} of {size}"
-        if len(theirs.get(vector, [])) > len(slices):
-            return f"its {vector} vector also has {theirs[vector][len(slices)][0]}"
+    def block(name: str, shape: list[int]) -> str:
+        return f"{name} of {' x '.join(map(str, shape))}"
+
+    for vector, blocks in plain_layout(ours).items():
+        others = theirs.get(vector, [])
+        for mine, other in zip(blocks, others, strict=False):
+            if mine != other:
+                return f"its {vector} vector has {block(*other)} where this program has {block(*mine)}"
+        if len(others) < len(blocks):
+            return f"its {vector} vector lacks {blocks[len(others)][0]}"
+        if len(others) > len(blocks):
+            return f"its {vector} vector also has {others[len(blocks)][0]}"
     return "other vectors"
