@@ -221,7 +221,7 @@ def test_curves_and_metaballs_are_solid_and_counted_once():
     spline.points[0].co, spline.points[1].co = (0, 0, 0, 1), (0, 0, 2, 1)
     bpy.context.scene.collection.objects.link(bpy.data.objects.new("Pipe", curve))
     ball = bpy.data.metaballs.new("Ball")
-    ball.elements.new()
+    ball.elements.new().radius = 0.8
     bpy.context.scene.collection.objects.link(bpy.data.objects.new("Ball", ball))
     bpy.data.objects["Ball"].location = (4, 0, 2)
     d = distance(gather(), (0.3, 0, 1), (0, 0, 1), (4, 0, 2))
