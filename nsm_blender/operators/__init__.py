@@ -1,0 +1,7 @@
+"""Operators: each gathers its context, calls one function and reports."""
+
+from __future__ import annotations
+
+from . import character, generate, goal_list, review
+
+CLASSES = (*character.CLASSES, *goal_list.CLASSES, *generate.CLASSES, *review.CLASSES)

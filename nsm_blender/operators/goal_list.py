@@ -1,0 +1,108 @@
+"""The queue of goals: add, remove, move, and goal points to edit."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import bpy
+from bpy.props import EnumProperty
+
+from ..goals import show_goal_point
+from ..properties import GOAL_TYPES, settings_of, spec_of_row
+from ..takes import own_objects, start_of
+from .reporting import sentences
+
+
+class NSM_OT_goal_add(bpy.types.Operator):
+    bl_idname = "nsm.goal_add"
+    bl_label = "Add Goal"
+    bl_description = "Add the selected objects as goals, or an empty row when none is selected"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = settings_of(context.scene)
+        own = own_objects(settings.character, context.scene) if settings.character else set()
+        taken = {goal.object for goal in settings.goals}
+        chosen = [o for o in context.selected_objects if o.type in GOAL_TYPES and o not in own and o not in taken]
+        for target in chosen or [None]:
+            goal = settings.goals.add()
+            goal.object = target
+            goal.action = "sit" if target is not None and target.type != "EMPTY" else "walk"
+            if target is None:
+                goal.location = context.scene.cursor.location
+        settings.active_goal = len(settings.goals) - 1
+        return {"FINISHED"}
+
+
+class _OnGoal(bpy.types.Operator):
+    """Shared by the operators that need an active row."""
+
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not settings_of(context.scene).goals:
+            cls.poll_message_set("The list of goals is empty; add one first.")
+            return False
+        return True
+
+
+class NSM_OT_goal_remove(_OnGoal):
+    bl_idname = "nsm.goal_remove"
+    bl_label = "Remove Goal"
+    bl_description = "Remove the chosen goal from the list; its object stays"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = settings_of(context.scene)
+        settings.goals.remove(min(settings.active_goal, len(settings.goals) - 1))
+        settings.active_goal = max(min(settings.active_goal, len(settings.goals) - 1), 0)
+        return {"FINISHED"}
+
+
+class NSM_OT_goal_move(_OnGoal):
+    bl_idname = "nsm.goal_move"
+    bl_label = "Move Goal"
+    bl_description = "Do the chosen goal earlier or later"
+
+    direction: EnumProperty(items=(("UP", "Up", "Earlier"), ("DOWN", "Down", "Later")), name="Direction")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = settings_of(context.scene)
+        here = settings.active_goal
+        there = here + (-1 if self.direction == "UP" else 1)
+        if not 0 <= there < len(settings.goals):
+            return {"CANCELLED"}
+        settings.goals.move(here, there)
+        settings.active_goal = there
+        return {"FINISHED"}
+
+
+class NSM_OT_goal_points(bpy.types.Operator):
+    bl_idname = "nsm.goal_points"
+    bl_label = "Show Goal Points"
+    bl_description = "Make an empty where each goal was found on its object: move and turn it, and takes use it as it stands"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not any(goal.enabled and goal.object for goal in settings_of(context.scene).goals):
+            cls.poll_message_set("No enabled goal has an object; add an object to the list first.")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = settings_of(context.scene)
+        rows = [goal for goal in settings.goals if goal.enabled and goal.object]
+        made = 0
+        with sentences(self) as errors:
+            frame, start = start_of(settings.character, context.scene)
+        if errors:
+            return {"CANCELLED"}
+        for row in rows:
+            with sentences(self):
+                show_goal_point(spec_of_row(row), context.scene, frame, start)
+                made += 1
+        return {"FINISHED"} if made else {"CANCELLED"}
+
+
+CLASSES = (NSM_OT_goal_add, NSM_OT_goal_remove, NSM_OT_goal_move, NSM_OT_goal_points)

@@ -1,0 +1,118 @@
+"""The NSM tab in the sidebar of the 3D viewport; it shows what others have computed."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any
+
+import bpy
+
+from . import running
+from .actions import BY_KEY
+from .operators import review
+from .properties import settings_of
+
+_PIXELS_A_LETTER = 7
+
+
+class NSM_UL_goals(bpy.types.UIList):
+    """One goal a row: enabled, object or place, action."""
+
+    def draw_item(
+        self, _context: bpy.types.Context, layout: Any, _data: Any, item: Any, _icon: int, _active: Any, _property: str, _index: int = 0
+    ) -> None:
+        row = layout.row(align=True)
+        row.prop(item, "enabled", text="")
+        body = row.row(align=True)
+        body.active = item.enabled
+        if item.object is not None:
+            body.label(text=item.object.name, icon="OBJECT_DATA")
+        elif BY_KEY[item.action].needs_object:
+            body.label(text="No object", icon="ERROR")
+        else:
+            body.label(text="Place" if item.action == "walk" else "Here", icon="PIVOT_CURSOR")
+        body.prop(item, "action", text="", emboss=False)
+
+
+class _Sidebar:
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "NSM"
+
+
+class NSM_PT_take(_Sidebar, bpy.types.Panel):
+    bl_label = "Neural State Machine"
+    bl_idname = "NSM_PT_take"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings = self.layout, settings_of(context.scene)
+        idle = running.current() is None
+        body = layout.column()
+        body.enabled = idle
+        row = body.row(align=True)
+        row.prop(settings, "character", text="")
+        row.operator("nsm.add_character", text="", icon="ADD")
+        self._draw_goals(body, settings)
+        column = body.column(align=True)
+        column.use_property_split, column.use_property_decorate = True, False
+        column.prop(settings, "start_frame")
+        column.prop(settings, "seed")
+        column.prop(settings, "contact_ik")
+        self._draw_generate(context, layout)
+        self._draw_results(context, layout, settings)
+
+    def _draw_goals(self, layout: Any, settings: Any) -> None:
+        layout.label(text="Goals")
+        row = layout.row()
+        row.template_list("NSM_UL_goals", "", settings, "goals", settings, "active_goal", rows=4)
+        side = row.column(align=True)
+        side.operator("nsm.goal_add", text="", icon="ADD")
+        side.operator("nsm.goal_remove", text="", icon="REMOVE")
+        side.separator()
+        side.operator("nsm.goal_move", text="", icon="TRIA_UP").direction = "UP"
+        side.operator("nsm.goal_move", text="", icon="TRIA_DOWN").direction = "DOWN"
+        if 0 <= settings.active_goal < len(settings.goals):
+            goal = settings.goals[settings.active_goal]
+            column = layout.column(align=True)
+            column.use_property_split, column.use_property_decorate = True, False
+            column.prop(goal, "object")
+            column.prop(goal, "action")
+            if goal.object is None and goal.action == "walk":
+                column.prop(goal, "location")
+            column.prop(goal, "hold")
+        layout.operator("nsm.goal_points", icon="EMPTY_ARROWS")
+
+    def _draw_generate(self, context: bpy.types.Context, layout: Any) -> None:
+        state = running.current()
+        if state is not None:
+            layout.progress(factor=state.fraction, text=state.text)
+            layout.label(text="ESC cancels and restores", icon="INFO")
+            return
+        big = layout.column()
+        big.scale_y = 1.5
+        big.operator("nsm.generate", icon="PLAY")
+        reason = running.reason_not_ready(context)
+        if reason:
+            _sentence(context, layout, reason, "INFO")
+
+    def _draw_results(self, context: bpy.types.Context, layout: Any, settings: Any) -> None:
+        if len(settings.results):
+            box = layout.box()
+            for line in settings.results:
+                _sentence(context, box, line.text, "CHECKMARK" if line.good else "ERROR")
+        if review.pending(context.scene) is not None:
+            row = layout.row(align=True)
+            row.operator("nsm.take_accept", icon="CHECKMARK")
+            row.operator("nsm.take_reject", icon="X")
+
+
+def _sentence(context: bpy.types.Context, layout: Any, text: str, icon: str) -> None:
+    """Show a sentence over as many lines as the sidebar's width asks for."""
+    width = context.region.width if context.region else 300
+    column = layout.column(align=True)
+    column.scale_y = 0.85
+    for i, line in enumerate(textwrap.wrap(text, max(width // _PIXELS_A_LETTER - 6, 20))):
+        column.label(text=line, icon="BLANK1" if i else icon)
+
+
+CLASSES = (NSM_UL_goals, NSM_PT_take)

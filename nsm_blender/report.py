@@ -1,0 +1,60 @@
+"""The report of a take: one dict for the sidebar, for batch jobs and for tests."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nsm_core.control.take import TakeResult
+from nsm_core.evaluation.metrics import travel_report
+from nsm_core.sensors.query import DistanceQuery
+
+from .keying import KeyedTake
+
+STAGES = ("sensors", "network", "blending", "ik")
+_DONE = {"sit": "sat down", "walk": "arrived", "idle": "stands"}
+
+
+def build_report(name: str, result: TakeResult, keyed: KeyedTake, environment: DistanceQuery, keying_ms: float) -> dict[str, Any]:
+    """Gather a take's figures, in the units their names end in, as plain values for JSON.
+
+    ``frames`` and ``fps`` are those of the keys; ``ms_per_frame`` is per frame of the 30 Hz network clock, its
+    ``keying`` being ``keying_ms``.  Lengths are in metres of the character: a scaled one is measured at its own size.
+    """
+    travel = travel_report(result.hips_position, result.local_rotations, result.action, environment)
+    ms = {stage: float(result.stage_ms.get(stage, 0.0)) for stage in STAGES} | {"keying": keying_ms}
+    ms["total"] = sum(ms.values())
+    goals = [
+        {
+            "object": goal.object,
+            "action": goal.action,
+            "reached": bool(goal.reached),
+            "seconds": round(float(goal.seconds), 3),
+            "position_error_cm": round(float(goal.position_error_cm), 3),
+            "rotation_error_deg": round(float(goal.rotation_error_deg), 3),
+        }
+        for goal in result.goals
+    ]
+    return {
+        "name": name,
+        "frames": keyed.frame_end - keyed.frame_start + 1,
+        "fps": round(keyed.fps, 4),
+        "goals": goals,
+        **{key: round(float(value), 4) for key, value in travel.items()},
+        "ms_per_frame": {key: round(value, 4) for key, value in ms.items()},
+    }
+
+
+def goal_line(goal: dict[str, Any]) -> str:
+    """One sentence about one goal of a report."""
+    errors = f"{goal['position_error_cm']:.1f} cm and {goal['rotation_error_deg']:.1f}° off"
+    if goal["reached"]:
+        return f"{goal['object']}: {_DONE.get(goal['action'], 'done')} after {goal['seconds']:.1f} s, {errors}."
+    return f"{goal['object']}: not reached in {goal['seconds']:.1f} s, {errors}; clear its way, start nearer, or try another seed."
+
+
+def result_lines(report: dict[str, Any]) -> list[tuple[str, bool]]:
+    """Lines about a take for the sidebar, each with whether it is good news."""
+    lines = [(goal_line(goal), bool(goal["reached"])) for goal in report["goals"]]
+    total = report["ms_per_frame"]["total"]
+    lines.append((f"{report['frames']} frames, {total:.0f} ms each.", True))
+    return lines

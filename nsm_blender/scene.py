@@ -1,0 +1,93 @@
+"""The character's place and size in a scene, and putting a scene back as it was."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Quaternion, Vector
+
+from nsm_core.rotations import Array, quat_normalize
+from nsm_core.sensors.query import DistanceQuery
+from nsm_core.skeleton import HIPS, JOINTS
+
+from .armature import Placement
+from .keying import bone_channels
+
+
+@dataclass(frozen=True)
+class WorldFrame:
+    """The core's world as one character sees it: metres divided by its scale, its floor at zero."""
+
+    scale: float = 1.0
+    floor: float = 0.0
+
+    @classmethod
+    def of(cls, armature: bpy.types.Object) -> WorldFrame:
+        """Frame of a character: its armature's scale and height; SkeletonError as for ``Placement.of``."""
+        placement = Placement.of(armature)
+        scale = 1.0 if abs(placement.scale - 1) < 1e-4 else placement.scale
+        return cls(scale, float(placement.matrix[2, 3]))
+
+    def to_core(self, points: Array) -> Array:
+        """World points (..., 3), Blender units, in the core's frame."""
+        return (np.asarray(points) - np.array((0, 0, self.floor))) / self.scale
+
+    def to_world(self, points: Array) -> Array:
+        """Core points (..., 3) in the world, Blender units."""
+        return np.asarray(points, dtype=np.float64) * self.scale + np.array((0, 0, self.floor))
+
+    def query(self, world: DistanceQuery) -> DistanceQuery:
+        """The same solids, asked in the core's frame."""
+        return world if self == WorldFrame() else _FramedQuery(world, self)
+
+
+@dataclass(frozen=True)
+class _FramedQuery:
+    world: DistanceQuery
+    frame: WorldFrame
+
+    def signed_distance(self, points: Array, max_distance: float) -> Array:
+        """Distances (N,) float32, core frame, of ``points`` (N, 3), never over ``max_distance``."""
+        points = self.frame.to_world(points).astype(np.float32)
+        return self.world.signed_distance(points, max_distance * self.frame.scale) / np.float32(self.frame.scale)
+
+
+class SceneState:
+    """What a take may disturb before its keys are made: the current frame and the character's pose."""
+
+    def __init__(self, scene: bpy.types.Scene, armature: bpy.types.Object) -> None:
+        self.scene, self.armature = scene, armature
+        self.frame = (scene.frame_current, scene.frame_subframe)
+        self.pose = {bone.name: _channels(bone) for bone in armature.pose.bones}
+
+    def restore(self) -> None:
+        """Put frame and pose back exactly; what no longer exists is passed over."""
+        if (self.scene.frame_current, self.scene.frame_subframe) != self.frame:
+            self.scene.frame_set(self.frame[0], subframe=self.frame[1])
+        for bone in self.armature.pose.bones:
+            for channel, value in self.pose.get(bone.name, {}).items():
+                setattr(bone, channel, value)
+        bpy.context.view_layer.update()
+
+
+def _channels(bone: bpy.types.PoseBone) -> dict[str, Any]:
+    names = ("location", "rotation_quaternion", "rotation_euler", "rotation_axis_angle", "scale")
+    return {name: tuple(getattr(bone, name)) for name in names}
+
+
+class Preview:
+    """Shows a pose on the character while its take grows, without a key."""
+
+    def __init__(self, armature: bpy.types.Object) -> None:
+        self.armature, self.placement = armature, Placement.of(armature)
+
+    def show(self, hips_world: Array, local_rotations: Array) -> None:
+        """Pose the character: hips (3,) world, Blender units, and rotations (23, 4) as in the core."""
+        rotations = quat_normalize(np.asarray(local_rotations, dtype=np.float64))[None]
+        location, basis = bone_channels(self.armature, self.placement, np.asarray(hips_world, dtype=np.float64)[None], rotations)
+        for j, name in enumerate(JOINTS):
+            place = Matrix.Translation(Vector(location[0])) if j == HIPS else Matrix()
+            self.armature.pose.bones[name].matrix_basis = place @ Quaternion(basis[0, j]).to_matrix().to_4x4()

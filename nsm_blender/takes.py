@@ -1,0 +1,164 @@
+"""One take, from the scene to the keys: a generator that the panel, batch jobs and tests all drive."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import bpy
+import numpy as np
+
+from nsm_core import inference
+from nsm_core.conventions import FPS
+from nsm_core.control.take import Goal, TakeRequest, TakeResult, TakeRunner
+from nsm_core.errors import GoalError, SkeletonError
+from nsm_core.rotations import Array
+from nsm_core.sensors.query import DistanceQuery
+
+from .armature import read_pose, require_skeleton
+from .colliders import gather_colliders
+from .goals import GoalSpec, resolve
+from .keying import KeyedTake, key_take
+from .report import build_report
+from .scene import SceneState, WorldFrame
+
+
+@dataclass
+class TakeSpec:
+    """What to generate: goals for a character, where the keys start, and with which chance numbers."""
+
+    character: bpy.types.Object
+    goals: list[GoalSpec]
+    name: str = ""
+    start_frame: int = 1
+    seed: int = 0
+    contact_ik: bool = True
+
+    def title(self) -> str:
+        """Name of the take and of its action: as asked for, else after its goals."""
+        return self.name or ", ".join(f"{g.action} {g.label}" for g in self.goals[:3])
+
+
+@dataclass
+class Progress:
+    """How far a take is: what is being done, 0..1, and the pose of the newest frame where there is one."""
+
+    stage: str
+    fraction: float
+    hips_world: Array | None = None  # (3,) Blender units
+    local_rotations: Array | None = None  # (23, 4)
+
+
+@dataclass
+class Take:
+    """A finished take: its keys, its report, and the motion in the core's frame of the character."""
+
+    keyed: KeyedTake
+    report: dict[str, Any]
+    result: TakeResult
+    frame: WorldFrame
+
+
+@lru_cache(maxsize=2)
+def shipped_model(path: str | None = None) -> inference.Model:
+    """Load the bundled network, once per session; WeightsError says what to do when it is missing."""
+    return inference.load_model(path)
+
+
+def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | None = None) -> Generator[Progress, None, Take]:
+    """Generate and key one take, yielding after every frame; the generator's value is the Take.
+
+    Nothing in the file changes before the keys are made, but for the current frame, which is put back.
+    Raises SkeletonError, GoalError, GeometryError and WeightsError with a sentence for the animator.
+    """
+    request, frame = prepare(spec, scene)
+    yield Progress("Loading the network", 0.0)
+    runner = TakeRunner(model or shipped_model(), request)
+    while runner.step():
+        hips, rotations = runner.pose()
+        yield Progress("Generating", min(runner.progress, 1.0), frame.to_world(hips), rotations)
+    result = runner.result()
+    yield Progress("Keying", 1.0)
+    begin = time.perf_counter()
+    keyed = key_take(
+        spec.character, frame.to_world(result.hips_position), result.local_rotations, spec.start_frame, FPS, spec.title(), scene
+    )
+    keying_ms = (time.perf_counter() - begin) * 1000 / max(len(result.hips_position), 1)
+    report = build_report(spec.title(), result, keyed, request.environment, keying_ms)
+    return Take(keyed, report, result, frame)
+
+
+def finish(steps: Generator[Progress, None, Take]) -> Take:
+    """Run a take to its end without showing anything."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as stop:
+            return stop.value
+
+
+def prepare(spec: TakeSpec, scene: bpy.types.Scene) -> tuple[TakeRequest, WorldFrame]:
+    """Gather what a take needs from the scene as it is at the take's first frame; the current frame is put back."""
+    require_character(spec.character, scene)
+    if not spec.goals:
+        raise GoalError("There is no goal to go to; add one to the list, or enable one.")
+    state = SceneState(scene, spec.character)
+    try:
+        if scene.frame_current != spec.start_frame or scene.frame_subframe:
+            scene.frame_set(spec.start_frame)
+        frame, start = start_of(spec.character, scene)
+        goals = resolve_goals(spec.goals, scene, frame, start)
+        environment = environment_of(spec.character, scene, frame)
+    finally:
+        state.restore()
+    return TakeRequest(
+        start_position=start[0],
+        start_heading=start[1],
+        goals=goals,
+        environment=environment,
+        seed=spec.seed,
+        contact_ik=spec.contact_ik,
+    ), frame
+
+
+def resolve_goals(specs: list[GoalSpec], scene: bpy.types.Scene, frame: WorldFrame, start: tuple[Array, float]) -> list[Goal]:
+    """Build the core's goals in their order; each knows from where the character comes."""
+    goals: list[Goal] = []
+    before = start
+    for spec in specs:
+        goals.append(resolve(spec, scene, frame, before))
+        before = goals[-1].position[:2], goals[-1].heading
+    return goals
+
+
+def start_of(character: bpy.types.Object | None, scene: bpy.types.Scene) -> tuple[WorldFrame, tuple[Array, float]]:
+    """The character's frame, and its ground point (2,) and heading in it as posed now; SkeletonError if it cannot act."""
+    require_character(character, scene)
+    frame, pose = WorldFrame.of(character), read_pose(character)
+    return frame, (frame.to_core(np.append(pose.position, 0.0))[:2].astype(np.float32), pose.heading)
+
+
+def environment_of(character: bpy.types.Object, scene: bpy.types.Scene, frame: WorldFrame) -> DistanceQuery:
+    """Everything solid in the scene but the character, in the core's frame."""
+    return frame.query(gather_colliders(scene, bpy.context.evaluated_depsgraph_get(), [character], frame.floor))
+
+
+def own_objects(character: bpy.types.Object, scene: bpy.types.Scene) -> set[bpy.types.Object]:
+    """The character's armature, its children and every mesh that it deforms."""
+    own = {character, *character.children_recursive}
+    for candidate in scene.objects:
+        if any(m.type == "ARMATURE" and m.object == character for m in candidate.modifiers):
+            own.add(candidate)
+    return own
+
+
+def require_character(character: bpy.types.Object | None, scene: bpy.types.Scene) -> None:
+    """Raise SkeletonError unless ``character`` is a usable armature in the scene."""
+    if character is None:
+        raise SkeletonError("No character is chosen; choose its armature, or add the bundled character.")
+    if character.name not in scene.objects or scene.objects[character.name] != character:
+        raise SkeletonError(f"The character {character.name} is no longer in the scene; choose another one, or add the bundled character.")
+    require_skeleton(character)
