@@ -23,13 +23,15 @@ class Shot:
     """How a camera follows a take.
 
     ``hips`` (N, 3) world, per frame; ``direction`` (3,) from the character to the camera; ``height`` of the world that
-    fits in the picture at the character, metres; ``tracking`` 0 holds the middle of the path, 1 stays with the hips.
+    fits in the picture at the character, metres; ``tracking`` 0 holds the middle of the path, 1 stays with the hips;
+    ``softness`` in seconds smooths the camera's way.
     """
 
     hips: Array
     direction: tuple[float, float, float]
     height: float
     tracking: float
+    softness: float = 0.0
 
 
 def path_of(take: KeyedTake, scene: bpy.types.Scene) -> tuple[Array, Array]:
@@ -55,7 +57,7 @@ def follow_camera(camera: bpy.types.Object, take: KeyedTake, shot: Shot) -> None
     distance = shot.height * LENS / picture_height
     direction = Vector(shot.direction).normalized()
     scale = float(np.clip(take.armature.matrix_world.median_scale, 1e-3, None))
-    targets = _soften(shot.hips, take.fps)
+    targets = _soften(shot.hips, shot.softness * take.fps)
     targets = shot.tracking * targets + (1 - shot.tracking) * (shot.hips.min(0) + shot.hips.max(0)) / 2
     floor = take.armature.matrix_world.translation.z
     targets[:, 2] = floor + 0.86 * scale  # a level camera, at the middle of the body
@@ -102,9 +104,11 @@ def _is_clear(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, target: Ar
     return True
 
 
-def _soften(path: Array, fps: float) -> Array:
-    """Low-pass a path (N, 3) over about a second, ends held."""
-    width = max(1, int(0.6 * fps))
+def _soften(path: Array, frames: float) -> Array:
+    """Low-pass a path (N, 3) by a bell of ``frames`` standard deviation, ends held."""
+    width = round(frames)
+    if width < 1:
+        return path.copy()
     kernel = np.exp(-0.5 * (np.arange(-2 * width, 2 * width + 1) / width) ** 2)
     padded = np.concatenate((np.repeat(path[:1], 2 * width, 0), path, np.repeat(path[-1:], 2 * width, 0)))
     return np.stack([np.convolve(padded[:, i], kernel / kernel.sum(), "valid") for i in range(3)], axis=-1)

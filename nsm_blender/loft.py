@@ -30,14 +30,14 @@ class Part:
         places = np.array([s for s, _ in stops])
         order = np.argsort(places)
         s = np.clip(self.vertices[:, axis], places.min(), places.max())
-        for k in order:
-            self.weights[stops[k][1]] = np.zeros(len(s))
+        self.weights = {joint: np.zeros(len(s)) for _, joint in stops}
         for low, high in zip(order[:-1], order[1:], strict=True):
-            inside = (s >= places[low]) & (s <= places[high])
-            t = (s - places[low]) / (places[high] - places[low])
+            inside = (s >= places[low]) & (s < places[high])
+            t = (s[inside] - places[low]) / (places[high] - places[low])
             t = t * t * (3 - 2 * t)
-            self.weights[stops[low][1]][inside] = 1 - t[inside]
-            self.weights[stops[high][1]][inside] = t[inside]
+            self.weights[stops[low][1]][inside] += 1 - t  # one joint may hold two stops
+            self.weights[stops[high][1]][inside] += t
+        self.weights[stops[order[-1]][1]][s == places.max()] = 1
         return self
 
     def mirrored(self) -> Part:

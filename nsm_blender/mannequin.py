@@ -26,7 +26,8 @@ def material(name: str, colour: tuple[float, float, float], roughness: float) ->
     made = bpy.data.materials.new(name)
     made.diffuse_color = (*colour, 1.0)
     made.roughness = roughness
-    made.use_nodes = True
+    if made.node_tree is None:  # before 5.0 a material starts without nodes
+        made.use_nodes = True
     shader = next(n for n in made.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
     shader.inputs["Base Color"].default_value = (*colour, 1.0)
     shader.inputs["Roughness"].default_value = roughness

@@ -90,7 +90,7 @@ def video(
     with tempfile.TemporaryDirectory() as folder, studio(scene, size, "FXAA") as temporary:
         hips, facing = path_of(take, scene)
         direction = direction or choose_direction(take, scene, hips, facing)
-        follow_camera(temporary.camera, take, Shot(hips, direction, height=2.5 * take_scale(take), tracking=0.85))
+        follow_camera(temporary.camera, take, Shot(hips, direction, height=2.5 * take_scale(take), tracking=0.85, softness=0.6))
         use_mp4(scene)
         scene.frame_start, scene.frame_end, scene.frame_step = take.frame_start, take.frame_end, step
         scene.render.fps_base *= step

@@ -151,7 +151,9 @@ def _floor(rng: np.random.Generator) -> bpy.types.Object:
         mesh.materials.append(palette()[name])
     mesh.polygons.foreach_set("material_index", np.array(tones, np.intc))
     mesh.update()
-    return _link(bpy.data.objects.new("Floor", mesh))
+    floor = _link(bpy.data.objects.new("Floor", mesh))
+    floor["nsm_collider"] = False  # one walks on it
+    return floor
 
 
 def _walls() -> list[bpy.types.Object]:

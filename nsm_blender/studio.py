@@ -15,8 +15,8 @@ BACKGROUND = (0.70, 0.73, 0.76)
 # What the pictures change, by owner; the order matters where one choice opens the next.
 _RENDER = ("engine", "resolution_x", "resolution_y", "resolution_percentage", "filepath", "film_transparent", "fps_base",
            "use_stamp", "use_border", "use_compositing", "use_sequencer", "use_file_extension", "use_overwrite")  # fmt: skip
-_IMAGE = ("media_type", "file_format", "color_mode", "color_depth", "compression")
-_FFMPEG = ("format", "codec", "constant_rate_factor", "ffmpeg_preset", "audio_codec")
+_IMAGE = ("media_type", "file_format")
+_FFMPEG = ("format", "codec")  # choosing these resets the other settings
 _SHADING = ("light", "studio_light", "color_type", "show_cavity", "cavity_type", "show_shadows", "shadow_intensity",
             "show_specular_highlight", "show_object_outline", "curvature_ridge_factor", "curvature_valley_factor",
             "cavity_ridge_factor", "cavity_valley_factor", "use_world_space_lighting", "studiolight_rotate_z", "show_xray")  # fmt: skip
@@ -41,8 +41,8 @@ def studio(scene: bpy.types.Scene, size: tuple[int, int], antialiasing: str = "5
     owners = [
         (scene, _SCENE),
         (scene.render, _RENDER),
-        (scene.render.image_settings, _IMAGE),
-        (scene.render.ffmpeg, _FFMPEG),
+        (scene.render.image_settings, _all(scene.render.image_settings, _IMAGE)),
+        (scene.render.ffmpeg, _all(scene.render.ffmpeg, _FFMPEG)),
         (scene.display.shading, _SHADING),
         (scene.display, _DISPLAY),
         (scene.view_settings, _VIEW),
@@ -93,6 +93,12 @@ def _set_up(scene: bpy.types.Scene, size: tuple[int, int], antialiasing: str) ->
     display.render_aa = antialiasing
     # The neutral transform keeps the materials' own colours; every version offers it.
     view.view_transform, view.look, view.exposure, view.gamma = "Standard", "None", 0.0, 1.0
+
+
+def _all(owner: Any, first: tuple[str, ...]) -> list[str]:
+    """Every plain setting of ``owner``, those in ``first`` before the others."""
+    plain = [p.identifier for p in owner.bl_rna.properties if p.type in {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"} and not p.is_readonly]
+    return [*first, *(name for name in plain if name not in first)]
 
 
 def _value(owner: Any, name: str) -> Any:

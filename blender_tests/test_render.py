@@ -1,0 +1,123 @@
+"""Pictures of a take: the files, what is on them, and the scene afterwards."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+
+from nsm_blender import render
+from nsm_blender.character import add_character
+from nsm_blender.keying import KeyedTake, key_take
+from nsm_blender.labels import stamp
+from nsm_blender.room import build_room
+from nsm_core.errors import OutputError
+from nsm_core.skeleton import J
+
+
+@pytest.fixture
+def take() -> KeyedTake:
+    """A character that slides two metres in a third of a second."""
+    character = add_character()
+    bpy.context.scene.render.fps = 30
+    local = np.zeros((11, J, 4))
+    local[..., 0] = 1
+    hips = np.column_stack((np.linspace(0, 2, 11), np.zeros(11), np.full(11, 0.97)))
+    return key_take(character, hips, local, frame_start=20)
+
+
+def settings(scene: bpy.types.Scene) -> dict:
+    """Everything of a scene's settings that could be seen to change."""
+    found = {}
+    render, display = scene.render, scene.display
+    owners = (scene, render, render.image_settings, render.ffmpeg, display, display.shading, scene.view_settings)
+    for owner in owners:
+        label = type(owner).__name__
+        for prop in owner.bl_rna.properties:
+            if prop.type in {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"} and not prop.is_readonly:
+                value = getattr(owner, prop.identifier)
+                found[label, prop.identifier] = tuple(value) if getattr(prop, "is_array", False) else value
+    return found
+
+
+def data_counts() -> dict[str, int]:
+    """How many datablocks a render could leave behind; Blender's own "Render Result" aside."""
+    counts = {name: len(getattr(bpy.data, name)) for name in ("objects", "cameras", "worlds", "actions")}
+    return counts | {"images": sum(image.type != "RENDER_RESULT" for image in bpy.data.images)}
+
+
+def test_a_contact_sheet_shows_the_character_in_every_tile(take, tmp_path):
+    heard = []
+    path = render.contact_sheet(take, tmp_path / "new folder" / "sheet", tiles=3, columns=3, size=(96, 80), progress=heard.append)
+    assert path == tmp_path / "new folder" / "sheet.png"
+    pixels = render.read_png(path)
+    assert pixels.shape == (80, 3 * 96 + 2 * 4, 4)
+    for k in range(3):
+        tile = pixels[:60, k * 100 : k * 100 + 96, :3]  # below the label
+        figure = np.abs(tile - tile[0, 0]).max(axis=-1) > 0.05
+        assert figure[:, 38:58].mean() > 0.2, "the character is not in the middle"
+        assert figure[:, :8].mean() < 0.05 and figure[:, -8:].mean() < 0.05, "the character is cut off"
+    assert heard == pytest.approx([1 / 3, 2 / 3, 1])
+
+
+def test_a_video_is_written_at_the_scene_rate(take, tmp_path):
+    heard = []
+    path = render.video(take, tmp_path / "take.mp4", size=(96, 54), step=2, progress=heard.append)
+    assert path.read_bytes()[4:8] == b"ftyp"
+    clip = bpy.data.movieclips.load(str(path))
+    assert clip.frame_duration == 6 and clip.fps == pytest.approx(15, abs=0.01)
+    assert tuple(clip.size) == (96, 54)
+    assert heard[-1] == 1 and len(heard) == 6
+
+
+def test_the_scene_is_as_it_was(take, tmp_path):
+    scene = bpy.context.scene
+    scene.frame_set(7)
+    scene.render.resolution_percentage = 50
+    scene.render.filepath = "//mine"
+    before, camera, world = settings(scene), scene.camera, scene.world
+    counts = data_counts()
+    render.contact_sheet(take, tmp_path / "sheet.png", tiles=2, size=(64, 64))
+    render.video(take, tmp_path / "take.mp4", size=(64, 64), step=5)
+    assert settings(scene) == before
+    assert (scene.camera, scene.world, scene.frame_current) == (camera, world, 7)
+    assert data_counts() == counts
+
+
+def test_a_place_that_cannot_be_written_is_refused_before_rendering(take, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(OutputError, match="cannot be written"):
+        render.contact_sheet(take, tmp_path / "file" / "sheet.png")
+    with pytest.raises(OutputError, match="choose another folder"):
+        render.video(take, tmp_path / "file" / "take.mp4")
+
+
+def test_the_camera_avoids_walls(take):
+    from nsm_blender.camera import choose_direction, path_of
+
+    scene = bpy.context.scene
+    for name, low, high in (("A", (-3, -1.2, 0), (4, -1.0, 3)), ("B", (2.6, -1.2, 0), (2.8, 4, 3))):  # walls to -Y and to +X
+        from nsm_blender.room_props import box
+
+        box(name, low, high, None)
+    bpy.context.view_layer.update()
+    direction = choose_direction(take, scene, *path_of(take, scene))
+    assert direction[1] > 0 and direction[0] < 0.3
+
+
+def test_the_room_has_its_seats_in_reach_and_the_table_in_the_way():
+    room = build_room()
+    chair, table = bpy.data.objects["Chair"], bpy.data.objects["Table"]
+    assert set(room.seats) <= set(room.objects) <= set(bpy.data.objects.keys())
+    start, end = np.array(room.start), np.array(chair.location[:2])
+    assert np.linalg.norm(end - start) == pytest.approx(4, abs=0.2)
+    along = np.linspace(start, end, 50)
+    inside = np.abs(along - np.array(table.location[:2])) < np.array(table.dimensions[:2]) / 2 - 0.1
+    assert inside.all(axis=1).any(), "the straight way leads through the table"
+    assert all(o.data.materials for o in bpy.data.objects if o.type == "MESH")
+
+
+def test_labels_are_written_dark_on_the_picture():
+    picture = np.ones((40, 80, 4), np.float32)
+    stamp(picture, "12.5s")
+    assert 20 < (picture[..., 0] < 0.5).sum() < 1000 and picture[:15].min() == 1

@@ -1,0 +1,189 @@
+"""Show the whole path: a room and a character by code, a take to two seats, and its scene, pictures and report.
+
+``python nsm_blender/demo.py --out out/demo`` under the bpy wheel, or
+``blender --background --python nsm_blender/demo.py -- --out out/demo``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+if not __package__:  # run as a script: make the repository importable and this file part of its package
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+    __package__ = "nsm_blender"
+
+import bpy
+from mathutils import Vector
+
+from nsm_core.errors import NsmError, OutputError
+
+from . import render, takes
+from .character import add_character
+from .goals import GoalSpec
+from .report import goal_line
+from .room import Room, build_room
+
+FPS = 30
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the demo and return the exit code: 0 when the character reached both seats, else 1."""
+    options = _parser().parse_args(arguments)
+    try:
+        return run(options)
+    except NsmError as error:
+        print(f"The demo stopped: {error}", file=sys.stderr)
+        return 1
+
+
+def run(options: argparse.Namespace) -> int:
+    """Make room, character and take, write every file into ``options.out`` and print the report."""
+    began = time.perf_counter()
+    out = Path(options.out).absolute()
+    for name in ("demo.blend", "demo.png", "demo.mp4", "demo.json"):
+        render.require_writable(out / name, Path(name).suffix)
+    room, character = build_scene(options.second_seat)
+    scene = bpy.context.scene
+    print(f"Room with {len(room.objects)} objects; {character.name} goes to {' and then to '.join(room.seats)}.", flush=True)
+    goals = [GoalSpec("sit", bpy.data.objects[name], hold=options.hold) for name in room.seats]
+    spec = takes.TakeSpec(character, goals, name="Demo", start_frame=1, seed=options.seed, contact_ik=not options.no_contact_ik)
+    take = _generate(spec, scene)
+    scene.frame_start, scene.frame_end = take.keyed.frame_start, take.keyed.frame_end
+    scene.frame_set(scene.frame_start)
+    save(out / "demo.blend")
+    (out / "demo.json").write_text(json.dumps(take.report, indent=1) + "\n", encoding="utf-8")
+    with Line("Contact sheet") as line:
+        render.contact_sheet(take.keyed, out / "demo.png", tiles=options.tiles, direction=room.view, progress=line)
+    if not options.no_video:
+        with Line("Video") as line:
+            size = (options.width, options.width * 9 // 16)
+            render.video(take.keyed, out / "demo.mp4", size, options.video_step, room.view, progress=line)
+    print_report(take.report)
+    for name in ("demo.blend", "demo.png", "demo.json", *(() if options.no_video else ("demo.mp4",))):
+        print(f"  {out / name}")
+    print(f"Done in {time.perf_counter() - began:.0f} s.", flush=True)
+    return 0 if all(goal["reached"] for goal in take.report["goals"]) else 1
+
+
+def build_scene(second_seat: str = "armchair") -> tuple[Room, bpy.types.Object]:
+    """Replace the open file by the demo's room with the character in it; returns room and armature."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    scene.render.fps, scene.render.fps_base = FPS, 1.0
+    room = build_room(second_seat=second_seat)
+    character = add_character((*room.start, 0.0))
+    character.rotation_euler = (0, 0, room.start_heading)
+    character.show_in_front = False
+    _light_and_look(scene, room)
+    return room, character
+
+
+def save(path: Path) -> None:
+    """Save the scene; OutputError when that fails."""
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True)
+    except RuntimeError as error:
+        raise OutputError(f"The scene cannot be saved to {path}; choose another folder.") from error
+
+
+def print_report(report: dict[str, Any]) -> None:
+    """Print what a take's report says, goal by goal."""
+    print(f"\n{report['name']}: {report['frames']} frames at {report['fps']} frames a second")
+    for goal in report["goals"]:
+        print(f"  {goal_line(goal)}")
+    for key, label, unit in (
+        ("foot_sliding_cm_s", "foot sliding", "cm/s"),
+        ("planted_share", "planted share", ""),
+        ("top_speed_m_s", "top speed", "m/s"),
+        ("penetration_cm", "penetration", "cm"),
+    ):
+        if isinstance(report.get(key), int | float):
+            print(f"  {label:14} {report[key]:6.2f} {unit}")
+    stages = report.get("ms_per_frame", {})
+    print("  ms per frame   " + ", ".join(f"{stage} {ms:.1f}" for stage, ms in stages.items() if isinstance(ms, int | float)))
+
+
+class Line:
+    """A progress line with the time left; where the output is no terminal, a line every quarter."""
+
+    def __init__(self, label: str) -> None:
+        self.label, self.began, self.quarter = label, time.perf_counter(), 0
+        self.live = sys.stdout.isatty()
+
+    def __call__(self, fraction: float) -> None:
+        """Show that ``fraction`` (0..1) is done."""
+        spent = time.perf_counter() - self.began
+        left = f", {spent / fraction * (1 - fraction):.0f} s left" if fraction > 0.02 else ""
+        if self.live:
+            bar = "#" * round(24 * fraction)
+            print(f"\r{self.label:14} [{bar:24}] {fraction:4.0%}{left}    ", end="", flush=True)
+        elif int(4 * fraction) > self.quarter:
+            self.quarter = int(4 * fraction)
+            print(f"{self.label}: {fraction:.0%}{left}", flush=True)
+
+    def __enter__(self) -> Line:
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        end = f"{self.label:14} {'done' if kind is None else 'stopped'} after {time.perf_counter() - self.began:.1f} s"
+        print(f"\r{end:70}" if self.live else end.strip(), flush=True)
+
+
+def _generate(spec: takes.TakeSpec, scene: bpy.types.Scene) -> takes.Take:
+    steps = takes.generate(spec, scene)
+    with Line("Take") as line:
+        while True:
+            try:
+                line(next(steps).fraction)
+            except StopIteration as stop:
+                return stop.value
+
+
+def _light_and_look(scene: bpy.types.Scene, room: Room) -> None:
+    """A camera over the whole room, a sun, a bright world and coloured viewports, for whoever opens the file."""
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    direction = Vector(room.view).normalized()
+    camera.data.lens = 32
+    camera.location = Vector((-0.1, 0.1, 0.7)) + direction * 8
+    camera.rotation_euler = direction.to_track_quat("Z", "Y").to_euler()
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.data.energy = 3.0
+    sun.rotation_euler = (0.6, 0.25, 0.4)
+    for added in (camera, sun):
+        scene.collection.objects.link(added)
+    scene.camera = camera
+    scene.world = bpy.data.worlds.new("World")
+    scene.world.color = (0.6, 0.63, 0.66)
+    for screen in bpy.data.screens:
+        for area in screen.areas:
+            if area.type == "VIEW_3D":
+                shading = area.spaces.active.shading
+                shading.color_type, shading.show_cavity, shading.show_shadows = "MATERIAL", True, True
+
+
+def _parser() -> argparse.ArgumentParser:
+    about = "Build a room, have a character use two seats, and save scene, pictures and report."
+    parser = argparse.ArgumentParser(prog="demo", description=about)
+    parser.add_argument("--out", default="out/demo", help="folder for demo.blend, demo.png, demo.mp4 and demo.json")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--hold", type=float, default=2.0, help="seconds to stay on each seat")
+    parser.add_argument("--second-seat", default="armchair", choices=("armchair", "bench", "stool", "sofa"))
+    parser.add_argument("--no-contact-ik", action="store_true", help="show the network alone")
+    parser.add_argument("--tiles", type=int, default=15, help="pictures on the contact sheet")
+    parser.add_argument("--no-video", action="store_true")
+    parser.add_argument("--width", type=int, default=512, help="width of the video, pixels")
+    parser.add_argument("--video-step", type=int, default=2, help="render every so many frames; 1 is the smoothest and slowest")
+    return parser
+
+
+if __name__ == "__main__":
+    given = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [] if bpy.app.binary_path else sys.argv[1:]
+    code = main(given)
+    if code:
+        sys.exit(code)
