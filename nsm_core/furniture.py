@@ -106,11 +106,11 @@ def _legs(w: float, d: float, top: float, thick: float, style: str) -> list[Box]
 def _back(w: float, y: float, thick: float, low: float, top: float, style: str) -> list[Box]:
     """A back rest between the heights ``low`` and ``top`` whose front is at ``y``."""
     x = w / 2
+    posts = [(-x, -x + 0.04, y, y + thick, low, top), (x - 0.04, x, y, y + thick, low, top)]
     if style == "frame":  # two posts and a rail at the top
-        return [(-x, -x + 0.04, y, y + thick, low, top), (x - 0.04, x, y, y + thick, low, top), (-x, x, y, y + thick, low + 0.6 * (top - low), top)]
+        return posts + [(-x, x, y, y + thick, low + 0.6 * (top - low), top)]
     if style == "ladder":
         rails = np.linspace(low, top, 4)[1:]
-        posts = [(-x, -x + 0.04, y, y + thick, low, top), (x - 0.04, x, y, y + thick, low, top)]
         return posts + [(-x, x, y, y + thick, float(z) - 0.06, float(z)) for z in rails]
     return [(-x, x, y, y + thick, low, top)]
 
@@ -120,7 +120,9 @@ def _seat(width: float, depth: float, front: float, height: float, back: bool, a
     return Seat(point, 0.0, height, width, depth, back, arms)
 
 
-def _seating(kind: str, rng: np.random.Generator, o: dict, m: dict[str, float], back: bool, arms: bool, legs: str, style: str, plate: float) -> Furniture:
+def _seating(
+    kind: str, rng: np.random.Generator, o: dict, m: dict[str, float], back: bool, arms: bool, legs: str, style: str, plate: float
+) -> Furniture:
     """Anything to sit on: ``m`` holds seat_height, width and depth of the free seat, back_height, thickness."""
     h, w, d, t = m["seat_height"], m["width"], m["depth"], m["thickness"]
     y0, y1 = -d / 2, d / 2
@@ -147,7 +149,8 @@ def _seating(kind: str, rng: np.random.Generator, o: dict, m: dict[str, float], 
 
 def _chair(rng: np.random.Generator, o: dict) -> Furniture:
     m = _pick(rng, o, seat_height=(0.38, 0.55), width=(0.38, 0.52), depth=(0.38, 0.48), thickness=(0.025, 0.06), back_height=(0.3, 0.6))
-    legs, style = _choose(rng, o, "legs", ("posts", "posts", "posts", "pedestal", "sides", "solid")), _choose(rng, o, "back_style", ("panel", "frame", "ladder"))
+    legs = _choose(rng, o, "legs", ("posts", "posts", "posts", "pedestal", "sides", "solid"))
+    style = _choose(rng, o, "back_style", ("panel", "frame", "ladder"))
     return _seating("chair", rng, o, m, True, False, str(legs), str(style), float(o.pop("plate", rng.uniform(0.02, 0.08))))
 
 
@@ -162,7 +165,8 @@ def _sofa(rng: np.random.Generator, o: dict) -> Furniture:
     m = _pick(rng, o, seat_height=(0.36, 0.48), width=(1.1, 2.2), depth=(0.5, 0.68), thickness=(0.12, 0.28), back_height=(0.3, 0.5),
               arm_width=(0.1, 0.25), arm_height=(0.12, 0.26))  # fmt: skip
     arms = bool(_choose(rng, o, "arms", (True, True, True, False)))
-    return _seating("sofa", rng, o, m, True, arms, str(_choose(rng, o, "legs", ("posts", "solid"))), "panel", float(o.pop("plate", rng.uniform(0.1, 0.25))))
+    legs = _choose(rng, o, "legs", ("posts", "solid"))
+    return _seating("sofa", rng, o, m, True, arms, str(legs), "panel", float(o.pop("plate", rng.uniform(0.1, 0.25))))
 
 
 def _stool(rng: np.random.Generator, o: dict) -> Furniture:

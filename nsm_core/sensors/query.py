@@ -60,6 +60,8 @@ def box_group(position: Array, rotation: Array | float, mins: Array, maxs: Array
         raise GeometryError("A collider holds coordinates that are not numbers; repair the object's mesh or its transform.")
     if (mins > maxs).any():
         raise GeometryError("A collider box has a minimum above its maximum; swap them.")
+    if rotation.shape == (4,) and np.linalg.norm(rotation) < 1e-6:
+        raise GeometryError("A collider's quaternion is zero; give (1, 0, 0, 0) for no rotation.")
     heading: float | None = None
     if rotation.shape == ():
         heading, quaternion = float(rotation), heading_quat(rotation)
