@@ -45,7 +45,7 @@ def contact_sheet(
     with tempfile.TemporaryDirectory() as folder, studio(scene, size) as temporary:
         hips, facing = path_of(take, scene)
         direction = direction or choose_direction(take, scene, hips, facing)
-        shot = Shot(hips, direction, height=2.15 * take_scale(take), tracking=1.0)
+        shot = Shot(hips, direction, height=2.3 * take_scale(take), tracking=1.0)
         follow_camera(temporary.camera, take, shot)
         scene.render.image_settings.file_format = "PNG"
         for k, frame in enumerate(frames):
@@ -87,10 +87,10 @@ def video(
         if progress:
             progress(min(len(heard) / max(1, len(range(take.frame_start, take.frame_end + 1, step))), 1.0))
 
-    with tempfile.TemporaryDirectory() as folder, studio(scene, size, "FXAA") as temporary:
+    with tempfile.TemporaryDirectory() as folder, studio(scene, size, fast=True) as temporary:
         hips, facing = path_of(take, scene)
         direction = direction or choose_direction(take, scene, hips, facing)
-        follow_camera(temporary.camera, take, Shot(hips, direction, height=2.5 * take_scale(take), tracking=0.85, softness=0.6))
+        follow_camera(temporary.camera, take, Shot(hips, direction, height=2.35 * take_scale(take), tracking=0.85, softness=0.6))
         use_mp4(scene)
         scene.frame_start, scene.frame_end, scene.frame_step = take.frame_start, take.frame_end, step
         scene.render.fps_base *= step
