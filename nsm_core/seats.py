@@ -70,12 +70,11 @@ def find_seat(vertices: Array, triangles: Array) -> Seat:
     if not len(samples):
         raise GeometryError(_NO_SEAT)
     turn = _main_direction(samples)
+    tops, origin = _height_map(rotate_planar(samples, -turn))
+    height = _seat_height(tops)
     best: tuple[float, Seat] | None = None
-    height: float | None = None
     for quarter in range(4):
         heading = turn + quarter * np.pi / 2
-        tops, origin = _height_map(rotate_planar(samples, np.full(len(samples), -heading)))
-        height = _seat_height(tops) if height is None else height
         # Where sides are alike, the documented front wins.
         score, seat = _sit_facing_front(tops, origin, height)
         score *= 1.3 if abs(wrap_angle(heading)) < 0.1 else 1.0
@@ -83,6 +82,8 @@ def find_seat(vertices: Array, triangles: Array) -> Seat:
             seat.point = rotate_planar(seat.point, np.float32(heading))
             seat.heading = float(wrap_angle(heading))
             best = score, seat
+        # The same map seen a quarter further: (x, y) becomes (y, -x).
+        tops, origin = tops.T[:, ::-1], np.array((origin[1], -origin[0] - len(tops) * _STEP))
     if best is None:
         raise GeometryError(_NO_SEAT)
     return best[1]
