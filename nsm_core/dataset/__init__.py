@@ -1,0 +1,1 @@
+"""From captures to training data: library, stitching, scenes, annotation, export."""

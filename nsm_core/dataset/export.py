@@ -1,0 +1,196 @@
+"""Write composed takes as memory-mapped arrays, and cut network states out of them."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..conventions import DT, STYLES
+from ..errors import CaptureError
+from ..features import CELLS, ENVIRONMENT, Surroundings, no_object
+from ..furniture import cuboids
+from ..rotations import Array, rotate_planar
+from ..sensors.cuboid import interaction_sensor
+from ..sensors.cylinder import environment_sensor_many
+from ..series import KEY_STEP, KEYS, WINDOW, State
+from .compose import Composer, Source, load
+from .take import Annotated, Take, annotate, goal_tables
+
+_FIELDS: dict[str, tuple[tuple[int, ...], type]] = {
+    "joint_position": ((23, 3), np.float32),
+    "joint_forward": ((23, 3), np.float32),
+    "joint_up": ((23, 3), np.float32),
+    "joint_velocity": ((23, 3), np.float32),
+    "root": ((3,), np.float32),
+    "style": ((len(STYLES),), np.float32),
+    "phase": ((), np.float32),
+    "contact": ((5,), np.float32),
+    "goal_position": ((KEYS, 3), np.float32),
+    "goal_heading": ((KEYS,), np.float32),
+    "goal_action": ((KEYS, 6), np.float32),
+    "environment": ((ENVIRONMENT,), np.uint8),
+    "object": ((), np.int32),
+    "start": ((), np.int64),
+    "end": ((), np.int64),
+}
+_OBJECT_FIELDS = ("object_cells", "object_occupancy")
+SEAT_MEMORY = 0.25  # the seat is sensed until its action label falls to this (published code)
+
+
+def _objects(take: Take, annotated: Annotated) -> tuple[Array, Array, Array]:
+    """Sensed seat per frame (T,), -1 for none, and the seats' cells (M, 512, 3) and occupancy (M, 512)."""
+    which = np.full(len(take), -1, np.int32)
+    sit = annotated.style[:, STYLES.index("sit")]
+    last = -1
+    for t in range(len(take)):
+        command = take.commands[annotated.command[t]]
+        if command.seat >= 0:
+            last = command.seat
+        elif sit[t] <= SEAT_MEMORY:
+            last = -1
+        which[t] = last
+    cells, occupancy = np.zeros((len(take.seats), CELLS, 3), np.float32), np.zeros((len(take.seats), CELLS), np.float32)
+    for n, s in enumerate(take.seats):
+        centre = s.furniture.centre.copy()
+        centre[:2] = s.position + rotate_planar(centre[:2], s.heading)
+        volume = interaction_sensor(cuboids([(s.furniture, s.position, s.heading)]), centre, s.furniture.size, s.heading)
+        cells[n], occupancy[n] = volume.cells_world(), volume.occupancy
+    return which, cells, occupancy
+
+
+def take_arrays(take: Take) -> dict[str, Array]:
+    """All arrays of one take; frame indices count from its own start."""
+    a = annotate(take)
+    position, heading, action = goal_tables(take, a)
+    which, cells, occupancy = _objects(take, a)
+    scene = cuboids([(p.furniture, p.position, p.heading) for p in take.seats + take.obstacles])
+    environment = environment_sensor_many(scene, a.root[:, :2], a.root[:, 2])
+    count = len(take)
+    return {
+        **{k: getattr(a, k) for k in ("joint_position", "joint_forward", "joint_up", "joint_velocity", "root", "style", "phase", "contact")},
+        "goal_position": position,
+        "goal_heading": heading,
+        "goal_action": action,
+        "environment": np.round(environment * 255).astype(np.uint8),
+        "object": which,
+        "start": np.zeros(count, np.int64),
+        "end": np.full(count, count, np.int64),
+        "object_cells": cells,
+        "object_occupancy": occupancy,
+    }
+
+
+_source: Source | None = None
+
+
+def _prepare(folder: str) -> None:
+    global _source
+    _source = load(folder)
+
+
+def _one(seed: int) -> tuple[int, dict[str, Array], list[tuple[str, int, int]]] | None:
+    assert _source is not None
+    take = Composer(_source).compose(seed)
+    return None if take is None else (seed, take_arrays(take), take.provenance)
+
+
+def export(captures: str, out: str | Path, minutes: float, seed: int = 0, workers: int = 2, progress: object = None) -> Path:
+    """Compose takes until ``minutes`` of motion are there and write them below ``out``; returns the folder.
+
+    The same seed gives the same data.  Raises CaptureError where the capture folder is unusable.
+    """
+    out = Path(out)
+    out.mkdir(parents=True, exist_ok=True)
+    if not (Path(captures) / "clips").is_dir():
+        raise CaptureError(f"{captures} has no folder 'clips'; name the capture folder.")
+    wanted, frames, objects = int(minutes * 1800), 0, 0
+    files = {k: open(out / f"{k}.bin", "wb") for k in (*_FIELDS, *_OBJECT_FIELDS)}  # noqa: SIM115
+    provenance = {}
+    try:
+        with ProcessPoolExecutor(workers, initializer=_prepare, initargs=(captures,)) as pool:
+            batch = seed
+            while frames < wanted:
+                for result in pool.map(_one, range(batch, batch + 16), chunksize=2):
+                    if result is None or frames >= wanted:
+                        continue
+                    number, arrays, pieces = result
+                    provenance[number] = {"start": frames, "pieces": pieces}
+                    arrays["object"] = np.where(arrays["object"] >= 0, arrays["object"] + objects, -1)
+                    arrays["start"], arrays["end"] = arrays["start"] + frames, arrays["end"] + frames
+                    frames += len(arrays["root"])
+                    objects += len(arrays["object_cells"])
+                    for k, (_, dtype) in _FIELDS.items():
+                        files[k].write(np.ascontiguousarray(arrays[k], dtype=dtype).tobytes())
+                    for k in _OBJECT_FIELDS:
+                        files[k].write(np.ascontiguousarray(arrays[k], dtype=np.float32).tobytes())
+                batch += 16
+                if callable(progress):
+                    progress(frames, wanted)
+    finally:
+        for f in files.values():
+            f.close()
+    (out / "data.json").write_text(json.dumps({"frames": frames, "objects": objects, "seed": seed, "takes": provenance}))
+    return out
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Arrays of N frames of takes back to back, memory-mapped; ``frames`` (n,) are those a state can be cut at."""
+
+    arrays: dict[str, Array]
+    frames: Array
+
+    @classmethod
+    def open(cls, folder: str | Path, in_memory: bool = True) -> Dataset:
+        """Open what ``export`` wrote; CaptureError where it is incomplete."""
+        folder = Path(folder)
+        try:
+            meta = json.loads((folder / "data.json").read_text())
+        except (OSError, ValueError) as error:
+            raise CaptureError(f"{folder} holds no finished training data; compose it again.") from error
+        shapes = {k: ((meta["frames"], *s), d) for k, (s, d) in _FIELDS.items()}
+        shapes |= {"object_cells": ((meta["objects"], CELLS, 3), np.float32), "object_occupancy": ((meta["objects"], CELLS), np.float32)}
+        arrays = {k: np.memmap(folder / f"{k}.bin", dtype=d, mode="r", shape=s) for k, (s, d) in shapes.items() if s[0]}
+        if in_memory:
+            arrays = {k: np.array(v) for k, v in arrays.items()}
+        n = np.arange(meta["frames"])
+        return cls(arrays, n[(arrays["end"] - n > WINDOW + 1)])
+
+    def state(self, frames: Array) -> State:
+        """States (B) at ``frames`` (B,) of the takes (section 3.1)."""
+        a = self.arrays
+        start, end = a["start"][frames], a["end"][frames]
+        past = np.maximum(frames[:, None] + np.arange(-WINDOW, 1), start[:, None])
+        future = np.minimum(frames[:, None] + np.arange(1, KEYS // 2 + 1) * KEY_STEP, end[:, None] - 1)
+        before = np.arange(-WINDOW, 1)[None] + frames[:, None] - past  # frames reached out of the take, counted at idle speed
+        return State(
+            a["joint_position"][frames],
+            a["joint_forward"][frames],
+            a["joint_up"][frames],
+            a["joint_velocity"][frames],
+            a["root"][past],
+            a["style"][past],
+            (a["phase"][past] + before * DT) % 1.0,
+            a["root"][future],
+            a["style"][future],
+            a["phase"][future] % 1.0,
+            a["goal_position"][frames],
+            a["goal_heading"][frames],
+            a["goal_action"][frames],
+        )
+
+    def surroundings(self, frames: Array, root: Array) -> Surroundings:
+        """What the sensors told at ``frames`` (B,); characters without an object get empty cells at ``root`` (B, 3)."""
+        a = self.arrays
+        cells, occupancy = no_object(root)
+        which = a["object"][frames]
+        has = which >= 0
+        cells[has], occupancy[has] = a["object_cells"][which[has]], a["object_occupancy"][which[has]]
+        return Surroundings(a["environment"][frames].astype(np.float32) / 255, cells, occupancy)
+
+
+__all__ = ["Dataset", "export", "take_arrays"]

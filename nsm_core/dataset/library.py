@@ -1,0 +1,211 @@
+"""The pool of captured frames that performances are stitched from.
+
+A library holds every usable clip and its mirror image back to back, with what stitching needs per frame:
+the smoothed planar root, the pose in the root frame and the foot contacts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .. import bvh
+from ..clip import Clip
+from ..conventions import FPS
+from ..errors import CaptureError
+from ..rotations import Array, rotate_planar, wrap_angle
+from ..limbs import place_wrists
+from ..skeleton import ARMS, HIPS, INDEX, forward_kinematics, root_of
+
+# Clips whose names hold one of these words are left out of level walking: they hop, skip, crouch or carry.
+_LEFT_OUT = ("hop", "skip", "leap", "jump", "crouch", "box", "run", "swing", "sway", "dribble", "pickup", "pick_up", "use_item", "talk", "interact", "push", "squat", "lift")
+_WALK_SOURCES = ("accad_female1", "accad_male1", "accad_male2", "cmu", "opencap", "quaternius")
+_SIT_CLIPS = ("opencap_sts1", "opencap_stsasym1", "opencap_stsweaklegs1", "quaternius_sit_full")
+ROOT_SMOOTHING = 0.12  # seconds: standard deviation of the Gaussian over root position and heading
+
+
+def gaussian_smooth(values: Array, sigma_frames: float) -> Array:
+    """Smooth (T, ...) along time with a Gaussian; ends are point-mirrored so that velocity is kept."""
+    radius = int(np.ceil(3 * sigma_frames))
+    if len(values) < 2 or radius == 0:
+        return values.copy()
+    n = min(radius, len(values) - 1)
+    head, tail = 2 * values[:1] - values[n:0:-1], 2 * values[-1:] - values[-2 : -n - 2 : -1]
+    pad = radius - n
+    padded = np.concatenate((np.repeat(head[:1], pad, 0), head, values, tail, np.repeat(tail[-1:], pad, 0)))
+    kernel = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma_frames) ** 2)
+    kernel /= kernel.sum()
+    flat = padded.reshape(len(padded), -1)
+    smooth = np.stack([np.convolve(flat[:, c], kernel, mode="valid") for c in range(flat.shape[1])], axis=1)
+    return smooth.reshape(values.shape).astype(values.dtype)
+
+
+def smoothed_root(positions: Array) -> tuple[Array, Array]:
+    """Root positions (T, 2) and unwrapped headings (T,) of world joints (T, J, 3), smoothed over ROOT_SMOOTHING.
+
+    The root is only a frame of reference, so smoothing costs no precision: the pose is expressed in it.
+    It keeps the sway of a walking pelvis out of the trajectory that the network has to predict.
+    """
+    position, heading = root_of(positions)
+    sigma = ROOT_SMOOTHING * FPS
+    return gaussian_smooth(position, sigma), gaussian_smooth(np.unwrap(heading), sigma)
+
+
+def foot_contacts(positions: Array) -> Array:
+    """Whether each foot stands in (T, J, 3) world joints: (T, 2) booleans, right then left.
+
+    The toe joint is near its standing height and slow, or the ankle is; a majority over five frames decides.
+    """
+    result = []
+    for side in ("Right", "Left"):
+        standing = np.zeros(len(positions), dtype=bool)
+        for joint, height in (("Toe", 0.05), ("Ankle", 0.12)):
+            p = positions[:, INDEX[side + joint]]
+            speed = np.linalg.norm(np.gradient(p, axis=0), axis=1) * FPS
+            standing |= (p[:, 2] < height) & (speed < (0.45 if joint == "Toe" else 0.3))
+        votes = np.convolve(np.pad(standing.astype(float), 2, mode="edge"), np.ones(5), mode="valid")
+        result.append(votes >= 3)
+    return np.stack(result, axis=1)
+
+
+@dataclass(frozen=True)
+class Library:
+    """N frames of clips back to back.
+
+    ``hips`` (N, 3) and ``rotations`` (N, J, 4) as captured; ``root`` (N, 2) and ``heading`` (N,) smoothed;
+    ``pose`` (N, J, 3) and ``velocity`` (N, J, 3) joints in the root frame, m and m/s; ``contacts`` (N, 2);
+    ``start`` and ``end`` (N,): first and one-past-last frame of the clip a frame belongs to.
+    """
+
+    names: tuple[str, ...]
+    clip_of: Array
+    start: Array
+    end: Array
+    hips: Array
+    rotations: Array
+    root: Array
+    heading: Array
+    pose: Array
+    velocity: Array
+    contacts: Array
+
+    def __len__(self) -> int:
+        return len(self.hips)
+
+
+def build(clips: list[Clip]) -> Library:
+    """Stack clips into a Library; clips shorter than 20 frames are dropped."""
+    clips = [c for c in clips if len(c) >= 20]
+    if not clips:
+        raise CaptureError("no usable clip was found; name a folder with the captures' BVH files.")
+    parts: dict[str, list[Array]] = {k: [] for k in ("clip_of", "start", "end", "hips", "rotations", "root", "heading", "pose", "velocity", "contacts")}
+    offset = 0
+    for number, clip in enumerate(clips):
+        positions, _ = clip.world()
+        root, heading = smoothed_root(positions)
+        local = positions.copy()
+        local[..., :2] -= root[:, None]
+        velocity = np.gradient(positions, axis=0) * FPS
+        n = len(clip)
+        parts["clip_of"].append(np.full(n, number))
+        parts["start"].append(np.full(n, offset))
+        parts["end"].append(np.full(n, offset + n))
+        parts["hips"].append(clip.hips_position)
+        parts["rotations"].append(clip.local_rotations)
+        parts["root"].append(root)
+        parts["heading"].append(heading)
+        parts["pose"].append(rotate_planar(local, -heading[:, None]))
+        parts["velocity"].append(rotate_planar(velocity, -heading[:, None]))
+        parts["contacts"].append(foot_contacts(positions))
+        offset += n
+    return Library(tuple(c.name for c in clips), **{k: np.concatenate(v) for k, v in parts.items()})
+
+
+def _is_level_walk(clip: Clip) -> bool:
+    if any(word in clip.name for word in _LEFT_OUT):
+        return False
+    hips = clip.hips_position
+    speed = np.linalg.norm(np.diff(hips[:, :2], axis=0), axis=1).mean() * FPS
+    return bool(hips[:, 2].min() > 0.8 and speed < 2.0)
+
+
+def load_walks(folder: str | Path) -> list[Clip]:
+    """Read the level idle and walking clips below the capture folder, by name and by measure."""
+    paths = [p for source in _WALK_SOURCES for p in sorted((Path(folder) / "clips" / source).glob("*.bvh"))]
+    paths = [p for p in paths if not (p.parent.name == "cmu" and p.stem.split("_")[1] in ("01", "03"))]
+    paths = [p for p in paths if not (p.parent.name == "cmu" and p.stem.startswith(("cmu_02_04", "cmu_02_05", "cmu_02_06", "cmu_02_07", "cmu_02_08", "cmu_02_09", "cmu_02_10", "cmu_06")))]
+    return [c for c in map(bvh.read, paths) if _is_level_walk(c)]
+
+
+@dataclass(frozen=True)
+class SitDown:
+    """One captured sit-down and rise: stand at 0, seat reached at ``down``, left at ``up``, stand at the end."""
+
+    clip: Clip
+    down: int
+    up: int
+
+
+# Frame of a quiet stand whose arms the sitters get: the chair captures have no hand markers and hold the arms folded.
+_NEUTRAL_ARMS = ("accad_male1", "male1_a1_stand", 90)
+_ARM_JOINTS = [INDEX[s + n] for s in ("Right", "Left") for n in ("Collar", "Shoulder", "Elbow", "Wrist")]
+
+
+def rest_hands_on_thighs(clip: Clip, arms: Array) -> Clip:
+    """Let the arms (8, 4), local rotations, hang while standing and lay the hands on the thighs while seated.
+
+    The wrists follow from where they hang to a point over the middle of the thigh as the hips come down.
+    """
+    rotations = clip.local_rotations.copy()
+    rotations[:, _ARM_JOINTS] = arms
+    positions, _ = forward_kinematics(clip.hips_position, rotations)
+    height = gaussian_smooth(positions[:, HIPS, 2], 3.0)
+    w = np.clip((height.max() - 0.05 - height) / max(float(np.ptp(height)) - 0.1, 0.1), 0, 1)
+    w = (w * w * (3 - 2 * w))[:, None]
+    for side, (name, arm) in enumerate(zip(("Right", "Left"), ARMS, strict=True)):
+        hip, knee, wrist = positions[:, INDEX[name + "Hip"]], positions[:, INDEX[name + "Knee"]], positions[:, arm[2]]
+        thigh = hip + 0.55 * (knee - hip) + np.array((0, 0, 0.085))
+        rotations = place_wrists(clip.hips_position, rotations, side, (wrist + w * (thigh - wrist)).astype(np.float32))
+    return Clip(clip.name, clip.hips_position, rotations.astype(np.float32))
+
+
+def load_sits(folder: str | Path) -> list[SitDown]:
+    """Cut the sitting clips below the capture folder into sit-downs that start and end standing."""
+    sits = []
+    source, name, frame = _NEUTRAL_ARMS
+    arms = bvh.read(Path(folder) / "clips" / source / f"{name}.bvh").local_rotations[frame, _ARM_JOINTS]
+    for path in sorted((Path(folder) / "clips").glob("*/*.bvh")):
+        if path.stem not in _SIT_CLIPS:
+            continue
+        clip = bvh.read(path)
+        height = gaussian_smooth(clip.hips_position[:, 2], 2.0)
+        seat = np.percentile(height, 5)
+        standing = np.percentile(height, 97)
+        low = height < seat + 0.03
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], low, [False])).astype(int)))
+        for down, up in zip(edges[::2], edges[1::2], strict=True):
+            if up - down < 4:
+                continue
+            before = np.flatnonzero(height[:down] > standing - 0.03)
+            after = np.flatnonzero(height[up:] > standing - 0.03)
+            if not len(before) or not len(after):
+                continue
+            start, end = int(before[-1]), int(up + after[0])
+            cut = Clip(f"{clip.name}@{start}", clip.hips_position[start : end + 1], clip.local_rotations[start : end + 1])
+            sits.append(SitDown(rest_hands_on_thighs(cut, arms), int(down - start), int(up - start)))
+    if not sits:
+        raise CaptureError("no sit-down was found among the captures; the folder must hold clips that sit and rise again.")
+    return sits
+
+
+def hips_height(library: Library) -> Array:
+    """Height of the hips (N,), metres."""
+    return library.hips[:, 2] if len(library) else library.pose[:, HIPS, 2]
+
+
+def heading_change(library: Library, frames: Array, ahead: int) -> Array:
+    """Signed change of heading (n,), radians, ``ahead`` frames after ``frames`` within their clips."""
+    later = np.minimum(frames + ahead, library.end[frames] - 1)
+    return wrap_angle(library.heading[later] - library.heading[frames])

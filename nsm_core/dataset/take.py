@@ -1,0 +1,157 @@
+"""An annotated take: motion with roots, labels, phase, contacts, goals and the scene it happens in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..conventions import CONTACTS, DT, FPS, GOAL_ACTIONS, STYLES
+from ..furniture import Furniture
+from ..rotations import Array, quat_to_matrix
+from ..series import KEY_OFFSETS, KEYS
+from ..skeleton import forward_kinematics
+from .library import gaussian_smooth, smoothed_root
+
+IDLE, WALK, SIT = STYLES.index("idle"), STYLES.index("walk"), STYLES.index("sit")
+
+
+@dataclass(frozen=True)
+class Command:
+    """What the animator asks for from ``frame`` on.
+
+    A static goal has a ``position`` (3,), ``heading`` and ``action``; a dynamic one (``position`` None) is the root
+    itself one second ahead (section 3.1, low-level control).  ``seat`` indexes the scene's seats, -1 for none.
+    """
+
+    frame: int
+    action: str
+    position: Array | None = None
+    heading: float = 0.0
+    seat: int = -1
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A piece of furniture in the world: ``position`` (2,), metres, and ``heading``."""
+
+    furniture: Furniture
+    position: Array
+    heading: float
+
+
+@dataclass
+class Take:
+    """One performance.  ``hips`` (T, 3), ``rotations`` (T, J, 4), ``contacts`` (T, 5), ``sitting`` (T,) 0..1 label ramp."""
+
+    hips: Array
+    rotations: Array
+    contacts: Array
+    sitting: Array
+    commands: list[Command]
+    seats: list[Placed] = field(default_factory=list)
+    obstacles: list[Placed] = field(default_factory=list)
+    phase_keys: list[int] = field(default_factory=list)
+    provenance: list[tuple[str, int, int]] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self.hips)
+
+
+def styles_of(root: Array, sitting: Array) -> Array:
+    """Action labels (T, 7) by rule: the sit ramp first, the rest shared by walk and idle by root speed."""
+    speed = np.linalg.norm(np.gradient(root, axis=0), axis=1) * FPS
+    walk = np.clip((gaussian_smooth(speed, 4.0) - 0.12) / 0.35, 0, 1) * (1 - sitting)
+    styles = np.zeros((len(root), len(STYLES)), np.float32)
+    styles[:, SIT], styles[:, WALK] = sitting, walk
+    styles[:, IDLE] = 1 - sitting - walk
+    return styles
+
+
+def phase_of(contacts: Array, walking: Array, transition_keys: list[int], count: int) -> Array:
+    """Unwrapped phase (T,) in cycles (section 5.1).
+
+    A cycle ends at every left landing while walking and at the ends of acyclic transitions; in between the idle
+    phase runs at about 1 Hz.  ``contacts`` (T, 2) right and left foot, ``walking`` (T,) label.
+    """
+    left = contacts[:, 1].astype(int)
+    landings = [int(f) + 1 for f in np.flatnonzero(np.diff(left) > 0) if walking[f + 1] > 0.3]
+    keys = sorted({k for k in transition_keys if 0 <= k < count} | set(landings))
+    merged: list[int] = []
+    for k in keys:
+        # Two landings within a third of a second are one stumble of the label, not two steps.
+        if merged and k - merged[-1] < 10:
+            continue
+        merged.append(k)
+    filled: list[int] = []
+    for a, b in zip([-FPS, *merged], [*merged, count + FPS], strict=True):
+        filled += list(np.round(np.linspace(a, b, max(1, round((b - a) / FPS / 1.25)) + 1)).astype(int)[:-1])
+    filled.append(count + FPS)
+    return np.interp(np.arange(count), filled, np.arange(len(filled))).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class Annotated:
+    """Per-frame arrays of a take, ready to be cut into states; shapes as in ``series.State`` without the batch."""
+
+    joint_position: Array
+    joint_forward: Array
+    joint_up: Array
+    joint_velocity: Array
+    root: Array  # (T, 3)
+    style: Array  # (T, 7)
+    phase: Array  # (T,) unwrapped
+    contact: Array  # (T, 5)
+    command: Array  # (T,) index of the command in force
+
+
+def annotate(take: Take) -> Annotated:
+    """Compute roots, axes, velocities, labels and phase of a take by rule."""
+    positions, rotations = forward_kinematics(take.hips, take.rotations)
+    matrices = quat_to_matrix(rotations)
+    velocity = np.zeros_like(positions)
+    velocity[1:] = (positions[1:] - positions[:-1]) / DT
+    velocity[0] = velocity[1]
+    root, heading = smoothed_root(positions)
+    style = styles_of(root, take.sitting)
+    feet = take.contacts[:, [CONTACTS.index("RightAnkle"), CONTACTS.index("LeftAnkle")]]
+    phase = phase_of(feet, style[:, WALK], take.phase_keys, len(take))
+    command = np.searchsorted([c.frame for c in take.commands], np.arange(len(take)), side="right") - 1
+    return Annotated(
+        positions.astype(np.float32),
+        (-matrices[..., 1]).astype(np.float32),
+        matrices[..., 2].astype(np.float32),
+        velocity.astype(np.float32),
+        np.concatenate((root, heading[:, None]), axis=1).astype(np.float32),
+        style,
+        phase,
+        take.contacts.astype(np.float32),
+        np.maximum(command, 0).astype(np.int32),
+    )
+
+
+def goal_tables(take: Take, annotated: Annotated) -> tuple[Array, Array, Array]:
+    """Goals at all keys of all frames: positions (T, 13, 3), headings (T, 13) and actions (T, 13, 6).
+
+    Past keys keep the command of their time; from now on the command in force holds for every key ahead.
+    """
+    count = len(take)
+    frames = np.arange(count)
+    when = np.clip(frames[:, None] + KEY_OFFSETS[None], 0, count - 1)
+    in_force = annotated.command[np.minimum(when, frames[:, None])]
+    position = np.zeros((count, KEYS, 3), np.float32)
+    heading = np.zeros((count, KEYS), np.float32)
+    action = np.zeros((count, KEYS, len(GOAL_ACTIONS)), np.float32)
+    ahead = np.minimum(when + FPS, count - 1)
+    for number, command in enumerate(take.commands):
+        mask = in_force == number
+        if command.position is None:
+            position[mask, :2] = annotated.root[ahead[mask], :2]
+            heading[mask] = annotated.root[ahead[mask], 2]
+            walks = annotated.style[ahead[mask], WALK] > 0.5
+            action[mask] = np.eye(len(GOAL_ACTIONS), dtype=np.float32)[np.where(walks, GOAL_ACTIONS.index("walk"), GOAL_ACTIONS.index("idle"))]
+        else:
+            position[mask] = command.position
+            heading[mask] = command.heading
+            action[mask] = np.eye(len(GOAL_ACTIONS), dtype=np.float32)[GOAL_ACTIONS.index(command.action)]
+    return position, heading, action

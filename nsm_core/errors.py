@@ -1,0 +1,33 @@
+"""One tree of errors; every message is a plain sentence that says what to do next."""
+
+
+class NsmError(Exception):
+    """Base of everything this project raises on bad input."""
+
+
+class SkeletonError(NsmError):
+    """Joints are missing, renamed or in the wrong hierarchy."""
+
+
+class CaptureError(NsmError):
+    """A motion capture file cannot be read or holds values that are not numbers."""
+
+
+class WeightsError(NsmError):
+    """A weights file is missing, truncated, foreign or of another layout."""
+
+
+class GeometryError(NsmError):
+    """A mesh or object cannot serve as a collider or goal."""
+
+
+class GoalError(NsmError):
+    """A goal is unknown, incomplete or cannot be reached."""
+
+
+class JobError(NsmError):
+    """A job file or one of its entries is wrong."""
+
+
+class OutputError(NsmError):
+    """A result cannot be written where it was asked for."""

@@ -1,0 +1,188 @@
+"""Batches of training: frames of the data with noise, and states of the network's own roll-outs.
+
+One-step training never comes to rest in roll-out.  A pool of characters is therefore stepped by the network as it
+trains, by the very functions the product steps with; each of its states is trained towards the true next frame,
+reached by undoing the drift little by little instead of at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..control.stepping import advance
+from ..conventions import DT
+from ..dataset.export import Dataset
+from ..features import FRAME, INPUT, OUTPUT, build_inputs, build_targets, read_outputs
+from ..rotations import Array, rotate_planar, wrap_angle
+from ..series import FUTURE, KEY_STEP, State
+
+
+@dataclass(frozen=True)
+class RolloutSettings:
+    """How roll-outs are run and corrected."""
+
+    length: int = 60  # frames a roll-out lasts at most
+    root_rate: float = 0.05  # share of the root's drift that the target undoes per frame
+    pose_rate: float = 0.15  # the same for the pose in the root frame
+    furthest: float = 0.6  # metres of root drift, or of mean joint error times four, that end a roll-out
+    turned: float = 0.9  # radians of heading drift that end it
+
+
+def _rigid(state: State, shift: Array, turn: Array, decay: Array) -> State:
+    """Move a true state by a planar drift about its own root: ``shift`` (B, 2), ``turn`` (B,); keys ahead by ``decay`` (6,)."""
+    root = state.root
+    new_root = root.copy()
+    new_root[:, :2] += shift
+    new_root[:, 2] += turn
+
+    def points(p: Array) -> Array:
+        moved = p - np.pad(root[:, None, :2], ((0, 0), (0, 0), (0, 1)))
+        moved = rotate_planar(moved, turn[:, None])
+        moved[..., :2] += new_root[:, None, :2]
+        return moved.astype(np.float32)
+
+    future = state.root_future.copy()
+    future[..., :2] += decay[None, :, None] * shift[:, None]
+    future[..., 2] += decay[None] * turn[:, None]
+    past = state.root_past.copy()
+    past[:, -1] = new_root
+    return replace(
+        state,
+        joint_position=points(state.joint_position),
+        joint_forward=rotate_planar(state.joint_forward, turn[:, None]).astype(np.float32),
+        joint_up=rotate_planar(state.joint_up, turn[:, None]).astype(np.float32),
+        joint_velocity=rotate_planar(state.joint_velocity, turn[:, None]).astype(np.float32),
+        root_past=past,
+        root_future=future.astype(np.float32),
+    )
+
+
+def _local(state: State) -> Array:
+    p = state.joint_position.copy()
+    p[..., :2] -= state.root[:, None, :2]
+    return rotate_planar(p, -state.root[:, None, 2])
+
+
+class Batches:
+    """Builds inputs, gating inputs and targets, physical units."""
+
+    def __init__(self, data: Dataset, frames: Array, rng: np.random.Generator, pool: int, settings: RolloutSettings) -> None:
+        self.data, self.frames, self.rng, self.settings = data, frames, rng, settings
+        weight = np.ones(len(frames))
+        # Sitting down and rising are short: draw them more often than their share of the time.
+        sit = data.arrays["style"][frames, 5]
+        weight[(sit > 0.02) & (sit < 0.98)] = 3.0
+        self._cumulative = np.cumsum(weight) / weight.sum()
+        self.pool_frames = self.draw(pool)
+        self.pool_age = rng.integers(0, settings.length, pool)
+        self.pool_state = data.state(self.pool_frames)
+        self.drift = np.zeros(2)
+
+    def draw(self, count: int) -> Array:
+        """Random frames (count,)."""
+        return self.frames[np.searchsorted(self._cumulative, self.rng.random(count)).clip(0, len(self.frames) - 1)]
+
+    def from_data(self, count: int) -> tuple[Array, Array, Array]:
+        """Inputs (B, 4018), gating (B, 650) and targets (B, 605) of true frames."""
+        frames = self.draw(count)
+        state = self.data.state(frames)
+        x, g = build_inputs(state, self.data.surroundings(frames, state.root))
+        return x, g, build_targets(state, self.data.state(frames + 1), self.data.arrays["contact"][frames + 1])
+
+    def from_pool(self) -> tuple[Array, Array, Array]:
+        """The same for the pool's present states, whose targets lead back to the true takes."""
+        s, state, frames = self.settings, self.pool_state, self.pool_frames
+        true, following = self.data.state(frames), self.data.state(frames + 1)
+        shift, turn = state.root[:, :2] - true.root[:, :2], wrap_angle(state.root[:, 2] - true.root[:, 2])
+        keep = 1 - s.root_rate
+        decay = keep ** (1 + KEY_STEP * np.arange(1, FUTURE + 1, dtype=np.float32)) / keep
+        target = _rigid(following, keep * shift, keep * turn, decay)
+        # What remains is the pose error in the root frame; the feet keep more of theirs, so that they need not slide back.
+        error = _local(state) - _local(true)
+        world = rotate_planar(error, state.root[:, None, 2]).astype(np.float32)
+        position = target.joint_position + (1 - s.pose_rate) * world
+        axes_forward = target.joint_forward + (1 - s.pose_rate) * (state.joint_forward - _turned(true.joint_forward, turn))
+        axes_up = target.joint_up + (1 - s.pose_rate) * (state.joint_up - _turned(true.joint_up, turn))
+        velocity = (position - state.joint_position) / DT
+        target = replace(
+            target, joint_position=position, joint_velocity=velocity, joint_forward=_unit(axes_forward), joint_up=_unit(axes_up)
+        )
+        # Phase drifts too; the targets' updates are those of the data plus a pull towards its phase.
+        x, g = build_inputs(state, self.data.surroundings(frames, state.root))
+        y = build_targets(state, target, self.data.arrays["contact"][frames + 1])
+        slip = (true.phase_past[:, -1] - state.phase_past[:, -1] + 0.5) % 1.0 - 0.5
+        steps = build_phase_updates(true, following)
+        y[:, OUTPUT.slices["phase_update"]] = steps + s.pose_rate * slip[:, None]
+        self._error = np.linalg.norm(error, axis=-1).mean(axis=1)
+        self._shift, self._turn = np.linalg.norm(shift, axis=1), np.abs(turn)
+        return x, g, y
+
+    def step_pool(self, outputs: Array) -> None:
+        """Advance the pool by the network's outputs (B, 605), physical units; worn-out roll-outs start anew."""
+        s = self.settings
+        state = advance(self.pool_state, read_outputs(outputs, self.pool_state))
+        self.pool_frames = self.pool_frames + 1
+        self.pool_age += 1
+        self.drift = 0.98 * self.drift + 0.02 * np.array((self._shift.mean(), self._error.mean()))
+        a = self.data.arrays
+        over = self.pool_age >= s.length
+        over |= a["end"][self.pool_frames] - self.pool_frames <= 32
+        over |= (self._shift > s.furthest) | (self._turn > s.turned) | (4 * self._error > s.furthest)
+        over |= ~np.isfinite(state.joint_position).all(axis=(1, 2))
+        rows = np.flatnonzero(over)
+        if len(rows):
+            self.pool_frames[rows] = self.draw(len(rows))
+            self.pool_age[rows] = 0
+            state.assign(rows, self.data.state(self.pool_frames[rows]))
+        state.goal_position = a["goal_position"][self.pool_frames]
+        state.goal_heading = a["goal_heading"][self.pool_frames]
+        state.goal_action = a["goal_action"][self.pool_frames]
+        self.pool_state = state
+
+
+def _turned(v: Array, turn: Array) -> Array:
+    return rotate_planar(v, turn[:, None]).astype(np.float32)
+
+
+def _unit(v: Array) -> Array:
+    return (v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-6)).astype(np.float32)
+
+
+def build_phase_updates(state: State, following: State) -> Array:
+    """Cumulative phase updates (B, 7) from ``state`` to the keys of ``following``."""
+    phases = np.concatenate((state.phase_past[:, -1:], following.phase_past[:, -1:], following.phase_future), axis=1)
+    steps = np.diff(phases, axis=1)
+    return np.cumsum(steps - np.round(steps), axis=1)
+
+
+def statistics(batches: Batches, count: int = 20000) -> dict[str, Array]:
+    """Means and deviations of inputs, gating and outputs over random frames; sensor blocks share one deviation.
+
+    A sensor cell that was hardly ever hit would otherwise be blown up in a scene where it is.
+    """
+    parts = [batches.from_data(1000) for _ in range(count // 1000)]
+    x, g, y = (np.concatenate([p[k] for p in parts]) for k in range(3))
+    result = {}
+    for name, values in (("input", x), ("gating", g), ("output", y)):
+        result[f"{name}_mean"], result[f"{name}_std"] = values.mean(axis=0), values.std(axis=0)
+    std = result["input_std"]
+    environment, interaction = INPUT.slices["environment"], INPUT.slices["interaction"]
+    std[environment] = np.sqrt((std[environment] ** 2).mean())
+    half = interaction.start + 3 * (interaction.stop - interaction.start) // 4
+    for block in (slice(interaction.start, half), slice(half, interaction.stop)):
+        std[block] = np.sqrt((std[block] ** 2).mean())
+    for layout, offset, names in ((FRAME, 0, ("joint_forward", "joint_up", "trajectory_style")),):
+        for n in names:
+            block = slice(offset + layout.slices[n].start, offset + layout.slices[n].stop)
+            std[block] = np.maximum(std[block], 0.05)
+    goal = INPUT.slices["goal"]
+    std[goal] = np.maximum(std[goal], 0.1)
+    std[: FRAME.size] = np.maximum(std[: FRAME.size], 0.01)
+    result["gating_std"] = np.maximum(result["gating_std"], 0.1)
+    out = result["output_std"]
+    for n in ("joint_forward", "joint_up", "trajectory_style", "goal_action", "contact"):
+        out[OUTPUT.slices[n]] = np.maximum(out[OUTPUT.slices[n]], 0.05)
+    result["output_std"] = np.maximum(out, 0.005)
+    return result
