@@ -258,3 +258,16 @@ def test_turning_while_planted_pivots_on_the_ball():
     heading = np.unwrap(np.arctan2(ahead[:, 0], -ahead[:, 1]))
     assert heading[15] - heading[5] < 0.02 and heading[-1] > 0.3  # held at first, pivots later
     assert np.abs(np.diff(heading)).max() < 0.2
+
+
+def test_foot_is_not_thrown_over_a_short_break_of_contact():
+    """Labels that flicker while a foot is set elsewhere leave the correction time to pass on."""
+    hips, local, _ = synthetic_walk(1, speed=0.0)
+    hips, local = np.repeat(hips, 60, 0), np.repeat(local, 60, 0)
+    hips[30:, 0] += 0.15
+    hips[:, 0] = np.convolve(np.pad(hips[:, 0], 6, mode="edge"), np.ones(13) / 13, mode="valid")
+    contacts = np.ones((60, 2), bool)
+    contacts[30] = False
+    toes = forward_kinematics(*lock_feet(hips, local, contacts))[0][:, TOES]
+    assert np.linalg.norm(np.diff(toes, axis=0), axis=-1).max() < 0.05
+    assert np.ptp(toes[:20, :, 0], axis=0).max() < 2e-3 and np.ptp(toes[40:, :, 0], axis=0).max() < 2e-3

@@ -175,3 +175,14 @@ def test_both_legs_at_once_equal_one_after_the_other():
     single = place_ankles(hips, place_ankles(hips, rotations, 0, targets[:, 0]), 1, targets[:, 1])
     assert np.allclose(both, single)
     assert np.allclose(both[3], place_limbs(hips[3], rotations[3], (FEET[0][:3], FEET[1][:3]), targets[3]))
+
+
+def test_noise_of_a_straight_leg_is_not_magnified():
+    """A nearly straight leg whose tiny bend points anywhere bends, when told to, about its hinge."""
+    hips = np.tile((0.0, 0, 0.97), (50, 1))
+    local = np.zeros((50, J, 4))
+    local[..., 0] = 1
+    turn = np.random.default_rng(0).normal(0, 1, (50, 3)) * (0.02, 0.02, 0) + (0.06, 0, 0)
+    local[:, INDEX["RightKnee"]] = quat_from_rotvec(turn)
+    positions, _ = forward_kinematics(hips, place_ankles(hips, local, 0, np.tile((-0.09, 0.0, 0.25), (50, 1))))
+    assert np.ptp(positions[:, INDEX["RightKnee"], 0]) < 0.06  # the noise itself spreads over half a metre

@@ -15,8 +15,9 @@ from .skeleton import ARMS, FEET, INDEX, OFFSETS, PARENTS
 _HINGES = {INDEX["RightKnee"]: (1, 0, 0), INDEX["LeftKnee"]: (1, 0, 0), INDEX["RightElbow"]: (0, 0, 1), INDEX["LeftElbow"]: (0, 0, -1)}
 # Of the length of the straight limb: where the reach begins to soften, its end, and the tightest fold.
 SOFT_REACH, FULL_REACH, TIGHTEST = 0.99, 0.9995, 0.15
-# Sine of the bend over which the limb's own plane takes over from the hinge axis.
+# The plane of a bend this small is noise (sine of the bend); and of its sine by the new one, where it is not to be magnified.
 _STRAIGHT, _BENT = 0.02, 0.12
+_MAGNIFIED, _LIKE = 0.3, 0.8
 
 
 def solve_two_bone(hip: Array, knee: Array, ankle: Array, target: Array, hinge: Array) -> tuple[Array, Array, Array]:
@@ -141,12 +142,15 @@ def _solve(hip: Array, knee: Array, ankle: Array, target: Array, hinge: Array) -
     way = np.where(distance > 1e-6, way, before)
     distance = _soften(distance, before_length, a + b)
 
-    # The plane of the bend: the limb's own where it is clearly bent, else the joint's hinge.
+    # The plane of the bend: the limb's own where it is clearly bent, else the joint's hinge.  A limb that was nearly straight
+    # and is to bend much would magnify the noise of its own plane into swings of the knee.
     bend = _cross(upper, lower) / (a * b)
     hinge = _unit(hinge - before * _dot(hinge, before))[0]
     sine = _length(bend)
-    own = np.clip((sine - _STRAIGHT) / (_BENT - _STRAIGHT), 0, 1)
-    own = np.where(_dot(bend, hinge) > 0, own * own * (3 - 2 * own), 0)
+    new_cosine = (distance * distance - a * a - b * b) / (2 * a * b)
+    new_sine = np.sqrt(np.maximum(1 - new_cosine * new_cosine, 1e-6))
+    own = _ramp(sine, _STRAIGHT, _BENT) * np.maximum(_ramp(sine / new_sine, _MAGNIFIED, _LIKE), _ramp(sine, 0.4, 0.6))
+    own = np.where(_dot(bend, hinge) > 0, own, 0)
     old_axis = _unit(own * bend / np.maximum(sine, 1e-9) + (1 - own) * hinge)[0]
     # Swing that plane along with the line from start to end.
     w, c = _cross(before, way), _dot(before, way)
@@ -181,6 +185,11 @@ def _carry(bone: Array, axis: Array, new_bone: Array, new_axis: Array) -> Array:
         (np.sqrt((1 + cosine) / 2), np.copysign(np.sqrt((1 - cosine) / 2), _dot(_cross(y, new_y), new_x)) * new_x), axis=-1
     )
     return mul(twist, swing)
+
+
+def _ramp(x: Array, low: float, high: float) -> Array:
+    t = np.clip((x - low) / (high - low), 0, 1)
+    return t * t * (3 - 2 * t)
 
 
 def _dot(a: Array, b: Array) -> Array:

@@ -13,6 +13,8 @@ ANKLES, TOES = [foot[2] for foot in FEET], [foot[3] for foot in FEET]
 # The toe joint is never lower than this over the floor, metres (the reference code's clamp).
 TOE_CLEARANCE = 0.02
 MAX_PELVIS_DROP = 0.08
+# A correction changes by no more than this a frame between two places, metres, if the intervals of contact leave the time.
+MAX_SHIFT_STEP = 0.03
 LEGS = (FEET[0][:3], FEET[1][:3])
 TOE_OFFSET = OFFSETS[TOES[0]].astype(np.float64)
 # Underside of the heel in the foot's rest frame, from the ankle joint, and seen from the toe joint.
@@ -105,9 +107,10 @@ def _corrections(toe: Array, heading: Array, ankle_height: Array, on: Array, pla
     """Shift (T, 3) of one toe and turn (T,) of its foot that pin it in every interval of ``on`` and fade between them."""
     count = len(toe)
     shift, turn, runs = np.zeros((count, 3)), np.zeros(count), intervals(on)
-    for first, last in runs:
+    pins = [{"median": np.median(toe[a:b], axis=0), "first": toe[a], "last": toe[b - 1]}[place] for a, b in runs]
+    runs = _make_room(toe, runs, pins)
+    for (first, last), pin in zip(runs, pins, strict=True):
         inside = toe[first:last]
-        pin = {"median": np.median(inside, axis=0), "first": inside[0], "last": inside[-1]}[place]
         shift[first:last, :2] = pin[:2] - inside[:, :2]
         shift[first:last, 2] = np.clip(TOE_HEIGHT - np.median(inside[:, 2]), -0.02, 0.02)
         # A foot that turns far while it stands pivots on its ball: that is a way to move, not a fault.
@@ -130,6 +133,19 @@ def _corrections(toe: Array, heading: Array, ankle_height: Array, on: Array, pla
             after = values[start] if start < count else np.zeros_like(values[0])
             values[end:start] = np.multiply.outer(leave, before) + np.multiply.outer(arrive, after)
     return shift, turn
+
+
+def _make_room(toe: Array, runs: list[tuple[int, int]], pins: list[Array]) -> list[tuple[int, int]]:
+    """Shorten intervals, each by less than half, where a foot would have to jump from one pin to the next."""
+    firsts, lasts = [a for a, _ in runs], [b for _, b in runs]
+    for k in range(len(runs) - 1):
+        end, start = lasts[k], firsts[k + 1]
+        change = (pins[k + 1] - toe[start]) - (pins[k] - toe[end - 1])
+        lack = int(np.ceil(np.linalg.norm(change[:2]) / MAX_SHIFT_STEP)) - (start - end)
+        if lack > 0:
+            lasts[k] -= min(-(-lack // 2), (runs[k][1] - runs[k][0] - 1) // 2)
+            firsts[k + 1] += min(-(-lack // 2), (runs[k + 1][1] - runs[k + 1][0] - 1) // 2)
+    return list(zip(firsts, lasts, strict=True))
 
 
 def _pelvis_drop(positions: Array, targets: Array, on: Array, fade: int) -> Array:
