@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Generator
 from typing import ClassVar
 
 import bpy
@@ -13,8 +11,8 @@ from nsm_core.errors import NsmError
 from .. import running
 from ..properties import settings_of, show_results, spec_of_row
 from ..report import result_lines
-from ..scene import Preview, SceneState
-from ..takes import Progress, Take, TakeSpec, finish, generate
+from ..session import Session
+from ..takes import Take, TakeSpec, finish, generate
 from . import review
 
 _BUDGET = 0.04  # seconds of stepping between two redraws
@@ -69,12 +67,7 @@ class NSM_OT_generate(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:
             return self.execute(context)
-        scene = context.scene
-        character = settings_of(scene).character
-        self._state = SceneState(scene, character)
-        self._preview: Preview | None = None
-        self._steps: Generator[Progress, None, Take] = generate(spec_of(scene), scene)
-        running.begin(scene, character)
+        self._session = Session(spec_of(context.scene), context.scene)
         manager = context.window_manager
         self._timer = manager.event_timer_add(_TICK, window=context.window)
         manager.modal_handler_add(self)
@@ -88,52 +81,29 @@ class NSM_OT_generate(bpy.types.Operator):
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"} if event.type in _VIEW_EVENTS else {"RUNNING_MODAL"}
-        scene = running.current().scene
+        session = self._session
         try:
-            take = self._advance(context)
+            take = session.tick(_BUDGET)
         except NsmError as error:
-            self.cancel(context)
-            return self._fail(scene, str(error))
+            self._end(context)
+            return self._fail(session.scene, str(error))
         except Exception:
-            self.cancel(context)
+            self._end(context)
             raise
-        if take is None:
-            return {"RUNNING_MODAL"}
-        self._end(context)
-        return self._keep(scene, take)
+        if take is not None:
+            self._end(context)
+            return self._keep(session.scene, take)
+        context.window_manager.progress_update(round(100 * session.fraction))
+        context.workspace.status_text_set(f"NSM: {session.text}   ESC: cancel and restore")
+        _redraw(context)
+        return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Stop and put everything back: called on ESC, on errors, and by Blender when its window closes."""
-        self._steps.close()
-        self._state.restore()
+        """Stop and put everything back: called on ESC, and by Blender when its window closes."""
+        self._session.cancel()
         self._end(context)
 
-    def _advance(self, context: bpy.types.Context) -> Take | None:
-        """Step frames for as long as the budget lasts, show the newest; the Take when it is done."""
-        deadline = time.perf_counter() + _BUDGET
-        progress: Progress | None = None
-        while time.perf_counter() < deadline:
-            try:
-                progress = next(self._steps)
-            except StopIteration as stop:
-                return stop.value
-            if progress.stage == "Keying":
-                self._state.restore()  # the pose kept with the keys must be the animator's, not the preview's
-                self._preview = None
-                break
-        if progress is not None and progress.hips_world is not None and progress.stage != "Keying":
-            if self._preview is None:
-                self._preview = Preview(running.current().character)
-            self._preview.show(progress.hips_world, progress.local_rotations)
-        if progress is not None:
-            text = running.advance(progress.stage, progress.fraction)
-            context.window_manager.progress_update(round(100 * progress.fraction))
-            context.workspace.status_text_set(f"NSM: {text}   ESC: cancel and restore")
-            _redraw(context)
-        return None
-
     def _end(self, context: bpy.types.Context) -> None:
-        running.end()
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
         if context.workspace is not None:

@@ -1,0 +1,165 @@
+"""Bad input: one plain sentence each, and nothing lost."""
+
+from __future__ import annotations
+
+import bpy
+import pytest
+from scenes import box, empty, furnish, needs_weights
+
+import nsm_blender
+from nsm_blender.character import add_character
+from nsm_blender.goals import GoalSpec
+from nsm_blender.takes import TakeSpec, finish, generate, prepare, shipped_model
+from nsm_core.errors import GeometryError, GoalError, NsmError, SkeletonError, WeightsError
+
+
+@pytest.fixture
+def settings():
+    """The sidebar's settings with a character, a chair, a goal, and an action of the animator."""
+    nsm_blender.register()
+    bpy.ops.nsm.add_character()
+    settings = bpy.context.scene.nsm
+    chair, _ = furnish(position=(0.5, -2.0))
+    settings.goals.add().object = chair
+    hips = settings.character.pose.bones["Hips"]
+    hips.keyframe_insert("location", frame=1)
+    settings.character.animation_data.action.name = "Animator's"
+    yield settings
+    nsm_blender.unregister()
+
+
+def refuse(settings, words: str) -> None:
+    """Generate must fail with one sentence that holds ``words``, show it in the sidebar, and change nothing."""
+    character = settings.character
+    action, actions = character.animation_data.action, len(bpy.data.actions)
+    with pytest.raises(RuntimeError) as caught:
+        bpy.ops.nsm.generate()
+    sentence = str(caught.value)
+    assert words in sentence, sentence
+    assert "Traceback" not in sentence and sentence.strip().count("\n") == 0
+    assert character.animation_data.action == action and len(bpy.data.actions) == actions
+    assert any(words in line.text and not line.good for line in settings.results)
+
+
+def test_bones_under_other_parents(settings):
+    bpy.context.view_layer.objects.active = settings.character
+    bpy.ops.object.mode_set(mode="EDIT")
+    bones = settings.character.data.edit_bones
+    bones["LeftKnee"].parent = bones["Hips"]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    refuse(settings, "LeftKnee")
+
+
+def test_renamed_bones(settings):
+    settings.character.data.bones["LeftKnee"].name = "Knie"
+    with pytest.raises(RuntimeError, match="lacks the bone LeftKnee"):
+        bpy.ops.nsm.generate()
+    with pytest.raises(SkeletonError, match="LeftKnee"):
+        prepare(TakeSpec(settings.character, [GoalSpec("idle")]), bpy.context.scene)
+
+
+def test_armature_without_the_bones():
+    other = bpy.data.objects.new("Other", bpy.data.armatures.new("Other"))
+    bpy.context.scene.collection.objects.link(other)
+    with pytest.raises(SkeletonError, match="Other lacks the bones Hips"):
+        prepare(TakeSpec(other, [GoalSpec("idle")]), bpy.context.scene)
+
+
+def test_character_that_is_no_armature():
+    with pytest.raises(SkeletonError, match="Crate is not an armature"):
+        prepare(TakeSpec(box("Crate", (0, 0, 0), (1, 1, 1)), [GoalSpec("idle")]), bpy.context.scene)
+
+
+def test_character_removed_from_the_scene():
+    character = add_character()
+    bpy.context.scene.collection.objects.unlink(character)
+    with pytest.raises(SkeletonError, match="no longer in the scene"):
+        prepare(TakeSpec(character, [GoalSpec("idle")]), bpy.context.scene)
+
+
+def test_uneven_scale(settings):
+    settings.character.scale = (1.0, 1.0, 1.4)
+    refuse(settings, "apply its scale")
+
+
+def test_goal_object_removed_from_the_scene(settings):
+    bpy.context.scene.collection.objects.unlink(settings.goals[0].object)
+    refuse(settings, "Chair is no longer in the scene")
+
+
+def test_goal_object_deleted(settings):
+    bpy.data.objects.remove(settings.goals[0].object)
+    refuse(settings, "has no object; choose one")
+
+
+def test_goal_object_without_a_mesh(settings):
+    settings.goals[0].object = empty("Marker", (1, 1, 0))
+    refuse(settings, "Marker")
+
+
+def test_goal_object_with_an_empty_mesh(settings):
+    chair = settings.goals[0].object
+    chair.modifiers.clear()
+    chair.data.clear_geometry()
+    refuse(settings, "Chair")
+
+
+def test_goal_object_without_a_seat(settings):
+    wall, _ = furnish("wall", "Wall", (3, 3))
+    settings.goals[0].object = wall
+    refuse(settings, "Wall")
+
+
+def test_coordinates_that_are_not_numbers(settings):
+    crate = box("Crate", (2, 2, 0), (3, 3, 1))
+    crate.data.vertices[0].co.x = float("nan")
+    bpy.context.view_layer.update()
+    refuse(settings, "Crate")
+
+
+def test_no_goals():
+    with pytest.raises(GoalError, match="no goal"):
+        prepare(TakeSpec(add_character(), []), bpy.context.scene)
+
+
+def test_goal_points_say_what_is_wrong_and_keep_the_rest(settings):
+    wall, _ = furnish("wall", "Wall", (3, 3))
+    settings.goals.add().object = wall
+    settings.goals[1].action = "sit"
+    with pytest.raises(RuntimeError, match="Wall"):
+        bpy.ops.nsm.goal_points()
+    assert "NSM Goal Chair" in bpy.data.objects and "NSM Goal Wall" not in bpy.data.objects
+
+
+def test_missing_foreign_and_truncated_weights(tmp_path):
+    with pytest.raises(WeightsError):
+        shipped_model(str(tmp_path / "none.npz"))
+    foreign = tmp_path / "foreign.npz"
+    foreign.write_bytes(b"PK not weights")
+    with pytest.raises(WeightsError):
+        shipped_model(str(foreign))
+
+
+def test_every_error_is_one_of_ours():
+    assert all(issubclass(kind, NsmError) for kind in (SkeletonError, GoalError, GeometryError, WeightsError))
+
+
+@needs_weights
+def test_a_goal_walled_in_on_all_sides_is_reported_and_nothing_breaks():
+    character = add_character()
+    chair, _ = furnish(position=(0.0, -3.0))
+    for name, low, high in (
+        ("North", (-1.2, -1.9, 0), (1.2, -1.8, 2)),
+        ("South", (-1.2, -4.2, 0), (1.2, -4.1, 2)),
+        ("West", (-1.2, -4.2, 0), (-1.1, -1.8, 2)),
+        ("East", (1.1, -4.2, 0), (1.2, -1.8, 2)),
+    ):
+        box(name, low, high)
+    spec = TakeSpec(character, [GoalSpec("sit", chair, hold=0.5)])
+    try:
+        take = finish(generate(spec, bpy.context.scene))
+    except GoalError as error:
+        assert "Chair" in str(error)
+        assert not bpy.data.actions
+    else:
+        assert not take.report["goals"][0]["reached"]

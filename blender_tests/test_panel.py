@@ -1,0 +1,185 @@
+"""The sidebar: its list, why Generate is disabled, and that everything it draws exists."""
+
+from __future__ import annotations
+
+import types
+
+import bpy
+import pytest
+from scenes import empty, furnish
+
+import nsm_blender
+from nsm_blender import panels, running
+from nsm_blender.operators.generate import spec_of
+from nsm_blender.properties import show_results
+from nsm_core.skeleton import JOINTS
+
+ICONS = set(bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys())
+
+
+@pytest.fixture(autouse=True)
+def settings():
+    nsm_blender.register()
+    yield bpy.context.scene.nsm
+    running.end()
+    nsm_blender.unregister()
+
+
+class Layout:
+    """Takes the place of UILayout, which only a window has: notes texts, and checks that what is drawn exists."""
+
+    def __init__(self, seen: list[str] | None = None) -> None:
+        self.__dict__["seen"] = [] if seen is None else seen
+
+    def _part(self, **_):
+        return Layout(self.seen)
+
+    row = column = box = _part
+
+    def separator(self, **_):
+        pass
+
+    def label(self, text="", icon="NONE"):
+        assert icon in ICONS, icon
+        self.seen.append(text)
+
+    def prop(self, data, name, text=None, **_):
+        assert name in data.bl_rna.properties, name
+        self.seen.append(text if text is not None else data.bl_rna.properties[name].name)
+
+    def operator(self, idname, text=None, icon="NONE"):
+        assert icon in ICONS, icon
+        kind = getattr(bpy.ops.nsm, idname.removeprefix("nsm.")).get_rna_type()
+        self.seen.append(text if text is not None else kind.name)
+        return types.SimpleNamespace()
+
+    def template_list(self, kind, _name, data, collection, active_data, active, **_):
+        assert hasattr(bpy.types, kind)
+        for row in getattr(data, collection):
+            panels.NSM_UL_goals.draw_item(None, None, self, data, row, 0, active_data, active)
+
+    def progress(self, factor, text):
+        assert 0 <= factor <= 1
+        self.seen.append(text)
+
+
+def drawn() -> list[str]:
+    layout = Layout()
+    # A panel object exists in a window only: its functions run here on a stand-in with the same layout.
+    panel = types.SimpleNamespace(layout=layout)
+    for name in ("_draw_goals", "_draw_generate", "_draw_results"):
+        setattr(panel, name, types.MethodType(getattr(panels.NSM_PT_take, name), panel))
+    panels.NSM_PT_take.draw(panel, bpy.context)
+    return layout.seen
+
+
+def reason() -> str:
+    return running.reason_not_ready(bpy.context)
+
+
+def test_generate_says_why_it_is_disabled(settings):
+    assert "No character" in reason()
+    assert not bpy.ops.nsm.generate.poll()
+    bpy.ops.nsm.add_character()
+    assert "No goal is enabled" in reason()
+    furnish()
+    bpy.data.objects["Chair"].select_set(True)
+    bpy.ops.nsm.goal_add()
+    assert reason() == "" and bpy.ops.nsm.generate.poll()
+    settings.goals[0].enabled = False
+    assert "No goal is enabled" in reason()
+    settings.goals[0].enabled = True
+    settings.character.data.bones["LeftKnee"].name = "Knie"
+    assert "lacks the bone LeftKnee;" in reason()
+    settings.character.data.bones["Knie"].name = "LeftKnee"
+    bpy.context.scene.collection.objects.unlink(settings.character)
+    assert "no longer in this scene" in reason()
+    assert reason() in " ".join(drawn())
+
+
+def test_reason_counts_the_missing_bones(settings):
+    data = bpy.data.armatures.new("Bare")
+    settings.character = bpy.data.objects.new("Bare", data)
+    bpy.context.scene.collection.objects.link(settings.character)
+    assert f"{JOINTS[0]} and {len(JOINTS) - 1} more" in reason()
+
+
+def test_selected_objects_become_goals_once(settings):
+    bpy.ops.nsm.add_character()
+    furnish("chair", "Chair")
+    furnish("sofa", "Sofa", (2, 0))
+    for name in ("Chair", "Sofa", "Character", "Mannequin"):
+        if name in bpy.data.objects:
+            bpy.data.objects[name].select_set(True)
+    bpy.ops.nsm.goal_add()
+    assert sorted((g.object.name, g.action) for g in settings.goals) == [("Chair", "sit"), ("Sofa", "sit")]
+    bpy.ops.nsm.goal_add()
+    assert len(settings.goals) == 3 and settings.goals[2].object is None and settings.goals[2].action == "walk"
+
+
+def test_list_moves_and_removes(settings):
+    for name in "ABC":
+        settings.goals.add().object = empty(name, (0, 0, 0))
+    settings.active_goal = 0
+    assert bpy.ops.nsm.goal_move(direction="UP") == {"CANCELLED"}
+    bpy.ops.nsm.goal_move(direction="DOWN")
+    assert [g.object.name for g in settings.goals] == ["B", "A", "C"] and settings.active_goal == 1
+    bpy.ops.nsm.goal_remove()
+    assert [g.object.name for g in settings.goals] == ["B", "C"]
+    settings.active_goal = 1
+    bpy.ops.nsm.goal_remove()
+    assert settings.active_goal == 0
+    bpy.ops.nsm.goal_remove()
+    assert not bpy.ops.nsm.goal_remove.poll()
+
+
+def test_disabled_goals_are_left_out_of_the_take(settings):
+    for name, enabled in (("A", True), ("B", False)):
+        row = settings.goals.add()
+        row.object, row.enabled, row.action, row.hold = empty(name, (0, 0, 0)), enabled, "walk", 3.5
+    settings.seed, settings.start_frame = 5, 40
+    spec = spec_of(bpy.context.scene)
+    assert [(g.object.name, g.action, g.hold) for g in spec.goals] == [("A", "walk", 3.5)]
+    assert (spec.seed, spec.start_frame) == (5, 40)
+
+
+def test_only_armatures_and_things_with_a_place_are_offered(settings):
+    light = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    pointers = settings.bl_rna.properties["character"], settings.goals.add().bl_rna.properties["object"]
+    assert all(p.type == "POINTER" for p in pointers)
+    from nsm_blender.properties import _is_armature, _is_goal
+
+    assert not _is_armature(settings, light) and not _is_goal(settings, light)
+    assert _is_goal(settings, empty("Mark", (0, 0, 0)))
+
+
+def test_goal_points_operator_makes_empties(settings):
+    bpy.ops.nsm.add_character()
+    chair, _ = furnish(position=(2, 0))
+    settings.goals.add().object = chair
+    assert bpy.ops.nsm.goal_points() == {"FINISHED"}
+    assert bpy.data.objects["NSM Goal Chair"].parent == chair
+
+
+def test_panel_draws_every_state(settings):
+    assert "No character" in " ".join(drawn())
+    bpy.ops.nsm.add_character()
+    chair, _ = furnish()
+    settings.goals.add().object = chair
+    settings.goals.add().action = "walk"
+    settings.goals.add().action = "idle"
+    for index in range(3):
+        settings.active_goal = index
+        drawn()
+    show_results(settings, [("Chair: sat down after 4.1 s, 1.2 cm and 0.5° off.", True), ("Sofa: not reached.", False)])
+    seen = drawn()
+    assert "Chair" in seen and "Generate" in seen and any("1.2 cm" in text for text in seen)
+    running.begin(bpy.context.scene, settings.character)
+    running.advance("Generating", 0.4)
+    seen = drawn()
+    assert "Generate" not in seen and any("40%" in text for text in seen) and any("ESC" in text for text in seen)
+
+
+def test_time_left():
+    assert running.time_left(0.5, 10.0) == ", 10 s left"
+    assert running.time_left(0.01, 10.0) == running.time_left(1.0, 10.0) == running.time_left(0.5, 0.1) == ""
