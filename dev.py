@@ -67,7 +67,8 @@ def version_of(python: str) -> str | None:
 
 def pythons(short: str) -> list[str]:
     """Executables that may be Python ``short`` ("3.11"): this one, then PATH, the launcher, pyenv and uv."""
-    found = [sys.executable, shutil.which(f"python{short}"), shutil.which("python3"), shutil.which("python")]
+    this = getattr(sys, "_base_executable", sys.executable)
+    found = [this, *(shutil.which(name) for name in (f"python{short}", "python3", "python"))]
     if WINDOWS and shutil.which("py"):
         asked = subprocess.run(["py", f"-{short}", "-c", "import sys; print(sys.executable)"], capture_output=True, text=True)
         found.append(asked.stdout.strip() if asked.returncode == 0 else None)
@@ -82,15 +83,25 @@ def pythons(short: str) -> list[str]:
 
 def find_python(short: str) -> str | None:
     """First working Python ``short`` of this machine."""
-    return next((python for python in pythons(short) if (version_of(python) or "").rpartition(".")[0] == short), None)
+    return next((python for python in pythons(short) if short_of(version_of(python)) == short), None)
+
+
+def held_python(folder: Path, short: str) -> str | None:
+    """Python of an environment that was made before, if it is still a ``short``."""
+    inside = str(python_in(folder))
+    return inside if short_of(version_of(inside)) == short else None
+
+
+def short_of(version: str | None) -> str:
+    """"3.11" of "3.11.7"."""
+    return (version or "").rpartition(".")[0]
 
 
 def main_choice() -> tuple[str, str]:
-    """bpy version and Python executable of .venv: this Python if a wheel fits it, else another of the machine."""
-    own = f"{sys.version_info[0]}.{sys.version_info[1]}"
-    order = sorted(wheels().items(), key=lambda item: item[1] != own)
-    for bpy, short in order:
-        python = find_python(short)
+    """bpy version and Python executable of .venv: the one it has, else this Python if a wheel fits it, else another."""
+    made = version_of(str(python_in(ROOT / ".venv"))) or ".".join(map(str, sys.version_info[:3]))
+    for bpy, short in sorted(wheels().items(), key=lambda item: item[1] != short_of(made)):
+        python = held_python(ROOT / ".venv", short) or find_python(short)
         if python:
             return bpy, python
     raise Failure(f"Blender's wheels need Python {' or '.join(dict.fromkeys(wheels().values()))}; install one and run this again.")
@@ -107,23 +118,27 @@ def python_in(folder: Path) -> Path:
 def ensure(folder: Path, python: str, pins: list[str]) -> Path:
     """Make the environment ``folder`` hold ``pins``; does nothing if its stamp says that it does."""
     stamp, inside = folder / "nsm-stamp.json", python_in(folder)
-    version = version_of(python)
+    fits = version_of(str(inside)) == version_of(python)
     try:
-        held = json.loads(stamp.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        held = {"python": None, "pins": []}
-    fits = held["python"] == version and inside.exists()
-    if fits and set(pins) <= set(held["pins"]):
+        held = set(json.loads(stamp.read_text(encoding="utf-8"))["pins"]) if fits else set()
+    except (OSError, ValueError, KeyError):
+        held = set()
+    if fits and set(pins) <= held:
         return inside
-    names = {pin.split("==")[0] for pin in pins}
-    kept = [pin for pin in held["pins"] if fits and pin.split("==")[0] not in names]
-    stamp.unlink(missing_ok=True)
+    names = {name_of(pin) for pin in pins}
+    stamp.unlink(missing_ok=True)  # until the new ones are in, nothing vouches for the folder
     if not fits:
         make_environment(folder, python)
-    print(f"Installing into {folder.name}: {', '.join(pins)} (the first time this takes a while)", flush=True)
+    print(f"Installing into {folder.name}: {', '.join(sorted(names))} (the first time this takes a while)", flush=True)
     install(inside, python, pins)
-    stamp.write_text(json.dumps({"python": version, "pins": sorted({*kept, *pins})}), encoding="utf-8")
+    kept = {pin for pin in held if name_of(pin) not in names}
+    stamp.write_text(json.dumps({"pins": sorted({*kept, *pins})}, indent=1), encoding="utf-8")
     return inside
+
+
+def name_of(pin: str) -> str:
+    """Package that a requirement names."""
+    return pin.partition("==")[0].partition(" ")[0]
 
 
 def make_environment(folder: Path, python: str) -> None:
@@ -142,8 +157,10 @@ def install(inside: Path, python: str, pins: list[str]) -> None:
     pip = [str(inside), "-m", "pip"] if own else [python, "-m", "pip", "--python", str(inside)]
     done = subprocess.run([*pip, "install", "--disable-pip-version-check", "--no-input", *pins], stderr=subprocess.PIPE, text=True)
     if done.returncode != 0:
-        lines = [line for line in done.stderr.splitlines() if line.startswith("ERROR")] or done.stderr.splitlines() or ["no reason given"]
-        raise Failure(f"pip could not install {', '.join(pins)} ({lines[-1].removeprefix('ERROR: ')}); check the network and try again.")
+        lines = done.stderr.splitlines()
+        reason = ([line.removeprefix("ERROR: ") for line in lines if line.startswith("ERROR")] or lines or ["it gave no reason"])[-1]
+        names = ", ".join(sorted({name_of(pin) for pin in pins}))
+        raise Failure(f"pip could not install {names} ({reason}); check the network and try again.")
 
 
 def main_environment(*groups: str) -> Path:
@@ -193,11 +210,12 @@ def test(arguments: list[str]) -> int:
 def matrix_row(bpy: str, short: str, main_short: str, rest: list[str]) -> list[tuple[str, str]]:
     """Blender tests under another bpy wheel, and the core tests if its Python is another too."""
     where = f"bpy {bpy} on Python {short}"
-    python = find_python(short)
+    folder = ROOT / ".venvs" / f"bpy-{bpy}"
+    python = held_python(folder, short) or find_python(short)
     if not python:
         return [(where, f"skipped, this machine has no Python {short}")]
     try:
-        inside = ensure(ROOT / ".venvs" / f"bpy-{bpy}", python, requirements(("test", "build"), bpy))
+        inside = ensure(folder, python, requirements(("test", "build"), bpy))
     except Failure as failure:
         return [(where, f"skipped, {failure}")]
     return [run_suite(inside, suite, where, rest) for suite in suites(rest) if suite == "blender_tests" or short != main_short]
