@@ -53,7 +53,7 @@ def loft(
     origin: tuple[float, float, float] = (0, 0, 0),
     caps: tuple[float, float] = (0.01, 0.01),
     roundness: tuple[float, float] = (2.0, 2.0),
-    spacing: float = 0.024,
+    spacing: float = 0.032,
     ring: int = 24,
 ) -> Part:
     """Skin cross-sections along an axis, with domed ends.
@@ -109,7 +109,7 @@ def _interpolate(table: Array, spacing: float) -> Array:
     return np.concatenate(rows)
 
 
-def _dome(row: Array, height: float, steps: int = 5) -> Array:
+def _dome(row: Array, height: float, steps: int = 4) -> Array:
     """Rings that close an end, from nearly the pole to nearly the last section."""
     angle = np.linspace(np.pi / 2, 0, steps + 2)[1:-1]
     rows = np.repeat(row[None], steps, axis=0)

@@ -93,7 +93,7 @@ def _head() -> list[Part]:
         BODY,
         caps=(0.014, 0.086),
         roundness=(2.2, 2.1),
-        spacing=0.008,
+        spacing=0.010,
         ring=56,
     )
     x, y, z = head.vertices.T
@@ -181,7 +181,7 @@ def _finger(start: Array, direction: Array, length: float, radius: float) -> Par
         (s * length, 0, -0.10 * length * s**2, radius * k, radius * k, radius * k)
         for s, k in ((0, 1), (0.35, 1), (0.7, 0.93), (1, 0.80))
     ]
-    return loft(sections, BODY, frame_along(direction), tuple(start), caps=(radius, radius * 0.8), spacing=0.020, ring=10)
+    return loft(sections, BODY, frame_along(direction), tuple(start), caps=(radius, radius * 0.8), spacing=0.022, ring=9)
 
 
 def _leg(joints: Array) -> list[Part]:
@@ -197,7 +197,7 @@ def _leg(joints: Array) -> list[Part]:
         ],
         BODY,
         caps=(0.018, 0.062),
-        ring=28,
+        ring=24,
     ).rigid("LeftHip")
     shin = loft(
         [
@@ -210,7 +210,7 @@ def _leg(joints: Array) -> list[Part]:
         ],
         BODY,
         caps=(0.012, 0.018),
-        ring=28,
+        ring=24,
     ).rigid("LeftKnee")
     return [
         thigh,
@@ -243,8 +243,8 @@ def _foot(joints: Array) -> list[Part]:
         axes,
         caps=(0.012, 0.014),
         roundness=(3.4, 2.15),
-        spacing=0.018,
-        ring=28,
+        spacing=0.026,
+        ring=24,
     )
     sole = loft(
         [(s, ankle[0] + c, 0.009, w + 0.003, 0.009, 0.008) for s, c, w, _ in outline],
@@ -252,7 +252,7 @@ def _foot(joints: Array) -> list[Part]:
         axes,
         caps=(0.014, 0.017),
         roundness=(7.0, 7.0),
-        spacing=0.018,
-        ring=28,
+        spacing=0.026,
+        ring=24,
     )
     return [part.blend(1, toes) for part in (upper, sole)]

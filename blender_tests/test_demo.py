@@ -1,0 +1,70 @@
+"""The demo: its scene, its files, and its start as a plain script."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Vector
+
+from nsm_blender import demo
+from nsm_blender.channels import channels_of
+from nsm_blender.keying import read_pose
+from nsm_core.skeleton import JOINTS
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def test_the_scene_is_ready_for_a_take_and_for_the_eye():
+    room, character = demo.build_scene("bench")
+    scene = bpy.context.scene
+    start = read_pose(character)
+    assert start.position == pytest.approx(room.start, abs=1e-4)
+    assert start.heading == pytest.approx(room.start_heading, abs=1e-4)
+    assert room.seats == ["Chair", "Bench"] and all(name in scene.objects for name in room.seats)
+    assert scene.camera and scene.world and scene.render.fps == 30
+    assert len({o.name for o in scene.objects if o.type == "MESH"}) > 15
+
+
+def test_the_character_does_not_start_in_the_furniture():
+    room, _ = demo.build_scene()
+    for name in room.objects:
+        piece = bpy.data.objects[name]
+        corners = np.array([piece.matrix_world @ Vector(c) for c in piece.bound_box])
+        if corners[:, 2].max() < 0.03:  # floor and rug
+            continue
+        gap = np.maximum(corners[:, :2].min(0) - room.start, np.array(room.start) - corners[:, :2].max(0)).max()
+        assert gap > 0.3, f"{name} is too near"
+
+
+def test_the_demo_runs_as_a_script_from_anywhere(tmp_path):
+    script = [sys.executable, str(ROOT / "nsm_blender" / "demo.py"), "--help"]
+    done = subprocess.run(script, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "--out" in done.stdout
+
+
+def test_an_unwritable_folder_is_one_sentence(tmp_path, capsys):
+    (tmp_path / "file").write_text("in the way")
+    assert demo.main(["--out", str(tmp_path / "file" / "out")]) == 1
+    said = capsys.readouterr().err
+    assert "cannot be written" in said and "choose another folder" in said and "Traceback" not in said
+
+
+def test_the_demo_reaches_both_seats_and_leaves_its_files(tmp_path, capsys):
+    code = demo.main(["--out", str(tmp_path), "--tiles", "3", "--hold", "0.5", "--no-video"])
+    report = json.loads((tmp_path / "demo.json").read_text(encoding="utf-8"))
+    assert [goal["object"] for goal in report["goals"]] == ["Chair", "Armchair"]
+    assert code == 0 and all(goal["reached"] for goal in report["goals"]), report["goals"]
+    assert (tmp_path / "demo.png").stat().st_size > 10_000
+    assert "Done in" in capsys.readouterr().out
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "demo.blend"))
+    character = bpy.data.objects["Character"]
+    channels = channels_of(character)
+    assert channels.action.name == "Demo" and {f.group.name for f in channels.bag.fcurves} == set(JOINTS)
+    assert len(channels.bag.fcurves[0].keyframe_points) == report["frames"]
