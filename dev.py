@@ -183,7 +183,7 @@ def run(*command: object) -> int:
 
 def demo(arguments: list[str]) -> int:
     """Run the demo on the bundled weights."""
-    return run(main_environment(), "nsm_blender/demo.py", *(arguments if "--out" in arguments else ["--out", "out/demo", *arguments]))
+    return run(main_environment(), "nsm_blender/demo.py", "--out", "out/demo", *arguments)  # a later --out wins
 
 
 def test(arguments: list[str]) -> int:
