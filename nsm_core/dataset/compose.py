@@ -13,13 +13,14 @@ import numpy as np
 
 from .. import furniture
 from ..clip import Clip
-from ..control.contact_ik import lock_feet
+from ..control.course import Course
+from ..control.foot_lock import lock_feet
 from ..conventions import CONTACTS
 from ..limbs import place_limbs
 from ..rotations import Array, heading_to_direction, quat_conjugate, quat_from_rotvec, quat_mul, quat_normalize, quat_to_rotvec, rotate_planar, wrap_angle
 from ..skeleton import FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
 from .library import Library, SitDown, build, gaussian_smooth, load_sits, load_walks
-from .matching import Course, Matcher
+from .matching import Matcher
 from .stitching import place, soften_seam
 from .take import Command, Placed, Take
 

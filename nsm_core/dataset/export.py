@@ -18,6 +18,7 @@ from ..sensors.cuboid import interaction_sensor
 from ..sensors.cylinder import environment_sensor_many
 from ..series import KEY_STEP, KEYS, WINDOW, State
 from .compose import Composer, Source, load
+from .library import stance
 from .take import Annotated, Take, annotate, goal_tables
 
 _FIELDS: dict[str, tuple[tuple[int, ...], type]] = {
@@ -133,7 +134,7 @@ def export(captures: str, out: str | Path, minutes: float, seed: int = 0, worker
     finally:
         for f in files.values():
             f.close()
-    (out / "data.json").write_text(json.dumps({"frames": frames, "objects": objects, "seed": seed, "takes": provenance}))
+    (out / "data.json").write_text(json.dumps({"frames": frames, "objects": objects, "seed": seed, "stance": stance(captures), "takes": provenance}))
     return out
 
 

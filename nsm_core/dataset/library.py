@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from .. import bvh
-from ..clip import Clip
+from ..clip import Clip, transform
+from ..control.foot_lock import detect_foot_contacts
 from ..conventions import FPS
 from ..errors import CaptureError
 from ..rotations import Array, rotate_planar, wrap_angle
@@ -51,23 +52,6 @@ def smoothed_root(positions: Array) -> tuple[Array, Array]:
     position, heading = root_of(positions)
     sigma = ROOT_SMOOTHING * FPS
     return gaussian_smooth(position, sigma), gaussian_smooth(np.unwrap(heading), sigma)
-
-
-def foot_contacts(positions: Array) -> Array:
-    """Whether each foot stands in (T, J, 3) world joints: (T, 2) booleans, right then left.
-
-    The toe joint is near its standing height and slow, or the ankle is; a majority over five frames decides.
-    """
-    result = []
-    for side in ("Right", "Left"):
-        standing = np.zeros(len(positions), dtype=bool)
-        for joint, height in (("Toe", 0.05), ("Ankle", 0.12)):
-            p = positions[:, INDEX[side + joint]]
-            speed = np.linalg.norm(np.gradient(p, axis=0), axis=1) * FPS
-            standing |= (p[:, 2] < height) & (speed < (0.45 if joint == "Toe" else 0.3))
-        votes = np.convolve(np.pad(standing.astype(float), 2, mode="edge"), np.ones(5), mode="valid")
-        result.append(votes >= 3)
-    return np.stack(result, axis=1)
 
 
 @dataclass(frozen=True)
@@ -118,7 +102,7 @@ def build(clips: list[Clip]) -> Library:
         parts["heading"].append(heading)
         parts["pose"].append(rotate_planar(local, -heading[:, None]))
         parts["velocity"].append(rotate_planar(velocity, -heading[:, None]))
-        parts["contacts"].append(foot_contacts(positions))
+        parts["contacts"].append(detect_foot_contacts(positions))
         offset += n
     return Library(tuple(c.name for c in clips), **{k: np.concatenate(v) for k, v in parts.items()})
 
@@ -151,6 +135,15 @@ class SitDown:
 # Frame of a quiet stand whose arms the sitters get: the chair captures have no hand markers and hold the arms folded.
 _NEUTRAL_ARMS = ("accad_male1", "male1_a1_stand", 90)
 _ARM_JOINTS = [INDEX[s + n] for s in ("Right", "Left") for n in ("Collar", "Shoulder", "Elbow", "Wrist")]
+
+
+def stance(folder: str | Path) -> dict[str, object]:
+    """The quiet stand that takes start from: hips height, metres, and local rotations (23 x 4), facing -Y."""
+    source, name, frame = _NEUTRAL_ARMS
+    clip = bvh.read(Path(folder) / "clips" / source / f"{name}.bvh")[frame : frame + 1]
+    _, heading = clip.root()
+    hips, rotations = transform(clip.hips_position, clip.local_rotations, np.zeros(2), -heading)
+    return {"hips_height": float(hips[0, 2]), "local_rotations": np.round(rotations[0], 5).tolist()}
 
 
 def rest_hands_on_thighs(clip: Clip, arms: Array) -> Clip:

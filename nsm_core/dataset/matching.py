@@ -6,12 +6,13 @@ searched for the frame whose pose continues the current one and whose own future
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
+from ..control.course import Course
 from ..conventions import DT
-from ..rotations import Array, direction_to_heading, rotate_planar, wrap_angle
+from ..rotations import Array, rotate_planar, wrap_angle
 from ..skeleton import HIPS, INDEX
 from .library import Library
 
@@ -24,58 +25,6 @@ SWITCH, MARGIN = 0.6, 0.1
 # How fast the root may be steered off what was captured while the feet move, rad/s and m/s.
 MAX_TURN, MAX_DRIFT = 0.9, 0.15
 _UPPER_JOINTS = tuple(INDEX[n] for n in ("RightWrist", "LeftWrist", "Head"))
-
-
-@dataclass
-class Course:
-    """A path over the floor to be walked: points (N, 2), metres, and how to end.
-
-    ``final_heading`` is reached over the last ``turn_distance`` metres; speeds in m/s, accelerations in m/s2.
-    """
-
-    points: Array
-    final_heading: float
-    speed: float = 1.2
-    turn_distance: float = 0.7
-    acceleration: float = 1.3
-    deceleration: float = 0.9
-    progress: float = 0.0
-    _length: Array = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        steps = np.linalg.norm(np.diff(self.points, axis=0), axis=1)
-        self._length = np.concatenate(([0.0], np.cumsum(steps)))
-
-    @property
-    def length(self) -> float:
-        return float(self._length[-1])
-
-    def at(self, s: Array) -> Array:
-        """Points (..., 2) at arc lengths ``s`` (...), metres, held at the ends."""
-        return np.stack([np.interp(s, self._length, self.points[:, k]) for k in range(2)], axis=-1)
-
-    def heading_at(self, s: Array) -> Array:
-        """Desired headings (...), radians: along the path, turning to the final one near its end."""
-        ahead = self.at(np.minimum(s + 0.15, self.length)) - self.at(np.maximum(s - 0.15, 0.0))
-        along = direction_to_heading(ahead)
-        w = np.clip(1 - (self.length - s) / max(self.turn_distance, 1e-3), 0, 1)
-        w = w * w * (3 - 2 * w)
-        return along + w * wrap_angle(self.final_heading - along)
-
-    def advance(self, position: Array) -> None:
-        """Move the progress to the place of the path nearest to ``position`` (2,), never backwards."""
-        s = np.linspace(self.progress, min(self.progress + 0.5, self.length), 26)
-        self.progress = float(s[np.argmin(np.linalg.norm(self.at(s) - position, axis=1))])
-
-    def preview(self, speed: float) -> tuple[Array, Array]:
-        """Desired root positions (3, 2) and headings (3,) at HORIZON, starting at ``speed`` (m/s)."""
-        s, v, result = self.progress, max(speed, 0.0), []
-        for _ in range(max(HORIZON)):
-            v = min(v + self.acceleration * DT, self.speed, np.sqrt(2 * self.deceleration * max(self.length - s, 0)) + 0.02)
-            s = min(s + v * DT, self.length)
-            result.append(s)
-        at = np.array([result[h - 1] for h in HORIZON])
-        return self.at(at), self.heading_at(at)
 
 
 @dataclass(frozen=True)
@@ -151,7 +100,7 @@ class Matcher:
             course.advance(root)
             ending = f + 1 >= lib.end[f] - 1
             if ending or since >= period:
-                future, facing = course.preview(speed)
+                future, facing, _ = course.preview(speed, HORIZON)
                 q = self.query(f, rotate_planar(future - root, np.full(3, -heading)), wrap_angle(facing - heading))
                 cost = self.costs(q)
                 # A little noise of the costs lets the same course be walked in several ways.

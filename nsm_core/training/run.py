@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import json
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -53,6 +54,7 @@ class Trainer:
         self.net, self.average = NSM(config), NSM(config)
         self.optimiser = torch.optim.AdamW(self.net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
         self.step = 0
+        self.stance: dict[str, object] | None = None
 
     def set_statistics(self) -> None:
         """Measure normalisation on the data and start the average at the network."""
@@ -129,6 +131,7 @@ class Trainer:
             seeds={"data": self.settings.seed, "training": self.settings.seed},
             training={**asdict(self.settings), "steps_done": self.step},
             actions=["idle", "walk", "sit"],
+            stance=self.stance,
         )
 
 
@@ -185,6 +188,7 @@ def main(arguments: list[str]) -> int:
     checkpoint, log = run / "checkpoint.pt", run / "log.csv"
     resumed = checkpoint.exists()
     trainer = Trainer(Dataset.open(folder), settings, NsmConfig(), seed_offset=int(time.time()) if resumed else 0)
+    trainer.stance = json.loads((folder / "data.json").read_text())["stance"]
     if resumed:
         trainer.load(checkpoint)
         print(f"Going on from step {trainer.step}.")

@@ -1,0 +1,66 @@
+"""What an animator asks for, and what became of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import GoalError
+from ..rotations import Array
+from ..sensors.cuboid import InteractionVolume
+
+ACTIONS = ("sit", "walk", "idle")  # what the director below can lead to
+
+
+@dataclass
+class Goal:
+    """One entry of the queue.
+
+    ``position`` (3,) world metres: for sit the hip joint's place when seated (seat surface plus
+    ``skeleton.HIP_OVER_SEAT``), else a point on the ground; ``heading`` the way to face there, radians; ``hold`` seconds
+    to stay once it is reached; ``interaction`` the sensed object, if there is one.
+    """
+
+    action: str
+    name: str
+    position: Array
+    heading: float
+    hold: float = 2.0
+    interaction: InteractionVolume | None = None
+
+    def __post_init__(self) -> None:
+        if self.action not in ACTIONS:
+            raise GoalError(f"The action '{self.action}' is unknown; choose one of {', '.join(ACTIONS)}.")
+        self.position = np.asarray(self.position, dtype=np.float32)
+        if self.position.shape != (3,) or not np.isfinite(self.position).all() or not np.isfinite(self.heading):
+            raise GoalError(f"The goal '{self.name}' has no usable place; give it three finite coordinates and a heading.")
+        if not np.isfinite(self.hold) or self.hold < 0:
+            raise GoalError(f"The goal '{self.name}' has a hold of {self.hold} seconds; give it zero or more.")
+
+
+@dataclass
+class GoalResult:
+    """What became of a goal; errors at the end of its transition, of the pose that is keyed and of the network alone."""
+
+    object: str
+    action: str
+    reached: bool = False
+    seconds: float = 0.0
+    position_error_cm: float = float("nan")
+    rotation_error_deg: float = float("nan")
+    network_position_error_cm: float = float("nan")
+    network_rotation_error_deg: float = float("nan")
+    start_frame: int = 0
+    end_frame: int = 0
+
+
+@dataclass
+class Moment:
+    """What the director sees of a character: root (3,), hips (3,) world, heading, hip speed m/s and labels (7,)."""
+
+    root: Array
+    hips: Array
+    heading: float
+    speed: float
+    style: Array = field(repr=False)

@@ -1,0 +1,222 @@
+"""One take: a character performs a queue of goals in a scene, one network step a frame.
+
+Per frame: direct (goals), sense, feed, predict, read and blend, then contact IK on the pose that is kept.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..conventions import FPS
+from ..errors import GoalError
+from ..features import Surroundings, build_inputs, no_object, read_outputs
+from ..inference import Model
+from ..limbs import place_limbs
+from ..rotations import Array, heading_quat, matrix_from_forward_up, quat_from_matrix, quat_mul, quat_to_matrix
+from ..sensors.cylinder import environment_sensor
+from ..sensors.query import DistanceQuery
+from ..series import State, standing_state
+from ..skeleton import FEET, HIPS, J, forward_kinematics, local_from_world, root_of
+from .contact_ik import ContactIK
+from .director import Director, rotation_error
+from .goals import Goal, GoalResult, Moment
+from .planning import FloorPlan
+from .stepping import Blending, advance
+
+STAGES = ("goals", "sensors", "network", "blending", "ik")
+_LEGS = tuple(leg[:3] for leg in FEET)
+_MARGIN = 2.0  # metres of floor planned on around start and goals
+
+
+@dataclass
+class TakeRequest:
+    """What a take needs to know, world frame.
+
+    ``start_position`` (2,) metres and ``start_heading`` of the root; ``environment`` everything solid but the floor and
+    the character; ``time_limit`` seconds per goal.
+    """
+
+    start_position: Array
+    start_heading: float
+    goals: list[Goal]
+    environment: DistanceQuery
+    seed: int = 0
+    contact_ik: bool = True
+    time_limit: float = 20.0
+    blending: Blending = field(default_factory=Blending)
+
+
+@dataclass
+class TakeResult:
+    """A finished take of T frames at 30 Hz.
+
+    ``hips_position`` (T, 3) and ``local_rotations`` (T, 23, 4) as they are keyed, ``network_hips`` and
+    ``network_rotations`` the same before contact IK; ``contacts`` (T, 5), ``root`` (T, 3), ``action`` labels (T, 7),
+    ``experts`` (T, K) gating coefficients; ``stage_ms`` mean milliseconds per frame by stage.
+    """
+
+    hips_position: Array
+    local_rotations: Array
+    network_hips: Array
+    network_rotations: Array
+    contacts: Array
+    root: Array
+    action: Array
+    experts: Array
+    goals: list[GoalResult]
+    stage_ms: dict[str, float]
+
+
+class TakeRunner:
+    """Steps one take frame by frame, so that a caller can show it grow, or stop it, at any frame."""
+
+    def __init__(self, model: Model, request: TakeRequest) -> None:
+        """Prepare a take; GoalError where there is nothing to do or a goal cannot be reached."""
+        if not request.goals:
+            raise GoalError("There is no goal; add an object and an action to the list.")
+        self.model, self.request = model, request
+        rng = np.random.default_rng(request.seed)
+        root = np.array([*np.asarray(request.start_position, dtype=np.float64)[:2], request.start_heading], dtype=np.float32)
+        self.state = _start(model, root, rng)
+        places = np.array([root[:2], *[g.position[:2] for g in request.goals]])
+        self.plan = FloorPlan(request.environment, (places.min(0) - _MARGIN, places.max(0) + _MARGIN))
+        self.director = Director(request.goals, self.plan, root, rng, request.time_limit)
+        self._ik = ContactIK() if request.contact_ik else None
+        self._ms = dict.fromkeys(STAGES, 0.0)
+        self._frames: list[tuple[Array, ...]] = []
+        contact = np.array([0, 0, 0, 1, 1], np.float32)
+        self._keep(contact, np.zeros(int(model.metadata.get("config", {}).get("experts", 8)), np.float32))
+
+    @property
+    def frames(self) -> int:
+        """Frames finished so far."""
+        return len(self._frames)
+
+    @property
+    def progress(self) -> float:
+        """Estimate of the share that is done, 0..1: goals finished, and the present one by its time."""
+        d, count = self.director, len(self.request.goals)
+        if d.done:
+            return 1.0
+        within = 0.0
+        if d.index >= 0:
+            spent = (self.frames - d.results[d.index].start_frame) / FPS
+            within = min(0.95, spent / (6.0 + d.goals[d.index].hold))
+        return min(0.99, (max(d.index, 0) + within) / count)
+
+    def pose(self) -> tuple[Array, Array]:
+        """Newest pose: hips position (3,) and local rotations (23, 4), as it will be keyed."""
+        return self._frames[-1][0], self._frames[-1][1]
+
+    def step(self) -> bool:
+        """Make one frame; False when the take is over (no frame was made then)."""
+        if self.director.done:
+            return False
+        state = self.state
+        t0 = time.perf_counter()
+        position, heading, action, sensed = self.director.update(self._moment())
+        self._measure()
+        state.goal_position, state.goal_heading, state.goal_action = position[None], heading[None], action[None]
+        t1 = time.perf_counter()
+        root = state.root
+        environment = environment_sensor(self.request.environment, root[0, :2], float(root[0, 2]))
+        cells, occupancy = no_object(root)
+        if sensed is not None:
+            cells, occupancy = sensed.cells_world()[None], sensed.occupancy[None]
+        t2 = time.perf_counter()
+        x, gating = build_inputs(state, Surroundings(environment[None], cells, occupancy))
+        t3 = time.perf_counter()
+        y, experts = self.model.predict(x, gating)
+        t4 = time.perf_counter()
+        predicted = read_outputs(y, state)
+        self.state = advance(state, predicted, self.request.blending)
+        t5 = time.perf_counter()
+        self._keep(predicted.contact[0], experts[0])
+        t6 = time.perf_counter()
+        spent = (t1 - t0, t2 - t1, t4 - t3, (t3 - t2) + (t5 - t4), t6 - t5)
+        for stage, seconds in zip(STAGES, spent, strict=True):
+            self._ms[stage] += 1000 * seconds
+        if not np.isfinite(self.state.joint_position).all():
+            raise GoalError("The motion broke down; use another seed or another start, and report the scene.")
+        return True
+
+    def result(self) -> TakeResult:
+        """Everything made so far."""
+        columns = [np.stack(c) for c in zip(*self._frames, strict=True)]
+        hips, rotations, network_hips, network_rotations, contacts, root, style, experts = columns
+        steps = max(self.frames - 1, 1)
+        return TakeResult(
+            hips, rotations, network_hips, network_rotations, contacts, root, style, experts, self.director.results, {k: v / steps for k, v in self._ms.items()}
+        )
+
+    def _moment(self) -> Moment:
+        s = self.state
+        speed = float(np.linalg.norm(s.root_past[0, -1, :2] - s.root_past[0, -7, :2]) * FPS / 6)
+        return Moment(s.root[0], s.joint_position[0, HIPS], float(s.root[0, 2]), speed, s.style_past[0, -1])
+
+    def _keep(self, contact: Array, experts: Array) -> None:
+        """Turn the state into a pose, correct its contacts and store both."""
+        s, d = self.state, self.director
+        hips, rotations = pose_of(s)
+        kept_hips, kept = hips, rotations
+        if self._ik is not None:
+            goal = d.goals[d.index] if 0 <= d.index < len(d.goals) else None
+            seat = (goal.position, goal.heading) if goal is not None and goal.action == "sit" else None
+            kept_hips, kept = self._ik.apply(hips, rotations, contact, seat, float(s.root[0, 2]))
+        self._frames.append((kept_hips, kept, hips, rotations, contact.copy(), s.root[0].copy(), s.style_past[0, -1].copy(), experts))
+
+    def _measure(self) -> None:
+        """Write the errors of a goal whose transition has just ended."""
+        for goal, result in zip(self.director.goals, self.director.results, strict=True):
+            if result.seconds <= 0 or np.isfinite(result.position_error_cm):
+                continue
+            hips, rotations, network_hips = self._frames[-1][:3]
+            heading = float(root_of(forward_kinematics(hips, rotations)[0])[1])
+            result.position_error_cm, result.rotation_error_deg = _errors(goal, hips, heading)
+            own = float(self.state.root[0, 2])
+            result.network_position_error_cm, result.network_rotation_error_deg = _errors(goal, network_hips, own)
+
+
+def _errors(goal: Goal, hips: Array, heading: float) -> tuple[float, float]:
+    """Centimetres and degrees between a pose and its goal: the hips in space when seated, else over the floor."""
+    axes = 3 if goal.action == "sit" else 2
+    if goal.action == "idle":
+        return 0.0, 0.0
+    return 100 * float(np.linalg.norm(hips[:axes] - goal.position[:axes])), rotation_error(heading, goal.heading)
+
+
+def pose_of(state: State) -> tuple[Array, Array]:
+    """Hips position (3,) and local rotations (23, 4) of one character's state.
+
+    Rotations come from the predicted axes; the legs are then solved so that the ankles are where the network put them,
+    since its positions carry the contact with the floor and a chain of rotations does not.
+    """
+    matrices = matrix_from_forward_up(state.joint_forward[0], state.joint_up[0])
+    world = quat_from_matrix(matrices.astype(np.float64))
+    local = local_from_world(world)
+    hips = state.joint_position[0, HIPS].astype(np.float64)
+    ankles = state.joint_position[0, [leg[2] for leg in FEET]].astype(np.float64)
+    feet = world[[leg[2] for leg in FEET]]
+    return hips.astype(np.float32), place_limbs(hips, local, _LEGS, ankles, feet).astype(np.float32)
+
+
+def _start(model: Model, root: Array, rng: np.random.Generator) -> State:
+    """A standing state at ``root`` (3,) from the stance that comes with the weights."""
+    stance = model.metadata.get("stance")
+    if stance is None:
+        raise GoalError("The weights carry no standing pose; train them again with this version.")
+    local = np.array(stance["local_rotations"], dtype=np.float64).reshape(J, 4)
+    local[0] = quat_mul(heading_quat(np.array(float(root[2]))), local[0])
+    hips = np.array([root[0], root[1], stance["hips_height"]], dtype=np.float64)
+    positions, world = forward_kinematics(hips, local)
+    matrices = quat_to_matrix(world)
+    state = standing_state(positions[None], -matrices[None, ..., 1], matrices[None, ..., 2], root[None])
+    shift = float(rng.random())
+    state.phase_past, state.phase_future = (state.phase_past + shift) % 1.0, (state.phase_future + shift) % 1.0
+    return state
+
+
+__all__ = ["Goal", "GoalResult", "TakeRequest", "TakeResult", "TakeRunner", "pose_of"]
