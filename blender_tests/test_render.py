@@ -119,5 +119,5 @@ def test_the_room_has_its_seats_in_reach_and_the_table_in_the_way():
 
 def test_labels_are_written_dark_on_the_picture():
     picture = np.ones((40, 80, 4), np.float32)
-    stamp(picture, "12.5s")
+    stamp(picture, "12.5s", size=2)
     assert 20 < (picture[..., 0] < 0.5).sum() < 1000 and picture[:15].min() == 1

@@ -12,9 +12,15 @@ _GLYPHS = {
 _ROWS = 5
 
 
-def stamp(picture: Array, text: str, size: int = 3, margin: int = 9) -> None:
-    """Write ``text`` (digits, point, s) dark into the top left of a picture (H, W, 4), bottom row first, in place."""
-    x, top = margin, picture.shape[0] - margin
+def stamp(picture: Array, text: str, size: int = 3) -> None:
+    """Write ``text`` (digits, point, s) dark on a light plate into the top left of a picture (H, W, 4), bottom row first, in place.
+
+    ``size`` is of one dot, pixels.
+    """
+    x, top = 4 * size, picture.shape[0] - 4 * size
+    pad, width = 2 * size, sum(3 if c == "." else 4 for c in text) * size - size
+    plate = picture[max(0, top - _ROWS * size - pad) : top + pad, max(0, x - pad) : x + width + pad, :3]
+    plate += 0.7 * (1 - plate)  # readable on dark ground too
     for character in text:
         for row, digit in enumerate(_GLYPHS.get(character, "0" * _ROWS)):
             for column in range(3):

@@ -56,7 +56,7 @@ def contact_sheet(
                 bpy.ops.render.render(write_still=True, scene=scene.name)
             picture = read_png(tile)
             if numbers:
-                stamp(picture, f"{(frame - take.frame_start) / take.fps:.1f}s")
+                stamp(picture, f"{(frame - take.frame_start) / take.fps:.1f}s", size=max(1, picture.shape[0] // 90))
             pictures.append(picture)
             if progress:
                 progress((k + 1) / len(frames))
