@@ -46,7 +46,7 @@ def restore_bone_lengths(positions: Array) -> Array:
     return restored
 
 
-def advance(state: State, predicted: Prediction, blending: Blending = Blending()) -> State:  # noqa: B008
+def advance(state: State, predicted: Prediction, blending: Blending = Blending()) -> State:
     """Return the state one frame later; goals are carried over unchanged.
 
     The new root is the predicted pivot key.  The keys ahead are blended between the ego-centric and the

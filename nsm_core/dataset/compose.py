@@ -16,9 +16,20 @@ from ..clip import Clip
 from ..control.course import Course
 from ..control.foot_lock import lock_feet
 from ..conventions import CONTACTS
-from ..limbs import place_limbs
-from ..rotations import Array, heading_to_direction, quat_conjugate, quat_from_rotvec, quat_mul, quat_normalize, quat_to_rotvec, rotate_planar, wrap_angle
-from ..skeleton import FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
+from ..evaluation.metrics import penetration_depths
+from ..limbs import place_limbs, place_wrists
+from ..rotations import (
+    Array,
+    heading_to_direction,
+    quat_conjugate,
+    quat_from_rotvec,
+    quat_mul,
+    quat_normalize,
+    quat_to_rotvec,
+    rotate_planar,
+    wrap_angle,
+)
+from ..skeleton import ARMS, FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
 from .library import Library, SitDown, build, gaussian_smooth, load_sits, load_walks
 from .matching import Matcher
 from .stitching import place, soften_seam
@@ -325,6 +336,7 @@ class _Session:
             feet[start:risen] = True
             phase_keys += [start, reached, rise, risen]
         hips, rotations = self._fit_seats(hips, rotations)
+        rotations = lift_swinging_feet(hips, rotations, feet)
         hips, rotations = lock_feet(hips, rotations, feet, place="median")
         contacts[:, 3:5] = feet
         commands = self._resolved(hips, rotations, seats)
@@ -333,7 +345,7 @@ class _Session:
         if not np.isfinite(hips).all():
             return None
         furnish(take, np.array(tape.roots), self.detours, rng)
-        return take
+        return take if keep_clear(take) else None
 
     def _fit_seats(self, hips: Array, rotations: Array) -> tuple[Array, Array]:
         """Raise or lower every sit to its seat's height and move it along its depth; the feet stay (contact-preserving IK)."""
@@ -353,6 +365,9 @@ class _Session:
             weight = np.clip((0.96 * top - height) / (0.96 * top - seated[2]), 0, 1)
             weight = gaussian_smooth(weight * weight * (3 - 2 * weight), 3.0).clip(0, 1)
             moved[span] += weight[:, None] * shift
+            if s["piece"].seat.arms:
+                goal = moved[s["reached"] : s["rise"]].mean(axis=0)
+                rotations = _hands_on_arm_rests(moved, rotations, weight, span, s["piece"], goal, float(np.mean(self.tape.headings[reached:rise])))
         return moved, place_limbs(moved, rotations, toes, targets, feet).astype(np.float32)
 
     def _resolved(self, hips: Array, rotations: Array, seats: list[Placed]) -> list[Command]:
@@ -418,6 +433,72 @@ class _Session:
         for a, b in zip([0, *jumps], [*jumps, len(i)], strict=True):
             result.append((lib.names[clip[a]], int(i[a] - lib.start[i[a]]), int(i[b - 1] - lib.start[i[a]] + 1)))
         return result
+
+
+def keep_clear(take: Take, seat_depth: float = 0.09, depth: float = 0.05) -> bool:
+    """Take away obstacles that the body enters deeper than ``depth``, metres; False where a seat is walked into.
+
+    Calves brush a seat's edge in the turn before it, hence the allowance ``seat_depth``.
+    """
+    kept = []
+    for o in take.obstacles:
+        if penetration_depths(take.hips[::2], take.rotations[::2], furniture.cuboids([(o.furniture, o.position, o.heading)])).max() < depth:
+            kept.append(o)
+    take.obstacles = kept
+    standing = take.sitting < 0.3
+    seats = furniture.cuboids([(s.furniture, s.position, s.heading) for s in take.seats])
+    return not take.seats or bool(penetration_depths(take.hips[standing], take.rotations[standing], seats).max() < seat_depth)
+
+
+def lift_swinging_feet(hips: Array, rotations: Array, contacts: Array, height: float = 0.018) -> Array:
+    """Raise feet a little in the middle of their swing, (T, ...): captured toes graze the floor where seams blend steps."""
+    lift = np.zeros((len(hips), 2), np.float32)
+    for side in (0, 1):
+        swinging = np.concatenate(([False], ~contacts[:, side].astype(bool), [False]))
+        edges = np.flatnonzero(np.diff(swinging.astype(int)))
+        for a, b in zip(edges[::2], edges[1::2], strict=True):
+            if b - a > 4:
+                lift[a:b, side] = height * np.sin(np.pi * (np.arange(b - a) + 0.5) / (b - a)) ** 2
+    positions, world = forward_kinematics(hips, rotations)
+    ankles = [leg[2] for leg in FEET]
+    targets = positions[:, ankles]
+    targets[..., 2] += lift
+    return place_limbs(hips, rotations, [leg[:3] for leg in FEET], targets, world[:, ankles]).astype(np.float32)
+
+
+def arm_rests(piece: furniture.Furniture) -> list[Array | None]:
+    """Where the right and left wrist rest on a seat's arms, (3,) in the object frame; None on a side without one."""
+    seat = piece.seat
+    result: list[Array | None] = [None, None]
+    if seat is None:
+        return result
+    across = rotate_planar((piece.mins + piece.maxs) / 2 - seat.point, np.full(len(piece.mins), -seat.heading))[:, 0]
+    for side, sign in enumerate((-1, 1)):  # a sitter who faces -Y has the right side on -X
+        tops = [
+            k
+            for k in range(len(piece.mins))
+            if 0.1 < piece.maxs[k, 2] - seat.height < 0.4 and 0.15 < sign * across[k] and np.ptp((piece.mins[k, 1], piece.maxs[k, 1])) > 0.12
+        ]
+        if tops:
+            k = max(tops, key=lambda k: piece.maxs[k, 2])
+            y = float(np.clip(seat.point[1] - 0.2, piece.mins[k, 1] + 0.05, piece.maxs[k, 1] - 0.05))
+            result[side] = np.array(((piece.mins[k, 0] + piece.maxs[k, 0]) / 2, y, piece.maxs[k, 2] + 0.035))
+    return result
+
+
+def _hands_on_arm_rests(hips: Array, rotations: Array, weight: Array, span: slice, piece: furniture.Furniture, goal: Array, heading: float) -> Array:
+    """Lead the wrists of a sit (``span`` of (T, ...)) from where they were to the arm rests, by the sitting ``weight``."""
+    rotations = rotations.copy()
+    positions, _ = forward_kinematics(hips[span], rotations[span])
+    # The arms follow the hips down: they leave the thighs' way late and come back to it early.
+    w = np.clip((weight - 0.35) / 0.65, 0, 1)[:, None] ** 1.5
+    for side, rest in enumerate(arm_rests(piece)):
+        if rest is None:
+            continue
+        at = rotate_planar(rest - np.append(piece.seat.point[:2], 0), np.float64(heading)) + np.append(goal[:2], 0)
+        wrist = positions[:, ARMS[side][2]]
+        rotations[span] = place_wrists(hips[span], rotations[span], side, (wrist + w * (at - wrist)).astype(np.float32))
+    return rotations
 
 
 def furnish(take: Take, roots: Array, detours: list[Array], rng: np.random.Generator) -> None:

@@ -109,7 +109,7 @@ def export(captures: str, out: str | Path, minutes: float, seed: int = 0, worker
     if not (Path(captures) / "clips").is_dir():
         raise CaptureError(f"{captures} has no folder 'clips'; name the capture folder.")
     wanted, frames, objects = int(minutes * 1800), 0, 0
-    files = {k: open(out / f"{k}.bin", "wb") for k in (*_FIELDS, *_OBJECT_FIELDS)}  # noqa: SIM115
+    files = {k: open(out / f"{k}.bin", "wb") for k in (*_FIELDS, *_OBJECT_FIELDS)}
     provenance = {}
     try:
         with ProcessPoolExecutor(workers, initializer=_prepare, initargs=(captures,)) as pool:

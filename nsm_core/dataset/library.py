@@ -16,8 +16,8 @@ from ..clip import Clip, transform
 from ..control.foot_lock import detect_foot_contacts
 from ..conventions import FPS
 from ..errors import CaptureError
-from ..rotations import Array, rotate_planar, wrap_angle
 from ..limbs import place_wrists
+from ..rotations import Array, quat_normalize, rotate_planar, wrap_angle
 from ..skeleton import ARMS, HIPS, INDEX, forward_kinematics, root_of
 
 # Clips whose names hold one of these words are left out of level walking: they hop, skip, crouch or carry.
@@ -161,7 +161,15 @@ def rest_hands_on_thighs(clip: Clip, arms: Array) -> Clip:
         hip, knee, wrist = positions[:, INDEX[name + "Hip"]], positions[:, INDEX[name + "Knee"]], positions[:, arm[2]]
         thigh = hip + 0.55 * (knee - hip) + np.array((0, 0, 0.085))
         rotations = place_wrists(clip.hips_position, rotations, side, (wrist + w * (thigh - wrist)).astype(np.float32))
+    smooth = gaussian_smooth(align_quaternions(rotations[:, _ARM_JOINTS]), 2.0)
+    rotations[:, _ARM_JOINTS] = quat_normalize(smooth)
     return Clip(clip.name, clip.hips_position, rotations.astype(np.float32))
+
+
+def align_quaternions(q: Array) -> Array:
+    """Flip signs along time so that (T, ..., 4) quaternions never jump to the other half."""
+    flips = np.cumprod(np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0, -1.0, 1.0), axis=0)
+    return np.concatenate((q[:1], q[1:] * flips[..., None]))
 
 
 def load_sits(folder: str | Path) -> list[SitDown]:

@@ -17,6 +17,9 @@ from ..dataset.export import Dataset
 from ..features import FRAME, INPUT, OUTPUT, build_inputs, build_targets, read_outputs
 from ..rotations import Array, rotate_planar, wrap_angle
 from ..series import FUTURE, KEY_STEP, State
+from ..skeleton import INDEX
+
+_FEET = tuple([INDEX[f"{side}Ankle"], INDEX[f"{side}Toe"]] for side in ("Right", "Left"))
 
 
 @dataclass(frozen=True)
@@ -24,8 +27,9 @@ class RolloutSettings:
     """How roll-outs are run and corrected."""
 
     length: int = 60  # frames a roll-out lasts at most
-    root_rate: float = 0.05  # share of the root's drift that the target undoes per frame
-    pose_rate: float = 0.15  # the same for the pose in the root frame
+    root_rate: float = 0.04  # share of the root's drift that the target undoes per frame
+    pose_rate: float = 0.12  # the same for the pose in the root frame
+    planted_rate: float = 0.02  # the same for feet that stand: they are put right in their next swing
     furthest: float = 0.6  # metres of root drift, or of mean joint error times four, that end a roll-out
     turned: float = 0.9  # radians of heading drift that end it
 
@@ -99,10 +103,10 @@ class Batches:
         keep = 1 - s.root_rate
         decay = keep ** (1 + KEY_STEP * np.arange(1, FUTURE + 1, dtype=np.float32)) / keep
         target = _rigid(following, keep * shift, keep * turn, decay)
-        # What remains is the pose error in the root frame; the feet keep more of theirs, so that they need not slide back.
+        # What remains is the pose error in the root frame.
         error = _local(state) - _local(true)
         world = rotate_planar(error, state.root[:, None, 2]).astype(np.float32)
-        position = target.joint_position + (1 - s.pose_rate) * world
+        position = self._hold_feet(target.joint_position + (1 - s.pose_rate) * world, true, following, turn)
         axes_forward = target.joint_forward + (1 - s.pose_rate) * (state.joint_forward - _turned(true.joint_forward, turn))
         axes_up = target.joint_up + (1 - s.pose_rate) * (state.joint_up - _turned(true.joint_up, turn))
         velocity = (position - state.joint_position) / DT
@@ -118,6 +122,17 @@ class Batches:
         self._error = np.linalg.norm(error, axis=-1).mean(axis=1)
         self._shift, self._turn = np.linalg.norm(shift, axis=1), np.abs(turn)
         return x, g, y
+
+    def _hold_feet(self, position: Array, true: State, following: State, turn: Array) -> Array:
+        """Let feet that stand in the take stand where the roll-out has put them; changes and returns ``position`` (B, J, 3)."""
+        contact = self.data.arrays["contact"]
+        stands = (contact[self.pool_frames, 3:5] > 0.5) & (contact[self.pool_frames + 1, 3:5] > 0.5)
+        moved = _turned(following.joint_position - true.joint_position, turn)
+        for side, joints in enumerate(_FEET):
+            kept = self.pool_state.joint_position[:, joints] + moved[:, joints]
+            rate = np.where(stands[:, side], self.settings.planted_rate, 1.0)[:, None, None]
+            position[:, joints] = kept + rate * (position[:, joints] - kept)
+        return position
 
     def step_pool(self, outputs: Array) -> None:
         """Advance the pool by the network's outputs (B, 605), physical units; worn-out roll-outs start anew."""
@@ -155,6 +170,16 @@ def build_phase_updates(state: State, following: State) -> Array:
     phases = np.concatenate((state.phase_past[:, -1:], following.phase_past[:, -1:], following.phase_future), axis=1)
     steps = np.diff(phases, axis=1)
     return np.cumsum(steps - np.round(steps), axis=1)
+
+
+def loss_weights(feet: float = 3.0) -> Array:
+    """Weights (605,) of the outputs, mean 1: places and speeds of ankles and toes count ``feet`` times."""
+    weights = np.ones(OUTPUT.size, np.float32)
+    for name in ("joint_position", "joint_velocity"):
+        block = OUTPUT.get(weights[None], name)[0]
+        for joints in _FEET:
+            block[joints] = feet
+    return weights / weights.mean()
 
 
 def statistics(batches: Batches, count: int = 20000) -> dict[str, Array]:

@@ -18,7 +18,7 @@ from ..networks.config import NsmConfig
 from ..networks.memory import keep_freed_memory
 from ..networks.nsm import NSM, STATISTICS
 from ..weights_file import save_weights
-from .batches import Batches, RolloutSettings, statistics
+from .batches import Batches, RolloutSettings, loss_weights, statistics
 from .schedule import cosine_restarts
 
 CREDITS = Path(__file__).parent.parent / "weights" / "CREDITS.md"
@@ -28,7 +28,7 @@ CREDITS = Path(__file__).parent.parent / "weights" / "CREDITS.md"
 class TrainingSettings:
     """Everything a run depends on; stored in the weights."""
 
-    steps: int = 30000
+    steps: int = 16000
     data_batch: int = 192
     pool: int = 320
     learning_rate: float = 6e-4
@@ -37,7 +37,7 @@ class TrainingSettings:
     averaging: float = 0.999
     seed: int = 0
     data_minutes: float = 240.0
-    rollout: RolloutSettings = RolloutSettings()  # noqa: RUF009
+    rollout: RolloutSettings = RolloutSettings()
 
 
 class Trainer:
@@ -52,7 +52,8 @@ class Trainer:
         self.batches = Batches(data, data.frames[~held_back], self.rng, settings.pool, settings.rollout)
         self.validation = Batches(data, data.frames[held_back], np.random.default_rng(1), 8, settings.rollout)
         self.net, self.average = NSM(config), NSM(config)
-        self.optimiser = torch.optim.AdamW(self.net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
+        self.optimiser = torch.optim.AdamW(self.net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay, fused=True)
+        self.weights = torch.from_numpy(loss_weights())
         self.step = 0
         self.stance: dict[str, object] | None = None
 
@@ -79,7 +80,7 @@ class Trainer:
         y = (torch.from_numpy(np.concatenate((data[2], pool[2]))) - net.output_mean) / net.output_std
         with torch.autocast("cpu", torch.bfloat16):
             out, _ = net(x, g)
-        error = ((out - y) ** 2).clamp_max(100.0).mean(dim=1)
+        error = (((out - y) ** 2).clamp_max(100.0) * self.weights).mean(dim=1)
         loss = error.mean()
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
@@ -114,6 +115,8 @@ class Trainer:
         self.net.load_state_dict(state["net"])
         self.average.load_state_dict(state["average"])
         self.optimiser.load_state_dict(state["optimiser"])
+        for group in self.optimiser.param_groups:
+            group["fused"] = True
         self.step = state["step"]
 
     def export(self, path: Path) -> Path:
