@@ -218,7 +218,7 @@ class TestOnTheNetwork:
         try:
             character, seat, _ = room()
             old = old_action(character)
-            scene, settings = bpy.context.scene, bpy.context.scene.nsm
+            settings = bpy.context.scene.nsm
             settings.character = character
             settings.goals.add().object = seat
             settings.goals[0].hold = 0.5

@@ -21,7 +21,7 @@ class Action:
 ACTIONS = (
     Action("sit", "Sit", "Walk to the object and sit down on it", "TRIA_DOWN_BAR", True),
     Action("walk", "Walk", "Walk to the object or to the place", "TRIA_RIGHT_BAR", False),
-    Action("idle", "Stand", "Stand still at the object, at the place, or where the character is", "PAUSE", False),
+    Action("idle", "Stand", "Stand still where the character is; a sitter rises first", "PAUSE", False),
 )
 BY_KEY = {a.key: a for a in ACTIONS}
 

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from nsm_core.control.take import Goal
+from nsm_core.control.goals import Goal
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, direction_to_heading, rotate_planar
 from nsm_core.seats import Seat, find_seat
@@ -18,7 +18,6 @@ from nsm_core.skeleton import HIP_OVER_SEAT
 from .actions import require_action
 from .colliders import BVHQuery, object_mesh_triangles
 from .scene import WorldFrame
-
 
 POINT_NAME = "NSM Goal"
 POINT_LINK = "nsm_goal_of"  # custom property of a goal point: the object it belongs to
@@ -59,13 +58,13 @@ def resolve(spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame, before: t
     Raises GoalError where the object is missing or out of reach, GeometryError where its mesh is of no use.
     """
     action = require_action(spec.action)
-    if spec.object is None and action.needs_object:
+    if spec.object is None and (action.needs_object or spec.action == "walk" and spec.location is None):
         raise GoalError(f"A goal to {spec.action} has no object; choose one, or remove the goal.")
     if spec.object is not None and spec.object.name not in scene.objects:
         raise GoalError(f"The goal object {spec.object.name} is no longer in the scene; choose another object, or remove the goal.")
-    if spec.action == "sit":
-        return _sit(spec, scene, frame)
-    return _stand(spec, scene, frame, before)
+    if spec.action == "idle":
+        return Goal("idle", "here", np.append(before[0], 0.0), before[1], spec.hold)
+    return _sit(spec, scene, frame) if spec.action == "sit" else _walk(spec, scene, frame, before)
 
 
 def _sit(spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame) -> Goal:
@@ -89,23 +88,20 @@ def _sit(spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame) -> Goal:
     return Goal("sit", spec.label, hips.astype(np.float32), heading, spec.hold, body.interaction(along))
 
 
-def _stand(spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame, before: tuple[Array, float]) -> Goal:
+def _walk(spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame, before: tuple[Array, float]) -> Goal:
     here, facing = before
-    interaction = None
     if spec.object is not None:
         point = goal_point_of(scene, spec.object, spec.action)
         if point is not None or spec.object.type == "EMPTY":
             position, heading = _place_of(point or spec.object, frame)
         else:
             position, heading = _in_front_of(Body.of(spec.object, frame))
-    elif spec.location is not None:
+    else:
         position = frame.to_core(np.array(spec.location, dtype=np.float64))
         way = position[:2] - here
         heading = float(direction_to_heading(way)) if np.linalg.norm(way) > 0.2 else facing
-    else:
-        position, heading = np.append(here, 0.0), facing
     ground = np.array((position[0], position[1], 0.0), np.float32)
-    return Goal(spec.action, spec.label, ground, float(heading), spec.hold, interaction)
+    return Goal(spec.action, spec.label, ground, float(heading), spec.hold)
 
 
 def _in_front_of(body: Body) -> tuple[Array, float]:

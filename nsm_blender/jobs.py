@@ -116,6 +116,8 @@ def _goal(entry: Any, where: str) -> JobGoal:
         raise JobError(f"In {where}, 'location' needs three numbers, such as [1.0, 2.0, 0.0].")
     if action.key == "walk" and target is None and location is None:
         raise JobError(f"In {where}, 'walk' needs an 'object' or a 'location'; add one.")
+    if action.key == "idle" and (target or location):
+        raise JobError(f"In {where}, 'idle' stands where the character is; take 'walk' with a 'hold' to stand at an object or a place.")
     return JobGoal(action.key, target, hold, tuple(map(float, location)) if location else None)
 
 

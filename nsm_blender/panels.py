@@ -25,12 +25,14 @@ class NSM_UL_goals(bpy.types.UIList):
         row.prop(item, "enabled", text="")
         body = row.row(align=True)
         body.active = item.enabled
-        if item.object is not None:
+        if item.action == "idle":
+            body.label(text="Here", icon="PIVOT_CURSOR")
+        elif item.object is not None:
             body.label(text=item.object.name, icon="OBJECT_DATA")
         elif BY_KEY[item.action].needs_object:
             body.label(text="No object", icon="ERROR")
         else:
-            body.label(text="Place" if item.action == "walk" else "Here", icon="PIVOT_CURSOR")
+            body.label(text="Place", icon="PIVOT_CURSOR")
         body.prop(item, "action", text="", emboss=False)
 
 
@@ -75,8 +77,9 @@ class NSM_PT_take(_Sidebar, bpy.types.Panel):
             goal = settings.goals[settings.active_goal]
             column = layout.column(align=True)
             column.use_property_split, column.use_property_decorate = True, False
-            column.prop(goal, "object")
             column.prop(goal, "action")
+            if goal.action != "idle":
+                column.prop(goal, "object")
             if goal.object is None and goal.action == "walk":
                 column.prop(goal, "location")
             column.prop(goal, "hold")

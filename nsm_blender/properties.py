@@ -82,8 +82,9 @@ def settings_of(scene: bpy.types.Scene) -> NsmSettings:
 
 def spec_of_row(row: NsmGoal) -> GoalSpec:
     """Return what a row of the queue asks for."""
-    place = tuple(row.location) if row.object is None and row.action == "walk" else None
-    return GoalSpec(row.action, row.object, row.hold, place)
+    if row.action == "idle":  # has no place of its own, whatever the row was before
+        return GoalSpec("idle", hold=row.hold)
+    return GoalSpec(row.action, row.object, row.hold, tuple(row.location) if row.object is None else None)
 
 
 def show_results(settings: NsmSettings, lines: list[tuple[str, bool]]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from nsm_core.control.take import TakeResult
@@ -10,7 +11,7 @@ from nsm_core.sensors.query import DistanceQuery
 
 from .keying import KeyedTake
 
-STAGES = ("sensors", "network", "blending", "ik")
+STAGES = ("goals", "sensors", "network", "blending", "ik")
 _DONE = {"sit": "sat down", "walk": "arrived", "idle": "stands"}
 
 
@@ -29,8 +30,10 @@ def build_report(name: str, result: TakeResult, keyed: KeyedTake, environment: D
             "action": goal.action,
             "reached": bool(goal.reached),
             "seconds": round(float(goal.seconds), 3),
-            "position_error_cm": round(float(goal.position_error_cm), 3),
-            "rotation_error_deg": round(float(goal.rotation_error_deg), 3),
+            "position_error_cm": _number(goal.position_error_cm),
+            "rotation_error_deg": _number(goal.rotation_error_deg),
+            "network_position_error_cm": _number(goal.network_position_error_cm),
+            "network_rotation_error_deg": _number(goal.network_rotation_error_deg),
         }
         for goal in result.goals
     ]
@@ -39,14 +42,20 @@ def build_report(name: str, result: TakeResult, keyed: KeyedTake, environment: D
         "frames": keyed.frame_end - keyed.frame_start + 1,
         "fps": round(keyed.fps, 4),
         "goals": goals,
-        **{key: round(float(value), 4) for key, value in travel.items()},
-        "ms_per_frame": {key: round(value, 4) for key, value in ms.items()},
+        **{key: _number(value) for key, value in travel.items()},
+        "ms_per_frame": {key: _number(value) for key, value in ms.items()},
     }
+
+
+def _number(value: float) -> float | None:
+    """A rounded number as JSON can hold it; None where there is none."""
+    return round(float(value), 4) if math.isfinite(value) else None
 
 
 def goal_line(goal: dict[str, Any]) -> str:
     """One sentence about one goal of a report."""
-    errors = f"{goal['position_error_cm']:.1f} cm and {goal['rotation_error_deg']:.1f}° off"
+    distance, turn = goal["position_error_cm"], goal["rotation_error_deg"]
+    errors = "never near it" if distance is None or turn is None else f"{distance:.1f} cm and {turn:.1f}° off"
     if goal["reached"]:
         return f"{goal['object']}: {_DONE.get(goal['action'], 'done')} after {goal['seconds']:.1f} s, {errors}."
     return f"{goal['object']}: not reached in {goal['seconds']:.1f} s, {errors}; clear its way, start nearer, or try another seed."

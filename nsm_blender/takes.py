@@ -12,8 +12,9 @@ import bpy
 import numpy as np
 
 from nsm_core import inference
+from nsm_core.control.goals import Goal
+from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner
 from nsm_core.conventions import FPS
-from nsm_core.control.take import Goal, TakeRequest, TakeResult, TakeRunner
 from nsm_core.errors import GoalError, SkeletonError
 from nsm_core.rotations import Array
 from nsm_core.sensors.query import DistanceQuery

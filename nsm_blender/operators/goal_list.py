@@ -92,7 +92,7 @@ class NSM_OT_goal_points(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings = settings_of(context.scene)
-        rows = [goal for goal in settings.goals if goal.enabled and goal.object]
+        rows = [goal for goal in settings.goals if goal.enabled and goal.object and goal.action != "idle"]
         made = 0
         with sentences(self) as errors:
             frame, start = start_of(settings.character, context.scene)
