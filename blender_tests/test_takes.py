@@ -38,6 +38,10 @@ def sit_on(character, seat, **options) -> TakeSpec:
     return TakeSpec(character, [GoalSpec("sit", seat, hold=0.5)], **options)
 
 
+def step_aside(character, **options) -> TakeSpec:
+    return TakeSpec(character, [GoalSpec("walk", None, hold=0.2, location=(0.9, 0.0, 0.0))], **options)
+
+
 def everything(scene: bpy.types.Scene, character: bpy.types.Object):
     """All that a cancelled take must leave alone, in values that can be compared."""
     pose = {b.name: tuple(map(tuple, b.matrix_basis)) + tuple(b.rotation_quaternion) + tuple(b.location) for b in character.pose.bones}
@@ -138,6 +142,8 @@ class TestOnTheNetwork:
         assert goal["reached"], take.report
         assert goal["position_error_cm"] < 5 and goal["rotation_error_deg"] < 5, goal
         assert take.report["planted_share"] > 0.4 and take.report["top_speed_m_s"] < 2.5
+        positions, _ = forward_kinematics(take.result.hips_position[-1], take.result.local_rotations[-1])
+        assert abs(math.degrees(wrap_angle(float(root_of(positions)[1]) - (piece.seat.heading + 0.5)))) < 15
         # What the report says is what the keys do, at the end of the hold.
         hips, local = read_back(character, [take.keyed.frame_end])
         positions, _ = forward_kinematics(hips, local)
@@ -148,24 +154,12 @@ class TestOnTheNetwork:
         character, seat, _ = room()
         scene, old = bpy.context.scene, old_action(character)
         scene.frame_set(3)
-        take = finish(generate(sit_on(character, seat, name="Sit down", start_frame=1), scene))
+        take = finish(generate(step_aside(character, name="Step aside"), scene))
         action = character.animation_data.action
-        assert action.name == "Sit down" and old.name in bpy.data.actions and old.use_fake_user
+        assert action.name == "Step aside" and old.name in bpy.data.actions and old.use_fake_user
         assert action.frame_range[0] == take.keyed.frame_start == 1
         assert action.frame_range[1] == take.keyed.frame_end == take.report["frames"]
         assert scene.frame_current == 3
-
-    def test_the_same_seed_gives_the_same_take(self):
-        character, seat, _ = room()
-        scene = bpy.context.scene
-        bpy.context.view_layer.update()
-        first = finish(generate(sit_on(character, seat, seed=2), scene)).result
-        character.animation_data.action = None
-        for bone in character.pose.bones:
-            bone.matrix_basis.identity()
-            bone.location, bone.rotation_quaternion = (0, 0, 0), (1, 0, 0, 0)
-        second = finish(generate(sit_on(character, seat, seed=2), scene)).result
-        np.testing.assert_allclose(first.hips_position, second.hips_position, atol=1e-5)
 
     def test_a_scaled_turned_and_raised_character_does_the_same_in_its_size(self):
         character, seat, piece = room(location=(1.0, 0.0, 0.5), scale=0.6, at=(1.0 + 0.6 * AWAY[0], 0.6 * AWAY[1]))
@@ -194,7 +188,7 @@ class TestOnTheNetwork:
         before = everything(scene, character)
         session = Session(sit_on(character, seat, start_frame=1), scene)
         shown = set()
-        for _ in range(6):
+        while session.fraction < 0.1:
             assert session.tick(0.03) is None
             bpy.context.view_layer.update()
             shown.add(tuple(character.pose.bones["Hips"].head))
@@ -206,7 +200,7 @@ class TestOnTheNetwork:
 
     def test_a_session_ends_with_the_take_of_a_straight_run(self):
         character, seat, _ = room()
-        session, take = Session(sit_on(character, seat, seed=1), bpy.context.scene), None
+        session, take = Session(step_aside(character), bpy.context.scene), None
         while take is None:
             take = session.tick(0.2)
         assert running.current() is None
@@ -220,10 +214,10 @@ class TestOnTheNetwork:
             old = old_action(character)
             settings = bpy.context.scene.nsm
             settings.character = character
-            settings.goals.add().object = seat
-            settings.goals[0].hold = 0.5
+            row = settings.goals.add()
+            row.action, row.location, row.hold = "walk", (0.9, 0.0, 0.0), 0.2
             assert bpy.ops.nsm.generate() == {"FINISHED"}
-            assert any("Seat" in line.text and "cm" in line.text for line in settings.results)
+            assert any("place: arrived" in line.text and "cm" in line.text for line in settings.results)
             assert bpy.ops.nsm.take_reject.poll()
             made = character.animation_data.action.name
             assert bpy.ops.nsm.take_reject() == {"FINISHED"}
@@ -236,9 +230,3 @@ class TestOnTheNetwork:
             assert old.name in bpy.data.actions
         finally:
             nsm_blender.unregister()
-
-    def test_root_faces_the_seats_front_at_the_end(self):
-        character, seat, piece = room(heading=-2.0)
-        take = finish(generate(sit_on(character, seat), bpy.context.scene))
-        positions, _ = forward_kinematics(take.result.hips_position[-1], take.result.local_rotations[-1])
-        assert abs(math.degrees(wrap_angle(float(root_of(positions)[1]) - (piece.seat.heading - 2.0)))) < 15

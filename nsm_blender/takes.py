@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Generator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -76,9 +77,10 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | No
     Raises SkeletonError, GoalError, GeometryError and WeightsError with a sentence for the animator.
     """
     request, frame = prepare(spec, scene)
-    yield Progress("Loading the network", 0.0)
-    runner = TakeRunner(model or shipped_model(), request)
-    while runner.step():
+    if model is None:
+        model = yield from _loaded()
+    runner = TakeRunner(model, request)
+    while _step(runner):
         hips, rotations = runner.pose()
         yield Progress("Generating", min(runner.progress, 1.0), frame.to_world(hips), rotations)
     result = runner.result()
@@ -90,6 +92,26 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | No
     keying_ms = (time.perf_counter() - begin) * 1000 / max(len(result.hips_position), 1)
     report = build_report(spec.title(), result, keyed, request.environment, keying_ms)
     return Take(keyed, report, result, frame)
+
+
+def _loaded() -> Generator[Progress, None, inference.Model]:
+    """Load the shipped network beside the window's own work: the first time it takes a second or two."""
+    pool = ThreadPoolExecutor(1)
+    loading = pool.submit(shipped_model)
+    pool.shutdown(wait=False)
+    while not loading.done():
+        yield Progress("Loading the network", 0.0)
+        time.sleep(0.005)
+    return loading.result()
+
+
+def _step(runner: TakeRunner) -> bool:
+    """Step a take; a goal that cannot be reached is named in the error."""
+    try:
+        return runner.step()
+    except GoalError as error:
+        name = runner.director.goals[max(runner.director.index, 0)].name
+        raise GoalError(f"{name}: {error}") from error
 
 
 def finish(steps: Generator[Progress, None, Take]) -> Take:
