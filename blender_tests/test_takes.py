@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import types
 
 import bpy
 import numpy as np
@@ -14,6 +15,7 @@ from nsm_blender import running
 from nsm_blender.character import add_character
 from nsm_blender.goals import GoalSpec, show_goal_point
 from nsm_blender.keying import read_back
+from nsm_blender.operators.generate import NSM_OT_generate
 from nsm_blender.report import result_lines
 from nsm_blender.scene import SceneState, WorldFrame
 from nsm_blender.session import Session
@@ -230,3 +232,102 @@ class TestOnTheNetwork:
             assert old.name in bpy.data.actions
         finally:
             nsm_blender.unregister()
+
+
+class Window:
+    """Takes the place of a window's context, which background mode has not: notes what the modal operator asks of it."""
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        self.scene, self.window, self.workspace, self.window_manager = scene, self, self, self
+        self.windows: list[object] = []
+        self.timers, self.handlers, self.status = 0, 0, None
+
+    def event_timer_add(self, _step, window):
+        assert window is self
+        self.timers += 1
+        return "timer"
+
+    def event_timer_remove(self, timer):
+        assert timer == "timer"
+        self.timers -= 1
+
+    def modal_handler_add(self, _operator):
+        self.handlers += 1
+
+    def status_text_set(self, text):
+        self.status = text
+
+    def progress_begin(self, *_):
+        pass
+
+    progress_update = progress_end = progress_begin
+
+
+class Modal:
+    """The modal operator's functions on a plain object, as Blender would call them."""
+
+    def __init__(self, window: Window) -> None:
+        self.window, self.reports = window, []
+        for name in ("modal", "cancel", "_start", "_end", "_keep", "_fail"):
+            setattr(self, name, types.MethodType(getattr(NSM_OT_generate, name), self))
+
+    def report(self, kind, text):
+        self.reports.append((kind, text))
+
+    def event(self, kind: str) -> set[str]:
+        return self.modal(self.window, types.SimpleNamespace(type=kind, value="PRESS"))
+
+
+@pytest.fixture
+def modal():
+    nsm_blender.register()
+    character, seat, _ = room()
+    settings = bpy.context.scene.nsm
+    settings.character = character
+    row = settings.goals.add()
+    row.action, row.location, row.hold = "walk", (0.9, 0.0, 0.0), 0.2
+    modal = Modal(Window(bpy.context.scene))
+    yield modal
+    assert running.current() is None and modal.window.timers == 0 and modal.window.status is None
+    nsm_blender.unregister()
+
+
+@needs_weights
+class TestModalOperator:
+    def test_escape_restores_everything(self, modal):
+        scene = bpy.context.scene
+        before = everything(scene, scene.nsm.character)
+        assert modal._start(modal.window) == {"RUNNING_MODAL"}
+        while running.current().fraction < 0.1:
+            assert modal.event("TIMER") == {"RUNNING_MODAL"}
+        assert "ESC" in modal.window.status and "%" in modal.window.status
+        assert not bpy.ops.nsm.generate.poll()  # one at a time
+        assert modal.event("WHEELUPMOUSE") == {"PASS_THROUGH"} and modal.event("LEFTMOUSE") == {"RUNNING_MODAL"}
+        assert modal.event("ESC") == {"CANCELLED"}
+        assert everything(scene, scene.nsm.character) == before
+
+    def test_it_runs_to_the_end(self, modal):
+        modal._start(modal.window)
+        while (state := modal.event("TIMER")) == {"RUNNING_MODAL"}:
+            pass
+        assert state == {"FINISHED"}
+        assert bpy.context.scene.nsm.character.animation_data.action is not None
+        assert any("place" in text for _, text in modal.reports)
+
+    def test_an_error_on_the_way_restores_and_says_why(self, modal):
+        scene = bpy.context.scene
+        for name, low, high in (
+            ("North", (-4, 2, 0), (4, 2.1, 2)), ("South", (-4, -2.1, 0), (4, -2, 2)),
+            ("West", (-4, -2, 0), (-3.9, 2, 2)), ("East", (3.9, -2, 0), (4, 2, 2)),
+        ):  # fmt: skip
+            box(name, low, high)
+        bpy.data.objects["Seat"].location.y = -8
+        scene.nsm.goals[0].location = (0.0, -6.0, 0.0)
+        before = everything(scene, scene.nsm.character)
+        modal._start(modal.window)
+        while (state := modal.event("TIMER")) == {"RUNNING_MODAL"}:
+            pass
+        assert state == {"CANCELLED"}
+        assert modal.reports[-1][0] == {"ERROR"} and "no free way" in modal.reports[-1][1]
+        assert everything(scene, scene.nsm.character) == before
+        assert not scene.nsm.results[0].good

@@ -67,6 +67,9 @@ class NSM_OT_generate(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:
             return self.execute(context)
+        return self._start(context)
+
+    def _start(self, context: bpy.types.Context) -> set[str]:
         self._session = Session(spec_of(context.scene), context.scene)
         manager = context.window_manager
         self._timer = manager.event_timer_add(_TICK, window=context.window)
