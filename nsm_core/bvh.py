@@ -10,7 +10,7 @@ from .clip import Clip, resample
 from .conventions import FPS
 from .errors import CaptureError
 from .rotations import quat_from_axis_angle, quat_mul, quat_normalize
-from .skeleton import J, JOINTS, require_joints
+from .skeleton import JOINTS, J, require_joints
 
 _AXES = {"X": np.array((1.0, 0, 0)), "Y": np.array((0, 1.0, 0)), "Z": np.array((0, 0, 1.0))}
 
@@ -59,7 +59,9 @@ def read(path: str | Path, centimetres: bool = True) -> Clip:
         raise CaptureError(f"{path.name}, line {motion_line + 1}: expected 'Frames:' and 'Frame Time:'; the file is damaged.") from error
     rows = [(number, line) for number, line in enumerate(lines[motion_line + 2 :], motion_line + 3) if line.strip()]
     if len(rows) < frames:
-        raise CaptureError(f"{path.name}, line {rows[-1][0] if rows else motion_line + 2}: {frames} frames are announced, {len(rows)} are there.")
+        raise CaptureError(
+            f"{path.name}, line {rows[-1][0] if rows else motion_line + 2}: {frames} frames are announced, {len(rows)} are there."
+        )
     values = np.empty((frames, len(channels)))
     for row, (number, line) in enumerate(rows[:frames]):
         try:

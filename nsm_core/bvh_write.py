@@ -37,7 +37,8 @@ def _joint(index: int, depth: int) -> list[str]:
     """Lines of the hierarchy from one joint down."""
     tab, inner = "\t" * depth, "\t" * (depth + 1)
     name, offset = JOINTS[index], OFFSETS[index] if index else np.zeros(3)  # the root's place is in its channels
-    lines = [f"{tab}{'JOINT' if index else 'ROOT'} {name}", f"{tab}{{", f"{inner}OFFSET {_numbers(_y_up(np.asarray(offset)) * _CENTIMETRES)}"]
+    place = _numbers(_y_up(np.asarray(offset)) * _CENTIMETRES)
+    lines = [f"{tab}{'JOINT' if index else 'ROOT'} {name}", f"{tab}{{", f"{inner}OFFSET {place}"]
     rotations = "Zrotation Yrotation Xrotation"
     lines.append(f"{inner}CHANNELS 3 {rotations}" if index else f"{inner}CHANNELS 6 Xposition Yposition Zposition {rotations}")
     for child in (c for c, p in enumerate(PARENTS) if p == index):

@@ -31,7 +31,13 @@ OFFSETS = np.array(
     dtype=np.float32,
 )  # fmt: skip
 # Ends of the outermost bones, from their joint, metres.
-END_SITES = {"Head": (0, 0, 0.155), "RightWrist": (-0.175, 0, 0), "LeftWrist": (0.175, 0, 0), "RightToe": (0, -0.07, 0), "LeftToe": (0, -0.07, 0)}
+END_SITES = {
+    "Head": (0, 0, 0.155),
+    "RightWrist": (-0.175, 0, 0),
+    "LeftWrist": (0.175, 0, 0),
+    "RightToe": (0, -0.07, 0),
+    "LeftToe": (0, -0.07, 0),
+}
 # Heights of the joints over the floor when the sole is flat, metres.
 ANKLE_HEIGHT, TOE_HEIGHT = 0.085, 0.025
 # How far the hip joint lies over the surface a person sits on, metres.

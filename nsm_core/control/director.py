@@ -163,5 +163,3 @@ def rotation_error(heading: float, goal: float) -> float:
 
 def _one_hot(action: str) -> Array:
     return np.eye(len(GOAL_ACTIONS), dtype=np.float32)[GOAL_ACTIONS.index(action)]
-
-

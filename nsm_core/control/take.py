@@ -149,7 +149,16 @@ class TakeRunner:
         hips, rotations, network_hips, network_rotations, contacts, root, style, experts = columns
         steps = max(self.frames - 1, 1)
         return TakeResult(
-            hips, rotations, network_hips, network_rotations, contacts, root, style, experts, self.director.results, {k: v / steps for k, v in self._ms.items()}
+            hips,
+            rotations,
+            network_hips,
+            network_rotations,
+            contacts,
+            root,
+            style,
+            experts,
+            self.director.results,
+            {k: v / steps for k, v in self._ms.items()},
         )
 
     def _moment(self) -> Moment:

@@ -7,17 +7,16 @@ put where the hips came to rest.  Everything else is furnished around the path t
 
 from __future__ import annotations
 
+import argparse
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from .. import furniture
-from ..clip import Clip
 from ..control.course import Course
 from ..control.foot_lock import lock_feet
 from ..conventions import CONTACTS
-from ..evaluation.metrics import penetration_depths
-from ..limbs import place_limbs, place_wrists
+from ..limbs import place_limbs
 from ..rotations import (
     Array,
     heading_to_direction,
@@ -29,16 +28,16 @@ from ..rotations import (
     rotate_planar,
     wrap_angle,
 )
-from ..skeleton import ARMS, FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
+from ..skeleton import FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
+from .fitting import hands_on_arm_rests, lift_swinging_feet
 from .library import Library, SitDown, build, gaussian_smooth, load_sits, load_walks
 from .matching import Matcher
+from .scene import furnish, keep_clear
 from .stitching import place, soften_seam
 from .take import Command, Placed, Take
 
 SEATS = ("chair", "chair", "armchair", "stool", "bench", "sofa")
-OBSTACLES = ("table", "desk", "cabinet", "box", "chair", "armchair", "sofa", "wall", "stool", "table")
 STAND_AHEAD = 0.45  # how far before the seated hips a person stands before sitting, metres
-BODY_RADIUS = 0.36
 
 
 @dataclass
@@ -153,7 +152,7 @@ class _Session:
         distance = float(np.linalg.norm(straight))
         points = [start]
         travel = wrap_angle(np.arctan2(straight[0], -straight[1]) - heading)
-        tangent = float(np.clip(travel, -1, 1) * 0 + np.sign(travel) * min(abs(travel), np.radians(rng.uniform(60, 130))))
+        tangent = float(np.sign(travel) * min(abs(travel), np.radians(rng.uniform(60, 130))))
         if seat_size is not None:
             width, depth = seat_size
             clear = 0.5 * width + 0.42
@@ -257,7 +256,8 @@ class _Session:
         rise_start = len(self.tape)
         facing = self.tape.headings[leaving - 1] - seat.heading
         placed = (self.tape.roots[leaving - 1] - rotate_planar(seat.point[:2] + rng.normal(0, 0.01, 2), facing), facing)
-        self.sat.append({"placed": placed, "piece": piece, "stand": target, "start": start, "reached": reached, "leaving": leaving, "rise": rise_start, "sit": (first, down, up, end), "mark": mark})
+        frames = {"start": start, "reached": reached, "leaving": leaving, "rise": rise_start}
+        self.sat.append({"placed": placed, "piece": piece, "stand": target, "sit": (first, down, up, end), "mark": mark, **frames})
         return True
 
     def _rise(self) -> None:
@@ -268,7 +268,7 @@ class _Session:
     # --- the whole ---------------------------------------------------------------------------------------------
 
     def run(self) -> Take | None:
-        rng, lib = self.rng, self.lib
+        rng = self.rng
         f = int(rng.choice(self.source.still))
         self._lay([f], [np.zeros(2)], [float(rng.uniform(-np.pi, np.pi))])
         self._command("idle", 0, position=np.zeros(3, np.float32), heading=self.tape.headings[0])
@@ -367,7 +367,8 @@ class _Session:
             moved[span] += weight[:, None] * shift
             if s["piece"].seat.arms:
                 goal = moved[s["reached"] : s["rise"]].mean(axis=0)
-                rotations = _hands_on_arm_rests(moved, rotations, weight, span, s["piece"], goal, float(np.mean(self.tape.headings[reached:rise])))
+                facing = float(np.mean(self.tape.headings[reached:rise]))
+                rotations = hands_on_arm_rests(moved, rotations, weight, span, s["piece"], goal, facing)
         return moved, place_limbs(moved, rotations, toes, targets, feet).astype(np.float32)
 
     def _resolved(self, hips: Array, rotations: Array, seats: list[Placed]) -> list[Command]:
@@ -435,97 +436,18 @@ class _Session:
         return result
 
 
-def keep_clear(take: Take, seat_depth: float = 0.09, depth: float = 0.05) -> bool:
-    """Take away obstacles that the body enters deeper than ``depth``, metres; False where a seat is walked into.
+def main(arguments: list[str]) -> int:
+    """Entry of ``python -m nsm_core compose``: write training data and say what it covers."""
+    from .coverage import report  # both need this module
+    from .export import export
 
-    Calves brush a seat's edge in the turn before it, hence the allowance ``seat_depth``.
-    """
-    kept = []
-    for o in take.obstacles:
-        if penetration_depths(take.hips[::2], take.rotations[::2], furniture.cuboids([(o.furniture, o.position, o.heading)])).max() < depth:
-            kept.append(o)
-    take.obstacles = kept
-    standing = take.sitting < 0.3
-    seats = furniture.cuboids([(s.furniture, s.position, s.heading) for s in take.seats])
-    return not take.seats or bool(penetration_depths(take.hips[standing], take.rotations[standing], seats).max() < seat_depth)
-
-
-def lift_swinging_feet(hips: Array, rotations: Array, contacts: Array, height: float = 0.018) -> Array:
-    """Raise feet a little in the middle of their swing, (T, ...): captured toes graze the floor where seams blend steps."""
-    lift = np.zeros((len(hips), 2), np.float32)
-    for side in (0, 1):
-        swinging = np.concatenate(([False], ~contacts[:, side].astype(bool), [False]))
-        edges = np.flatnonzero(np.diff(swinging.astype(int)))
-        for a, b in zip(edges[::2], edges[1::2], strict=True):
-            if b - a > 4:
-                lift[a:b, side] = height * np.sin(np.pi * (np.arange(b - a) + 0.5) / (b - a)) ** 2
-    positions, world = forward_kinematics(hips, rotations)
-    ankles = [leg[2] for leg in FEET]
-    targets = positions[:, ankles]
-    targets[..., 2] += lift
-    return place_limbs(hips, rotations, [leg[:3] for leg in FEET], targets, world[:, ankles]).astype(np.float32)
-
-
-def arm_rests(piece: furniture.Furniture) -> list[Array | None]:
-    """Where the right and left wrist rest on a seat's arms, (3,) in the object frame; None on a side without one."""
-    seat = piece.seat
-    result: list[Array | None] = [None, None]
-    if seat is None:
-        return result
-    across = rotate_planar((piece.mins + piece.maxs) / 2 - seat.point, np.full(len(piece.mins), -seat.heading))[:, 0]
-    for side, sign in enumerate((-1, 1)):  # a sitter who faces -Y has the right side on -X
-        tops = [
-            k
-            for k in range(len(piece.mins))
-            if 0.1 < piece.maxs[k, 2] - seat.height < 0.4 and 0.15 < sign * across[k] and np.ptp((piece.mins[k, 1], piece.maxs[k, 1])) > 0.12
-        ]
-        if tops:
-            k = max(tops, key=lambda k: piece.maxs[k, 2])
-            y = float(np.clip(seat.point[1] - 0.2, piece.mins[k, 1] + 0.05, piece.maxs[k, 1] - 0.05))
-            result[side] = np.array(((piece.mins[k, 0] + piece.maxs[k, 0]) / 2, y, piece.maxs[k, 2] + 0.035))
-    return result
-
-
-def _hands_on_arm_rests(hips: Array, rotations: Array, weight: Array, span: slice, piece: furniture.Furniture, goal: Array, heading: float) -> Array:
-    """Lead the wrists of a sit (``span`` of (T, ...)) from where they were to the arm rests, by the sitting ``weight``."""
-    rotations = rotations.copy()
-    positions, _ = forward_kinematics(hips[span], rotations[span])
-    # The arms follow the hips down: they leave the thighs' way late and come back to it early.
-    w = np.clip((weight - 0.35) / 0.65, 0, 1)[:, None] ** 1.5
-    for side, rest in enumerate(arm_rests(piece)):
-        if rest is None:
-            continue
-        at = rotate_planar(rest - np.append(piece.seat.point[:2], 0), np.float64(heading)) + np.append(goal[:2], 0)
-        wrist = positions[:, ARMS[side][2]]
-        rotations[span] = place_wrists(hips[span], rotations[span], side, (wrist + w * (at - wrist)).astype(np.float32))
-    return rotations
-
-
-def furnish(take: Take, roots: Array, detours: list[Array], rng: np.random.Generator) -> None:
-    """Put furniture about the walked path (T, 2), never on it, preferably inside the detours; changes the take."""
-    busy = [(s.position, 0.5 * float(np.linalg.norm(s.furniture.size[:2]))) for s in take.seats]
-
-    def try_put(spot: Array, kind: str) -> None:
-        piece = furniture.make(kind, rng)
-        heading = float(rng.uniform(-np.pi, np.pi))
-        local = rotate_planar(roots - spot, np.full(len(roots), -heading))
-        lo, hi = piece.mins[:, :2].min(0), piece.maxs[:, :2].max(0)
-        outside = np.maximum(np.maximum(lo - local, local - hi), 0)
-        if np.linalg.norm(outside, axis=1).min() < BODY_RADIUS:
-            return
-        radius = 0.5 * float(np.linalg.norm(piece.size[:2]))
-        if any(np.linalg.norm(p - spot) < r + radius for p, r in busy):
-            return
-        busy.append((spot, radius))
-        take.obstacles.append(Placed(piece, spot, heading))
-
-    for middle in detours:
-        for _ in range(3):
-            try_put(middle + rng.normal(0, 0.12, 2), str(rng.choice(("table", "box", "cabinet", "chair", "stool", "desk"))))
-    for _ in range(int(rng.integers(0, 26))):
-        at = roots[rng.integers(len(roots))]
-        angle = rng.uniform(-np.pi, np.pi)
-        try_put(at + rng.uniform(0.5, 2.4) * np.array((np.cos(angle), np.sin(angle))), str(rng.choice(OBSTACLES)))
-
-
-__all__ = ["Clip", "Composer", "Source", "furnish", "load"]
+    parser = argparse.ArgumentParser(prog="compose", description="Stitch goal-directed performances from a capture folder.")
+    parser.add_argument("captures", help="folder with clips/ of 23-joint BVH files")
+    parser.add_argument("--out", default="runs/data")
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--seed", type=int, default=0)
+    a = parser.parse_args(arguments)
+    folder = export(a.captures, a.out, a.minutes, a.seed, progress=lambda n, of: print(f"\r{min(n / of, 1):6.1%}", end="", flush=True))
+    print()
+    print(report(folder))
+    return 0

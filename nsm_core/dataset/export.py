@@ -72,7 +72,9 @@ def take_arrays(take: Take) -> dict[str, Array]:
     environment = environment_sensor_many(scene, a.root[:, :2], a.root[:, 2])
     count = len(take)
     return {
-        **{k: getattr(a, k) for k in ("joint_position", "joint_forward", "joint_up", "joint_velocity", "root", "style", "phase", "contact")},
+        **{
+            k: getattr(a, k) for k in ("joint_position", "joint_forward", "joint_up", "joint_velocity", "root", "style", "phase", "contact")
+        },
         "goal_position": position,
         "goal_heading": heading,
         "goal_action": action,
@@ -134,7 +136,9 @@ def export(captures: str, out: str | Path, minutes: float, seed: int = 0, worker
     finally:
         for f in files.values():
             f.close()
-    (out / "data.json").write_text(json.dumps({"frames": frames, "objects": objects, "seed": seed, "stance": stance(captures), "takes": provenance}))
+    (out / "data.json").write_text(
+        json.dumps({"frames": frames, "objects": objects, "seed": seed, "stance": stance(captures), "takes": provenance})
+    )
     return out
 
 

@@ -21,7 +21,10 @@ from ..rotations import Array, quat_normalize, rotate_planar, wrap_angle
 from ..skeleton import ARMS, HIPS, INDEX, forward_kinematics, root_of
 
 # Clips whose names hold one of these words are left out of level walking: they hop, skip, crouch or carry.
-_LEFT_OUT = ("hop", "skip", "leap", "jump", "crouch", "box", "run", "swing", "sway", "dribble", "pickup", "pick_up", "use_item", "talk", "interact", "push", "squat", "lift")
+_LEFT_OUT = tuple(
+    "hop skip leap jump crouch box run swing sway dribble "
+    "pickup pick_up use_item talk interact push squat lift".split()
+)
 _WALK_SOURCES = ("accad_female1", "accad_male1", "accad_male2", "cmu", "opencap", "quaternius")
 _SIT_CLIPS = ("opencap_sts1", "opencap_stsasym1", "opencap_stsweaklegs1", "quaternius_sit_full")
 ROOT_SMOOTHING = 0.12  # seconds: standard deviation of the Gaussian over root position and heading
@@ -84,7 +87,9 @@ def build(clips: list[Clip]) -> Library:
     clips = [c for c in clips if len(c) >= 20]
     if not clips:
         raise CaptureError("no usable clip was found; name a folder with the captures' BVH files.")
-    parts: dict[str, list[Array]] = {k: [] for k in ("clip_of", "start", "end", "hips", "rotations", "root", "heading", "pose", "velocity", "contacts")}
+    parts: dict[str, list[Array]] = {
+        k: [] for k in ("clip_of", "start", "end", "hips", "rotations", "root", "heading", "pose", "velocity", "contacts")
+    }
     offset = 0
     for number, clip in enumerate(clips):
         positions, _ = clip.world()
@@ -119,7 +124,14 @@ def load_walks(folder: str | Path) -> list[Clip]:
     """Read the level idle and walking clips below the capture folder, by name and by measure."""
     paths = [p for source in _WALK_SOURCES for p in sorted((Path(folder) / "clips" / source).glob("*.bvh"))]
     paths = [p for p in paths if not (p.parent.name == "cmu" and p.stem.split("_")[1] in ("01", "03"))]
-    paths = [p for p in paths if not (p.parent.name == "cmu" and p.stem.startswith(("cmu_02_04", "cmu_02_05", "cmu_02_06", "cmu_02_07", "cmu_02_08", "cmu_02_09", "cmu_02_10", "cmu_06")))]
+    paths = [
+        p
+        for p in paths
+        if not (
+            p.parent.name == "cmu"
+            and p.stem.startswith(("cmu_02_04", "cmu_02_05", "cmu_02_06", "cmu_02_07", "cmu_02_08", "cmu_02_09", "cmu_02_10", "cmu_06"))
+        )
+    ]
     return [c for c in map(bvh.read, paths) if _is_level_walk(c)]
 
 

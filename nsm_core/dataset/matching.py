@@ -119,7 +119,10 @@ class Matcher:
             frames.append(f)
             roots.append(root.copy())
             headings.append(heading)
-            still = np.linalg.norm(lib.velocity[f, HIPS, :2]) < 0.12 and np.linalg.norm(lib.velocity[f, list(_POSE_JOINTS)], axis=1).max() < 0.25
+            still = (
+                np.linalg.norm(lib.velocity[f, HIPS, :2]) < 0.12
+                and np.linalg.norm(lib.velocity[f, list(_POSE_JOINTS)], axis=1).max() < 0.25
+            )
             near = course.length - course.progress < 0.25 and abs(wrap_angle(course.final_heading - heading)) < 0.35
             resting = resting + 1 if still and near else 0
             if resting > 4:

@@ -149,7 +149,9 @@ def goal_tables(take: Take, annotated: Annotated) -> tuple[Array, Array, Array]:
             position[mask, :2] = annotated.root[ahead[mask], :2]
             heading[mask] = annotated.root[ahead[mask], 2]
             walks = annotated.style[ahead[mask], WALK] > 0.5
-            action[mask] = np.eye(len(GOAL_ACTIONS), dtype=np.float32)[np.where(walks, GOAL_ACTIONS.index("walk"), GOAL_ACTIONS.index("idle"))]
+            action[mask] = np.eye(len(GOAL_ACTIONS), dtype=np.float32)[
+                np.where(walks, GOAL_ACTIONS.index("walk"), GOAL_ACTIONS.index("idle"))
+            ]
         else:
             position[mask] = command.position
             heading[mask] = command.heading

@@ -47,7 +47,9 @@ def trials(starts: int = 10, seats: int = len(SEATS), furthest: float = 3.0) -> 
     return result
 
 
-def request(trial: Trial, hold: float = 1.0, contact_ik: bool = True, place: Array | None = None, turn: float = 0.0, **more: object) -> TakeRequest:
+def request(
+    trial: Trial, hold: float = 1.0, contact_ik: bool = True, place: Array | None = None, turn: float = 0.0, **more: object
+) -> TakeRequest:
     """Set up one trial's take: the seat is found from its mesh, as in Blender."""
     piece = trial.piece
     place = np.zeros(2) if place is None else place
@@ -57,7 +59,9 @@ def request(trial: Trial, hold: float = 1.0, contact_ik: bool = True, place: Arr
     volume = interaction_sensor(query, centre, piece.size, turn)
     hips = np.append(place + rotate_planar(seat.point[:2], np.float64(turn)), seat.point[2] + HIP_OVER_SEAT)
     goal = Goal("sit", piece.kind, hips, seat.heading + turn, hold, volume)
-    return TakeRequest(place + rotate_planar(trial.start, np.float64(turn)), trial.heading + turn, [goal], query, contact_ik=contact_ik, **more)  # type: ignore[arg-type]
+    return TakeRequest(
+        place + rotate_planar(trial.start, np.float64(turn)), trial.heading + turn, [goal], query, contact_ik=contact_ik, **more
+    )  # type: ignore[arg-type]
 
 
 def run_trial(model: Model, trial: Trial, **more: object) -> tuple[TakeResult, dict[str, float]]:
@@ -90,7 +94,12 @@ def summarise(reports: list[dict[str, float]]) -> dict[str, float]:
     reached = table["reached"] > 0
     alone = reached & (table["network_pe_cm"] < 10) & (table["network_re_deg"] < 10)
     precise = reached & (table["pe_cm"] < 3) & (table["re_deg"] < 3)
-    summary = {"trials": len(reports), "reached": reached.mean(), "within_10cm_10deg_alone": alone.mean(), "within_3cm_3deg_ik": precise.mean()}
+    summary = {
+        "trials": len(reports),
+        "reached": reached.mean(),
+        "within_10cm_10deg_alone": alone.mean(),
+        "within_3cm_3deg_ik": precise.mean(),
+    }
     for k, v in table.items():
         if k != "reached":
             good = v[np.isfinite(v)]
@@ -99,7 +108,9 @@ def summarise(reports: list[dict[str, float]]) -> dict[str, float]:
     return {k: float(v) for k, v in summary.items()}
 
 
-def run_all(model: Model, chosen: list[Trial], progress: Callable[[int, int], None] | None = None, **more: object) -> tuple[list[TakeResult], list[dict[str, float]]]:
+def run_all(
+    model: Model, chosen: list[Trial], progress: Callable[[int, int], None] | None = None, **more: object
+) -> tuple[list[TakeResult], list[dict[str, float]]]:
     """Run trials one after the other."""
     takes, reports = [], []
     for n, trial in enumerate(chosen):

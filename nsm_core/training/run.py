@@ -101,11 +101,16 @@ class Trainer:
         x, g = self._normalised(x, g)
         with torch.autocast("cpu", torch.bfloat16):
             out, _ = self.average(x, g)
-        return float((((out - (torch.from_numpy(y) - self.net.output_mean) / self.net.output_std)) ** 2).mean())
+        return float(((out - (torch.from_numpy(y) - self.net.output_mean) / self.net.output_std) ** 2).mean())
 
     def save(self, path: Path) -> None:
         """Write everything needed to go on, whole or not at all."""
-        state = {"net": self.net.state_dict(), "average": self.average.state_dict(), "optimiser": self.optimiser.state_dict(), "step": self.step}
+        state = {
+            "net": self.net.state_dict(),
+            "average": self.average.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
+            "step": self.step,
+        }
         torch.save(state, path.with_suffix(".part"))
         path.with_suffix(".part").replace(path)
 
@@ -184,7 +189,13 @@ def main(arguments: list[str]) -> int:
     folder = run / "data"
     if not (folder / "data.json").exists():
         print(f"Composing {settings.data_minutes:g} minutes of performances ...", flush=True)
-        export(a.captures, folder, settings.data_minutes, settings.seed, progress=lambda n, of: print(f"\r{min(n / of, 1):6.1%}", end="", flush=True))
+        export(
+            a.captures,
+            folder,
+            settings.data_minutes,
+            settings.seed,
+            progress=lambda n, of: print(f"\r{min(n / of, 1):6.1%}", end="", flush=True),
+        )
         print()
     keep_freed_memory()
     torch.set_num_threads(a.threads)
