@@ -1,0 +1,184 @@
+"""A small capture folder by computation: quiet stands, walks that start, turn and stop, and sits; and what is composed of it."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from nsm_core import bvh_write
+from nsm_core.dataset.compose import Composer, Source, load
+from nsm_core.dataset.export import Dataset, export, take_arrays
+from nsm_core.dataset.take import Take
+from nsm_core.limbs import place_limbs
+from nsm_core.rotations import heading_quat, heading_to_direction, quat_from_rotvec, quat_mul, quat_rotate
+from nsm_core.series import WINDOW
+from nsm_core.skeleton import FEET, INDEX, OFFSETS, TOE_HEIGHT, J
+
+STANCE, CYCLE = 0.6, 32  # share of a cycle that a foot stands, frames of a cycle
+LEGS = (FEET[0][:3], FEET[1][:3])
+TOE = OFFSETS[FEET[0][3]].astype(float)
+HEIGHT = 0.89  # of the hips when standing, metres
+
+
+def _ease(x: np.ndarray) -> np.ndarray:
+    x = np.clip(x, 0, 1)
+    return x**3 * (10 - 15 * x + 6 * x * x)
+
+
+def _body(headings: np.ndarray) -> np.ndarray:
+    """Upright local rotations (T, 23, 4) with the arms hanging."""
+    local = np.zeros((len(headings), J, 4))
+    local[..., 0] = 1
+    local[:, 0] = heading_quat(headings)
+    for side, sign in (("Right", -1.0), ("Left", 1.0)):
+        local[:, INDEX[f"{side}Shoulder"]] = quat_from_rotvec(np.array((0, sign * 1.35, 0)))
+        local[:, INDEX[f"{side}Elbow"]] = quat_from_rotvec(np.array((-0.2, 0, 0)))
+    return local
+
+
+def _legs(hips: np.ndarray, local: np.ndarray, toes: np.ndarray, pitch: np.ndarray, headings: np.ndarray) -> np.ndarray:
+    feet = quat_mul(heading_quat(headings), quat_from_rotvec(pitch[..., None] * np.array((1.0, 0, 0))))
+    return place_limbs(hips, local, LEGS, toes - quat_rotate(feet, np.broadcast_to(TOE, toes.shape)), feet)
+
+
+def _home(root: np.ndarray, heading: np.ndarray) -> np.ndarray:
+    """Where the toe joints (T, 2, 2) stand, right and left, under a body at rest."""
+    ahead = heading_to_direction(heading)
+    left = np.stack((-ahead[:, 1], ahead[:, 0]), axis=-1)
+    return np.stack([root + 0.1 * ahead + sign * 0.09 * left for sign in (-1, 1)], axis=1)
+
+
+def walk(distance: float, turn: float, seconds: float, rest: float = 1.2, travel: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Stand, walk ``distance`` metres while turning by ``turn`` radians, and stand: hips (T, 3), local rotations (T, 23, 4).
+
+    ``travel`` is the angle between the way that is walked and the way that is faced.
+    """
+    cycles = max(1, round(seconds * 30 / CYCLE))
+    moving, still = cycles * CYCLE, round(rest * 30)
+    t = np.arange(2 * still + moving + CYCLE)
+    pace = np.clip(np.minimum(t - still, still + moving - t) / 20, 0, None).clip(0, 1)
+    share = np.cumsum(pace) / pace.sum()
+    heading = turn * share
+    steps = np.gradient(distance * share)[:, None] * heading_to_direction(heading + travel)
+    root = np.cumsum(steps, axis=0)
+    phase = 0.05 + np.clip((t - still) / CYCLE, 0, cycles + 1)  # one more cycle brings the feet together
+    toes, pitch, facing = np.zeros((len(t), 2, 3)), np.zeros((len(t), 2)), np.zeros((len(t), 2))
+
+    def at(when: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Home of the feet and heading at fractional frames."""
+        h = np.interp(when, t, heading)
+        return _home(np.stack([np.interp(when, t, root[:, k]) for k in (0, 1)], axis=-1), h), h
+
+    for side in (0, 1):
+        cycle, p = np.divmod(phase + 0.5 * side, 1.0)
+        swing = np.clip((p - STANCE) / (1 - STANCE), 0, 1)
+        middle = still + (cycle - 0.5 * side - 0.05 + STANCE / 2) * CYCLE
+        (before, turned), (after, turning) = at(middle), at(middle + CYCLE)
+        w = (swing * swing * (3 - 2 * swing))[:, None]
+        toes[:, side, :2] = before[:, side] * (1 - w) + after[:, side] * w
+        toes[:, side, 2] = TOE_HEIGHT + 0.06 * np.sin(np.pi * swing) ** 2
+        pitch[:, side] = 0.3 * np.sin(np.pi * swing)
+        facing[:, side] = turned * (1 - w[:, 0]) + turning * w[:, 0]
+    hips = np.concatenate((root, np.full((len(t), 1), HEIGHT)), axis=1)
+    return hips, _legs(hips, _body(heading), toes, pitch, facing)
+
+
+def stand(frames: int = 150) -> tuple[np.ndarray, np.ndarray]:
+    """A quiet stand that sways by a few millimetres."""
+    t = np.arange(frames)
+    hips = np.stack((0.004 * np.sin(t / 17), 0.003 * np.sin(t / 23), HEIGHT + 0.002 * np.sin(t / 11)), axis=1)
+    toes = np.concatenate((_home(np.zeros((1, 2)), np.zeros(1)), np.full((1, 2, 1), TOE_HEIGHT)), axis=2).repeat(frames, 0)
+    return hips, _legs(hips, _body(np.zeros(frames)), toes, np.zeros((frames, 2)), np.zeros((frames, 2)))
+
+
+def sit(height: float = 0.52, back: float = 0.42) -> tuple[np.ndarray, np.ndarray]:
+    """Stand, sit down on nothing, stay, rise and stand; the feet stay."""
+    t = np.arange(30 + 42 + 60 + 42 + 30)
+    w = _ease((t - 30) / 42) - _ease((t - 132) / 42)
+    hips = np.stack((np.zeros(len(t)), back * w, HEIGHT + (height - HEIGHT) * w), axis=1)
+    local = _body(np.zeros(len(t)))
+    lean = 0.6 * np.sin(np.pi * w) ** 2
+    local[:, INDEX["Chest"]] = quat_from_rotvec(lean[:, None] * np.array((1.0, 0, 0)))
+    toes = np.concatenate((_home(np.zeros((1, 2)), np.zeros(1)), np.full((1, 2, 1), TOE_HEIGHT)), axis=2).repeat(len(t), 0)
+    return hips, _legs(hips, local, toes, np.zeros((len(t), 2)), np.zeros((len(t), 2)))
+
+
+def write_captures(folder: Path) -> Path:
+    """Write the capture folder; names are those the loaders choose by."""
+    clips = {
+        "accad_male1/male1_a1_stand": stand(),
+        "opencap/opencap_sts1": sit(),
+        "quaternius/quaternius_sit_full": sit(0.5, 0.4),
+    }
+    for n, (distance, turn, seconds) in enumerate(
+        (
+            (3.0, 0, 3.2),
+            (4.2, 0.5, 4.3),
+            (2.4, 1.2, 3.2),
+            (1.8, 2.2, 3.2),
+            (1.2, 0, 2),
+            (0.7, 1.6, 2),
+            (0, 1.2, 1.2),
+            (0, 2.6, 2.2),
+            (0.4, 0, 1.1),
+        )
+    ):
+        clips[f"cmu/cmu_09_{n:02d}"] = walk(distance, turn, seconds)
+    clips["cmu/cmu_09_20"] = walk(0.5, 0.3, 1.2, travel=np.pi / 2)
+    clips["cmu/cmu_09_21"] = walk(0.5, 0, 1.2, travel=np.pi)
+    clips["accad_male2/hop_in_place"] = walk(0.5, 0, 1)
+    for name, motion in clips.items():
+        path = folder / "clips" / f"{name}.bvh"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        bvh_write.write(path, *motion)
+    return folder
+
+
+_made: dict[str, Path] = {}
+
+
+def capture_folder(tmp_path_factory) -> Path:
+    """The capture folder, written once per run of the tests."""
+    if "captures" not in _made:
+        _made["captures"] = write_captures(tmp_path_factory.mktemp("captures"))
+    return _made["captures"]
+
+
+def data_folder(tmp_path_factory) -> Path:
+    """A minute and a half of training data composed from it, exported once per run of the tests."""
+    if "data" not in _made:
+        _made["data"] = export(str(capture_folder(tmp_path_factory)), tmp_path_factory.mktemp("data") / "set", 1.5, seed=3, workers=1)
+    return _made["data"]
+
+
+@cache
+def source(folder: Path) -> Source:
+    """The library read from the capture folder."""
+    return load(str(folder))
+
+
+@cache
+def takes(folder: Path, wanted: int = 4) -> tuple[Take, ...]:
+    """The first takes that the seeds from 0 compose, at least one of them with a seat."""
+    composer, found = Composer(source(folder)), []
+    for seed in range(60):
+        take = composer.compose(seed)
+        if take is not None and (take.seats or len(found) < wanted - 1):
+            found.append(take)
+        if len(found) == wanted:
+            return tuple(found)
+    raise AssertionError(f"only {len(found)} of 60 seeds composed a take")
+
+
+@cache
+def dataset(folder: Path) -> Dataset:
+    """The exported data in memory."""
+    return Dataset.open(folder)
+
+
+def data_of(take: Take) -> Dataset:
+    """One take as a data set of its own, as ``Dataset.open`` would give it."""
+    arrays = take_arrays(take)
+    return Dataset(arrays, np.arange(len(take) - WINDOW - 1))
