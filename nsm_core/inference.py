@@ -10,6 +10,7 @@ import numpy as np
 from .errors import WeightsError
 from .features import layout_description
 from .networks.config import NsmConfig
+from .threads import one_thread
 from .weights_file import Weights, load_weights
 
 Array = np.ndarray
@@ -56,6 +57,12 @@ class NumpyModel:
     def predict(self, x: Array, gating: Array) -> tuple[Array, Array]:
         """Predict as ``Model.predict`` says."""
         x, gating = _checked(x, gating, self.config)
+        if len(x) > 8:
+            return self._predict(x, gating)
+        with one_thread():
+            return self._predict(x, gating)
+
+    def _predict(self, x: Array, gating: Array) -> tuple[Array, Array]:
         s = self._statistics
         coefficients = self.gate((gating - s["gating_mean"]) / s["gating_std"])
         h = self.mix(self.encode((x - s["input_mean"]) / s["input_std"]), coefficients)

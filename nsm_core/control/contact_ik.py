@@ -7,15 +7,18 @@ import numpy as np
 from ..conventions import FPS
 from ..limbs import chain_frames, leg_reach, mul, place_limbs, rotate
 from ..rotations import Array, heading_quat, wrap_angle
-from ..skeleton import FEET, OFFSETS, TOE_HEIGHT
+from ..skeleton import ANKLE_HEIGHT, FEET, OFFSETS, TOE_HEIGHT
 from .foot_lock import LEGS, TOE_OFFSET, detect_foot_contacts, foot_heading, lock_feet, smooth_step, sole_depth
 
 __all__ = ["ContactIK", "detect_foot_contacts", "lock_feet"]
 
 # Label thresholds with hysteresis, seconds, metres and radians of the frame-by-frame version.
-LOCK, UNLOCK = 0.5, 0.3
+LOCK, UNLOCK, SURE = 0.5, 0.3, 0.8
+GLIDING, TORN = 0.7, 1.0  # m/s: a foot that moves faster is not locked; one that does is let go, whatever an unsure label says
 LANDING_TIME, RELEASE_TIME, DRAW_TIME = 0.1, 0.23, 0.5
 LOW_TOE, MAX_STRETCH, MAX_SHORTFALL, MAX_PIVOT = 0.08, 0.12, 0.03, np.radians(25)
+# A free foot clears the floor by CLEARANCE once it moves at full speed over it, m and m/s; rise and fall of that lift, m/s.
+CLEARANCE, SLOW_FOOT, FAST_FOOT, LIFT_UP, LIFT_DOWN, LIFT_EASE = 0.028, 0.15, 0.5, 0.5, 0.35, 0.45
 MAX_DRAW, MAX_DRAW_TURN, HIP_PLAY, HIP_PLAY_TURN = 0.3, np.radians(45), 0.01, np.radians(1)
 PELVIS_SPEED_DOWN, PELVIS_SPEED_UP, SETTLE_SPEED, MAX_PELVIS_DROP = 0.5, 0.25, 0.15, 0.08
 _HIP_OFFSETS = OFFSETS[[leg[0] for leg in LEGS]].astype(np.float64)
@@ -30,24 +33,29 @@ class _Foot:
         self.anchor, self.anchor_heading = np.zeros(2), 0.0
         self.shift, self.turn = np.zeros(3), 0.0  # what is added to the pose now
         self.left, self.left_turn, self.fading = np.zeros(3), 0.0, 1.0  # what was there at release; 0..1 faded out
+        self.lift = 0.0  # how much a swinging foot is raised
+        self.came: Array | None = None  # where the toe came in and where it was put in the last frame, (2,)
+        self.before: Array | None = None
 
     def release(self) -> None:
         if self.locked:
             self.left, self.left_turn, self.fading = self.shift.copy(), self.turn, 0.0
         self.locked, self.hold = False, 0.0
 
-    def update(self, toe: Array, heading: float, label: float, dt: float) -> None:
-        """Choose ``shift`` and ``turn`` for a pose whose toe joint is at ``toe`` (3,) with the foot turned to ``heading``."""
+    def update(self, toe: Array, ankle_height: float, heading: float, label: float, dt: float) -> None:
+        """Choose ``shift``, ``turn`` and ``lift`` for a pose whose toe joint is at ``toe`` (3,), the foot turned to ``heading``."""
         if label < UNLOCK:
             self.refused = False
-        if self.locked and (label < UNLOCK or toe[2] > LOW_TOE):
+        glide = 0.0 if self.came is None else float(np.hypot(*(toe[:2] - self.came))) / dt
+        self.came = toe[:2].copy()
+        if self.locked and (label < UNLOCK or toe[2] > LOW_TOE or (glide > TORN and label < SURE)):
             self.release()
         if not self.locked:
             self.fading = min(1.0, self.fading + dt / RELEASE_TIME)
             rest = 1 - float(smooth_step(self.fading))
             self.shift, self.turn = self.left * rest, self.left_turn * rest
             self.refused = self.refused and rest > 0
-            if label > LOCK and toe[2] < LOW_TOE and not self.refused:
+            if label > LOCK and toe[2] < LOW_TOE and not self.refused and (glide < GLIDING or label > SURE):
                 self.locked = True
                 self.anchor, self.anchor_heading = toe[:2] + self.shift[:2], heading + self.turn
         if self.locked:
@@ -64,6 +72,20 @@ class _Foot:
             self.shift[:2] = self.anchor - toe[:2]
             settle = float(np.clip(TOE_HEIGHT - toe[2], -0.015, 0.015))
             self.shift[2] += float(np.clip(settle - self.shift[2], -SETTLE_SPEED * dt, SETTLE_SPEED * dt))
+        self._clear_the_floor(toe, ankle_height, dt)
+
+    def _clear_the_floor(self, toe: Array, ankle_height: float, dt: float) -> None:
+        """Raise a foot that swings low: the network's mean of many steps drags it where a body would lift it."""
+        now = toe[:2] + self.shift[:2]
+        speed = 0.0 if self.before is None else float(np.hypot(*(now - self.before))) / dt
+        self.before = now
+        wanted = 0.0
+        if not self.locked:
+            share = float(smooth_step(np.clip((speed - SLOW_FOOT) / (FAST_FOOT - SLOW_FOOT), 0, 1)))
+            low = max(TOE_HEIGHT - toe[2], ANKLE_HEIGHT - ankle_height)
+            wanted = share * max(0.0, CLEARANCE + low - self.shift[2])
+        self.lift += float(np.clip(LIFT_EASE * (wanted - self.lift), -LIFT_DOWN * dt, LIFT_UP * dt))
+        self.lift = 0.0 if self.lift < 1e-5 else self.lift
 
 
 class ContactIK:
@@ -108,19 +130,22 @@ class ContactIK:
         starts, parents = chain_frames(hips, local, (LEGS[0][0], LEGS[1][0]))
         toes, feet = self._feet_of(starts, parents, local)
         foot_headings = foot_heading(feet)
+        ankle_heights = (toes - rotate(feet, TOE_OFFSET))[:, 2]
         for side, foot in enumerate(self._feet):
-            foot.update(toes[side], float(foot_headings[side]), float(contacts[3 + side]), self.dt)
+            foot.update(toes[side], float(ankle_heights[side]), float(foot_headings[side]), float(contacts[3 + side]), self.dt)
         self._draw_hips(hips, local, float(contacts[0]), hip_goal, heading)
         turn = np.array([foot.turn for foot in self._feet])
         if turn.any():
             feet = mul(heading_quat(turn), feet)
+        raised = np.array([foot.lift for foot in self._feet])
         toes = toes + np.stack([foot.shift for foot in self._feet])
+        toes[:, 2] += raised
         lift = sole_depth(toes, feet)
         toes[:, 2] += lift
         targets = toes - rotate(feet, TOE_OFFSET)
         starts = hips + rotate(local[0], _HIP_OFFSETS)
         self._lower_pelvis(hips, starts, targets)
-        if not (self._draw or self._drop or turn.any() or lift.any() or any(foot.shift.any() for foot in self._feet)):
+        if not (self._draw or self._drop or turn.any() or lift.any() or raised.any() or any(foot.shift.any() for foot in self._feet)):
             return hips_position.copy(), local_rotations.copy()
         return hips.astype(hips_position.dtype), place_limbs(hips, local, LEGS, targets, feet).astype(dtype)
 
