@@ -281,3 +281,12 @@ def test_foot_is_not_thrown_over_a_short_break_of_contact():
     toes = forward_kinematics(*lock_feet(hips, local, contacts))[0][:, TOES]
     assert np.linalg.norm(np.diff(toes, axis=0), axis=-1).max() < 0.05
     assert np.ptp(toes[:20, :, 0], axis=0).max() < 2e-3 and np.ptp(toes[40:, :, 0], axis=0).max() < 2e-3
+
+
+def test_next_seat_does_not_pull_a_sitter_across():
+    hips, local = seated_pose()
+    ik, labels, here, there = ContactIK(), np.array((1.0, 0, 0, 1, 1)), (hips + (0.05, 0, 0), 0.0), (hips + (2.0, 1.0, 0), 1.0)
+    placed = [ik.apply(hips, local, labels, here, 0.0)[0] for _ in range(30)]
+    placed += [ik.apply(hips, local, labels, there, 0.0)[0] for _ in range(10)]
+    assert np.linalg.norm(np.diff(placed, axis=0), axis=1).max() < 0.01
+    assert np.linalg.norm(placed[-1] - hips) < np.linalg.norm(placed[29] - hips)

@@ -18,6 +18,7 @@ GLIDING, TORN = 0.7, 1.0  # m/s: a foot that moves faster is not locked; one tha
 LANDING_TIME, RELEASE_TIME, DRAW_TIME = 0.1, 0.23, 0.5
 LOW_TOE, MAX_STRETCH, MAX_SHORTFALL, MAX_PIVOT = 0.08, 0.12, 0.03, np.radians(25)
 # A free foot clears the floor by CLEARANCE once it moves at full speed over it, m and m/s; rise and fall of that lift, m/s.
+NEXT_SEAT = 0.05  # metres between goals of one and the same seat
 CLEARANCE, SLOW_FOOT, FAST_FOOT, LIFT_UP, LIFT_DOWN, LIFT_EASE = 0.028, 0.15, 0.5, 0.5, 0.35, 0.45
 MAX_DRAW, MAX_DRAW_TURN, HIP_PLAY, HIP_PLAY_TURN = 0.3, np.radians(45), 0.01, np.radians(1)
 PELVIS_SPEED_DOWN, PELVIS_SPEED_UP, SETTLE_SPEED, MAX_PELVIS_DROP = 0.5, 0.25, 0.15, 0.08
@@ -164,9 +165,11 @@ class ContactIK:
 
     def _draw_hips(self, hips: Array, local: Array, label: float, goal: tuple[Array, float] | None, heading: float | None) -> None:
         """Move ``hips`` and turn ``local[0]`` in place toward the goal by the weight reached so far."""
-        if goal is not None:
+        if goal is not None and (not self._draw or self._goal is None):
             self._goal = (np.asarray(goal[0], dtype=np.float64), float(goal[1]))
-        self._seated = goal is not None and label > (UNLOCK if self._seated else LOCK)
+        # A sitter who is sent to the next seat is let go from this one first.
+        same = goal is not None and self._goal is not None and np.linalg.norm(self._goal[0] - goal[0]) < NEXT_SEAT
+        self._seated = same and label > (UNLOCK if self._seated else LOCK)
         self._draw = float(np.clip(self._draw + (1 if self._seated else -1) * self.dt / DRAW_TIME, 0, 1))
         if not self._draw:
             self._goal = None

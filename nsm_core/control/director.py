@@ -20,6 +20,8 @@ from .planning import FloorPlan
 STAND_AHEAD = 0.45  # how far before the seated hips a person stands before sitting, metres
 REACH = 3.6  # metres from which goal-driven mode takes over
 SIT, WALK, IDLE = STYLES.index("sit"), STYLES.index("walk"), STYLES.index("idle")
+BESIDE = 0.3  # metres at the end of the straight way that may touch the seat's surroundings
+ELBOW_ROOM = 0.33  # metres to keep from things on the straight way: the network cuts corners a little
 EXECUTED = 0.9  # a label over this counts as executed (design of the response times)
 SEATED_WITHIN = 0.2  # metres between hips and goal that still count as seated on it
 SETTLE = 12  # frames of rest after which a transition has ended
@@ -97,7 +99,7 @@ class Director:
         if goal.action == "sit":
             stand = stand + STAND_AHEAD * heading_to_direction(np.array(goal.heading))
         distance = float(np.linalg.norm(stand - moment.root[:2]))
-        free = self.plan is None or distance < 1.2 or self._free(moment.root[:2], stand)
+        free = self.plan is None or distance < 0.6 or self._free(moment.root[:2], stand)
         if distance < REACH and free:
             self._static, self._course = (goal if goal.action == "sit" else Goal("idle", goal.name, goal.position, goal.heading)), None
             if goal.interaction is not None and goal.action == "sit":
@@ -110,7 +112,7 @@ class Director:
         # The last stretch lies beside the seat, so the end of the line is not asked about.
         d = b - a
         length = float(np.linalg.norm(d))
-        return self.plan.line_is_free(a, a + d * max(0.0, 1 - 0.45 / max(length, 1e-6)))  # type: ignore[union-attr]
+        return self.plan.line_is_free(a, a + d * max(0.0, 1 - BESIDE / max(length, 1e-6)), ELBOW_ROOM)  # type: ignore[union-attr]
 
     def _judge(self, moment: Moment) -> None:
         """See whether the transition has ended, hold, and go on to the next goal."""
