@@ -1,0 +1,225 @@
+"""The director: from a queue of goals to the series the network is led by."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from nsm_core import furniture
+from nsm_core.control.director import Director, rotation_error
+from nsm_core.control.goals import Goal, Moment
+from nsm_core.control.planning import FloorPlan
+from nsm_core.conventions import GOAL_ACTIONS, STYLES
+from nsm_core.errors import GoalError
+from nsm_core.rotations import heading_to_direction, wrap_angle
+from nsm_core.sensors.cuboid import interaction_sensor
+from nsm_core.sensors.query import Cuboids
+from nsm_core.skeleton import HIP_OVER_SEAT
+
+ROOM = (np.array((-9.0, -9.0)), np.array((9.0, 9.0)))
+EMPTY = FloorPlan(Cuboids(), ROOM)
+PAST = np.arange(-30, 0, 5)
+
+
+class Puppet:
+    """Goes where the goal series says at 1.2 m/s at most, and sits where it is told to, close enough."""
+
+    def __init__(self, goals: list[Goal], root=(0.0, 0.0, 0.0), plan: FloorPlan = EMPTY, seed: int = 0, time_limit: float = 20.0):
+        self.root, self.sitting, self.speed = np.array(root, dtype=np.float64), 0.0, 0.0
+        self.director = Director(goals, plan, self.root.astype(np.float32), np.random.default_rng(seed), time_limit)
+        self.position, self.heading, self.action, self.sensed, self.roots = [], [], [], [], []
+        self.obedient = True
+
+    def moment(self) -> Moment:
+        style = np.zeros(len(STYLES))
+        style[STYLES.index("sit")] = self.sitting
+        style[STYLES.index("walk")] = min(self.speed, 1) * (1 - self.sitting)
+        style[STYLES.index("idle")] = 1 - style.sum()
+        hips = np.append(self.root[:2], 0.9 - 0.4 * self.sitting)
+        return Moment(self.root.astype(np.float32), hips, float(self.root[2]), self.speed, style)
+
+    def step(self) -> bool:
+        if self.director.done:
+            return False
+        position, heading, action, sensed = self.director.update(self.moment())
+        for kept, value in ((self.position, position), (self.heading, heading), (self.action, action), (self.sensed, sensed)):
+            kept.append(value)
+        self.roots.append(self.root.copy())
+        if self.obedient:
+            way = position[6, :2] - self.root[:2]
+            far, sit = float(np.linalg.norm(way)), action[6, GOAL_ACTIONS.index("sit")] > 0.5
+            step = min(far, 1.2 / 30)
+            self.root[:2] += way / max(far, 1e-9) * step
+            self.root[2] += np.clip(wrap_angle(heading[6] - self.root[2]), -0.1, 0.1)
+            self.speed = 30 * step
+            self.sitting = float(np.clip(self.sitting + (0.1 if sit and far < 0.1 else -0.1), 0, 1))
+        return True
+
+    def run(self, frames: int = 2000) -> Puppet:
+        while len(self.position) < frames and self.step():
+            pass
+        return self
+
+
+def seat_goal(place=(0.0, -6.0), heading=0.0, hold=1.0, name="Chair") -> tuple[Goal, FloorPlan]:
+    """A chair somewhere, its goal, and the plan of a room with it alone."""
+    piece = furniture.make("chair", np.random.default_rng(0))
+    query = furniture.cuboids([(piece, np.array(place), heading)])
+    volume = interaction_sensor(query, np.append(place, piece.centre[2]), piece.size, heading)
+    return Goal("sit", name, (*place, piece.seat.height + HIP_OVER_SEAT), heading, hold, volume), FloorPlan(query, ROOM)
+
+
+def named(action: np.ndarray) -> list[str]:
+    assert (action.sum(-1) == 1).all()
+    return [GOAL_ACTIONS[k] for k in action.argmax(-1)]
+
+
+def test_shapes_and_standing_before_the_first_goal_is_heard():
+    p = Puppet([Goal("walk", "there", (5, 0, 0), 1.0)], root=(1.0, 2.0, 0.5)).run(1)
+    assert p.position[0].shape == (13, 3) and p.heading[0].shape == (13,) and p.action[0].shape == (13, 6)
+    assert p.director.index == -1 and named(p.action[0]) == ["idle"] * 13
+    np.testing.assert_allclose(p.position[0], np.tile((1, 2, 0), (13, 1)))
+    np.testing.assert_allclose(p.heading[0], 0.5)
+    p.run(16)
+    assert p.director.index == 0 and 4 <= p.director.results[0].start_frame <= 15
+
+
+def test_locomotion_leads_to_a_far_seat_then_the_goal_itself_takes_over():
+    goal, plan = seat_goal(heading=np.pi)  # it faces who comes
+    p = Puppet([goal], plan=plan).run()
+    ahead = [named(a[6:]) for a in p.action]
+    led, sent = ahead.index(["walk"] * 7), ahead.index(["sit"] * 7)
+    assert 4 <= led < sent and all(s == ["sit"] * 7 for s in ahead[sent:])
+    stand = np.array((0.0, -5.55))
+    distance = [np.linalg.norm(stand - r[:2]) for r in p.roots]
+    assert distance[led] > 5 and 3.4 < distance[sent] < 3.7
+    for f in range(led, sent):
+        # Each key's goal lies one second further along the way than the key itself.
+        away = np.linalg.norm(p.position[f][6:, :2] - p.roots[f][:2], axis=1)
+        assert (np.diff(away) >= -1e-6).all() and 0.25 < away[0] < 1.6 and away[-1] < 3.0
+        assert p.sensed[f] is None
+    for f in range(sent, len(ahead)):
+        np.testing.assert_allclose(p.position[f][6:], np.tile(goal.position, (7, 1)), atol=1e-6)
+        assert (p.heading[f][6:] == goal.heading).all() and p.sensed[f] is goal.interaction
+    result = p.director.results[0]
+    assert result.reached and result.object == "Chair" and result.action == "sit"
+    assert result.seconds == pytest.approx((result.end_frame - result.start_frame) / 30) and result.seconds < 10
+
+
+def test_a_table_in_the_way_is_walked_around_before_the_goal_is_shown():
+    table = furniture.make("table", np.random.default_rng(1), width=2.0, depth=0.7)
+    query = furniture.cuboids([(table, np.array((0.0, -1.4)), 0.0)])
+    p = Puppet([Goal("walk", "there", (0.0, -3.2, 0), 0.0)], plan=FloorPlan(query, ROOM)).run()
+    led = [f for f, a in enumerate(p.action) if "walk" in named(a[6:])]
+    assert len(led) > 30, "a goal within reach but behind a table needs leading"
+    assert p.director.results[0].reached
+    shown = np.concatenate([p.position[f][6:] for f in led]) + (0, 0, 0.7)
+    assert query.signed_distance(shown.astype(np.float32), 2.0).min() > 0.2
+    assert np.abs(shown[:, 0]).max() > 1.0
+    assert named(p.action[-1][6:]) == ["idle"] * 7 and np.allclose(p.position[-1][6:], (0.0, -3.2, 0))
+    straight = Puppet([Goal("walk", "there", (0.0, -3.2, 0), 0.0)]).run()
+    assert "walk" not in named(np.concatenate([a[6:] for a in straight.action]))
+
+
+def test_past_keys_keep_the_goals_of_their_time():
+    goal, plan = seat_goal()
+    p = Puppet([goal, Goal("idle", "", np.zeros(3), 0.0, 0.5), Goal("walk", "back", (0, 0, 0), 2.0)], plan=plan).run()
+    switches = [f for f in range(1, len(p.action)) if named(p.action[f][6:7]) != named(p.action[f - 1][6:7])]
+    assert len(switches) >= 3
+    for f in range(30, len(p.position)):
+        then = f + PAST
+        np.testing.assert_array_equal(p.position[f][:6], [p.position[t][6] for t in then])
+        np.testing.assert_array_equal(p.heading[f][:6], np.array([p.heading[t][6] for t in then]))
+        np.testing.assert_array_equal(p.action[f][:6], [p.action[t][6] for t in then])
+    f = switches[1]
+    assert set(named(p.action[f][:6])) != set(named(p.action[f][6:]))
+
+
+@pytest.mark.parametrize("hold", [0.0, 1.0, 2.5])
+def test_goals_are_held_as_long_as_asked(hold):
+    goal, plan = seat_goal((0.0, -2.5), hold=hold)
+    p = Puppet([goal, Goal("walk", "away", (2.0, -4.0, 0), 0.0, 0.0)], plan=plan).run()
+    first, second = p.director.results
+    assert first.reached and second.reached and p.director.done
+    assert second.start_frame - first.end_frame == max(1, round(hold * 30))
+    assert second.start_frame < second.end_frame < len(p.position) + 1
+
+
+def test_sitting_takes_a_rest_on_the_seat_and_not_a_label_alone():
+    goal, plan = seat_goal((0.0, -2.5))
+    p = Puppet([goal], plan=plan)
+    p.obedient, p.sitting = False, 1.0  # says that it sits, metres from the seat
+    p.run(200)
+    assert not p.director.results[0].reached and p.director.results[0].seconds == 0
+    p.root[:2], p.sitting = (0.0, -2.5), 0.5  # there, but not seated
+    p.run(400)
+    assert p.director.results[0].seconds == 0
+    p.sitting = 1.0
+    p.run(411)
+    assert p.director.results[0].seconds == 0
+    p.run(420)
+    assert p.director.results[0].reached
+
+
+def test_time_limit_ends_a_goal_and_goes_on_to_the_next():
+    goal, plan = seat_goal()
+    p = Puppet([goal, Goal("idle", "", np.zeros(3), 0.0, 0.0)], plan=plan, time_limit=3.0)
+    p.obedient = False
+    p.run()
+    first, second = p.director.results
+    assert not first.reached and 3.0 < first.seconds < 3.1 and first.end_frame - first.start_frame == round(first.seconds * 30)
+    assert second.reached and second.start_frame - first.end_frame <= 2 and p.director.done
+
+
+def test_unreachable_goals_are_refused_in_a_sentence():
+    walls = [((np.array(at)), 0.0, np.array(((-h[0], -h[1], 0.0),)), np.array(((h[0], h[1], 2.5),)))
+             for at, h in (((0, -4), (1.5, 0.1)), ((0, -7), (1.5, 0.1)), ((-1.5, -5.5), (0.1, 1.6)), ((1.5, -5.5), (0.1, 1.6)))]  # fmt: skip
+    p = Puppet([Goal("walk", "cell", (0, -5.5, 0), 0.0)], plan=FloorPlan(Cuboids(walls), ROOM))
+    with pytest.raises(GoalError, match=r"no free way .*\.$"):
+        p.run()
+
+
+def test_idle_from_sitting_asks_to_stand_before_the_seat():
+    goal, plan = seat_goal((1.0, -2.0), heading=0.7, hold=0.5)
+    p = Puppet([goal, Goal("idle", "", np.zeros(3), 0.0, 0.5)], plan=plan).run()
+    idle = p.director.results[1]
+    f = idle.start_frame + 1
+    assert named(p.action[f][6:]) == ["idle"] * 7
+    ahead = p.position[f][6, :2] - p.roots[f][:2]
+    np.testing.assert_allclose(p.roots[f][:2], (1.0, -2.0), atol=0.05)
+    np.testing.assert_allclose(ahead, 0.45 * heading_to_direction(np.array(0.7)), atol=0.05)
+    assert p.heading[f][6] == pytest.approx(0.7, abs=0.05) and idle.reached
+    assert p.sensed[f] is goal.interaction, "the seat is sensed while rising from it"
+    assert p.sensed[-1] is None, "and forgotten once the sitter stands"
+    standing = Puppet([Goal("idle", "", np.full(3, 7.0), 0.0, 0.5)], root=(0.3, 0.4, 1.0)).run()
+    np.testing.assert_allclose(standing.position[-1][6], (0.3, 0.4, 0), atol=1e-6)  # where it is, not where the goal says
+
+
+def test_the_same_seed_leads_the_same_way():
+    goals = lambda: [Goal("walk", "far", (6.0, 1.0, 0), 0.4), Goal("walk", "home", (0, 0, 0), 2.0)]  # noqa: E731
+    a, b, other = (Puppet(goals(), seed=s).run() for s in (3, 3, 4))
+    assert len(a.position) == len(b.position)
+    np.testing.assert_array_equal(np.array(a.position), np.array(b.position))
+    np.testing.assert_array_equal(np.array(a.heading), np.array(b.heading))
+    n = min(len(a.position), len(other.position))
+    assert not np.array_equal(np.array(a.position[:n]), np.array(other.position[:n]))
+
+
+@pytest.mark.parametrize(
+    "make, words",
+    [
+        (lambda: Goal("fly", "x", np.zeros(3), 0.0), "'fly' is unknown; choose one of sit, walk, idle"),
+        (lambda: Goal("sit", "Chair", (0, np.nan, 0), 0.0), "'Chair' has no usable place"),
+        (lambda: Goal("sit", "Chair", (0, 0), 0.0), "'Chair' has no usable place"),
+        (lambda: Goal("sit", "Chair", np.zeros(3), np.inf), "'Chair' has no usable place"),
+        (lambda: Goal("sit", "Chair", np.zeros(3), 0.0, hold=-1), "'Chair' has a hold of -1"),
+    ],
+)
+def test_bad_goals_are_refused_in_a_sentence(make, words):
+    with pytest.raises(GoalError, match=rf"{words}.*\.$"):
+        make()
+
+
+def test_rotation_error_takes_the_short_way_round():
+    assert rotation_error(np.pi - 0.05, -np.pi + 0.05) == pytest.approx(np.degrees(0.1))
+    assert rotation_error(0.2, 0.2 + 4 * np.pi) == pytest.approx(0, abs=1e-6)
