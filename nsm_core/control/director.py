@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..conventions import FPS, GOAL_ACTIONS, STYLES
+from ..errors import GoalError
 from ..rotations import Array, heading_to_direction, wrap_angle
 from ..sensors.cuboid import InteractionVolume
 from ..series import FUTURE, KEY_OFFSETS, KEY_STEP, PIVOT, WINDOW
@@ -95,9 +96,7 @@ class Director:
         goal = self.goals[self.index]
         if goal.action == "idle" or self._static is not None:
             return
-        stand = goal.position[:2].astype(np.float64)
-        if goal.action == "sit":
-            stand = stand + STAND_AHEAD * heading_to_direction(np.array(goal.heading))
+        stand = standing_place(goal)
         distance = float(np.linalg.norm(stand - moment.root[:2]))
         free = self.plan is None or distance < 0.6 or self._free(moment.root[:2], stand)
         if distance < REACH and free:
@@ -156,6 +155,27 @@ class Director:
             np.full(n, goal.heading, np.float32),
             np.repeat(_one_hot(goal.action)[None], n, axis=0),
         )
+
+
+def standing_place(goal: Goal) -> Array:
+    """Where on the floor (2,) one stands for a goal: before the seat to sit down, else the goal's own place."""
+    place = goal.position[:2].astype(np.float64)
+    return place + STAND_AHEAD * heading_to_direction(np.array(goal.heading)) if goal.action == "sit" else place
+
+
+def check_reachable(goals: list[Goal], plan: FloorPlan, start: Array) -> None:
+    """Raise GoalError that names the first goal to which no way leads from the place before it; ``start`` (2,)."""
+    here = np.asarray(start, dtype=np.float64)
+    for goal in goals:
+        if goal.action == "idle":
+            continue
+        place = standing_place(goal)
+        try:
+            if np.linalg.norm(place - here) > 0.3:
+                plan.find(here, place)
+        except GoalError as error:
+            raise GoalError(f"'{goal.name}' cannot be reached. {error}") from error
+        here = place
 
 
 def rotation_error(heading: float, goal: float) -> float:

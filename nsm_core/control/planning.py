@@ -22,6 +22,8 @@ HEIGHTS = (0.15, 0.45, 0.75, 1.05, 1.35, 1.65)
 _COMFORT = 0.17  # metres of room beyond the radius that a walker likes to keep
 _FAR = BODY_RADIUS + _COMFORT + 0.25  # clearance beyond which more does not matter
 _ESCAPE = 1.2  # metres around a start or goal that is hemmed in, within which the way may squeeze through
+_BRUSH = 0.03  # metres of room that squeezing through needs
+_LEAVE = 0.7  # metres to get off a thing that one stands or sits on
 
 
 class FloorPlan:
@@ -114,8 +116,10 @@ class FloorPlan:
         blocked = room < self.radius
         squeeze = np.zeros_like(blocked)
         for end in (start, goal):
-            if self.clearance(end[None])[0] < self.radius:
-                squeeze |= blocked & (np.linalg.norm(points - end, axis=-1) < _ESCAPE)
+            own, away = float(self.clearance(end[None])[0]), np.linalg.norm(points - end, axis=-1)
+            if own < self.radius:
+                # Beside a thing one may brush it, never pass through it; only from on top of a thing the way leads off it.
+                squeeze |= blocked & (((room > _BRUSH) & (away < _ESCAPE)) if own > _BRUSH else (away < _LEAVE))
         # Flesh gives way before wood does: inside a solid costs much more than close to one.
         price = np.where(squeeze, 6 + 60 * np.clip((0.15 - room) / 0.15, 0, 2), np.where(blocked, np.inf, price))
         price = np.pad(price, 1, constant_values=np.inf)

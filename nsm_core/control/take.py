@@ -21,7 +21,7 @@ from ..sensors.query import DistanceQuery
 from ..series import State, standing_state
 from ..skeleton import FEET, HIPS, J, forward_kinematics, local_from_world, root_of
 from .contact_ik import ContactIK
-from .director import Director, rotation_error
+from .director import Director, check_reachable, rotation_error
 from .goals import Goal, GoalResult, Moment
 from .planning import FloorPlan
 from .stepping import Blending, advance
@@ -83,6 +83,7 @@ class TakeRunner:
         self.state = _start(model, root, rng)
         places = np.array([root[:2], *[g.position[:2] for g in request.goals]])
         self.plan = FloorPlan(request.environment, (places.min(0) - _MARGIN, places.max(0) + _MARGIN))
+        check_reachable(request.goals, self.plan, root[:2])
         self.director = Director(request.goals, self.plan, root, rng, request.time_limit)
         self._ik = ContactIK() if request.contact_ik else None
         self._ms = dict.fromkeys(STAGES, 0.0)
