@@ -172,8 +172,8 @@ def test_time_limit_ends_a_goal_and_goes_on_to_the_next():
 
 
 def test_unreachable_goals_are_refused_in_a_sentence():
-    walls = [((np.array(at)), 0.0, np.array(((-h[0], -h[1], 0.0),)), np.array(((h[0], h[1], 2.5),)))
-             for at, h in (((0, -4), (1.5, 0.1)), ((0, -7), (1.5, 0.1)), ((-1.5, -5.5), (0.1, 1.6)), ((1.5, -5.5), (0.1, 1.6)))]  # fmt: skip
+    sides = (((0, -4), (1.5, 0.1)), ((0, -7), (1.5, 0.1)), ((-1.5, -5.5), (0.1, 1.6)), ((1.5, -5.5), (0.1, 1.6)))
+    walls = [(np.array(at), 0.0, np.array([(-x, -y, 0.0)]), np.array([(x, y, 2.5)])) for at, (x, y) in sides]
     p = Puppet([Goal("walk", "cell", (0, -5.5, 0), 0.0)], plan=FloorPlan(Cuboids(walls), ROOM))
     with pytest.raises(GoalError, match=r"no free way .*\.$"):
         p.run()
