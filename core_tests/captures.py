@@ -160,16 +160,23 @@ def source(folder: Path) -> Source:
 
 
 @cache
-def takes(folder: Path, wanted: int = 4) -> tuple[Take, ...]:
-    """The first takes that the seeds from 0 compose, at least one of them with a seat."""
-    composer, found = Composer(source(folder)), []
+def seeded(folder: Path) -> dict[int, Take]:
+    """The first takes that the seeds from 0 compose, by seed: some with seats, some led along, some among furniture."""
+    composer, found = Composer(source(folder)), {}
     for seed in range(60):
         take = composer.compose(seed)
-        if take is not None and (take.seats or len(found) < wanted - 1):
-            found.append(take)
-        if len(found) == wanted:
-            return tuple(found)
-    raise AssertionError(f"only {len(found)} of 60 seeds composed a take")
+        if take is not None:
+            found[seed] = take
+        seats, pieces = (sum(len(getattr(t, kind)) for t in found.values()) for kind in ("seats", "obstacles"))
+        led = any(c.position is None for t in found.values() for c in t.commands)
+        if len(found) > 2 and seats > 1 and pieces > 3 and led:
+            return found
+    raise AssertionError(f"60 seeds composed {len(found)} takes, and not enough to look at")
+
+
+def takes(folder: Path) -> tuple[Take, ...]:
+    """The takes of ``seeded``."""
+    return tuple(seeded(folder).values())
 
 
 @cache
