@@ -28,7 +28,7 @@ from .stepping import Blending, advance
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
 _LEGS = tuple(leg[:3] for leg in FEET)
-_MARGIN = 2.0  # metres of floor planned on around start and goals
+_MARGIN = 4.0  # metres of floor planned on around start and goals
 
 
 @dataclass

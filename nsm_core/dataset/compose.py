@@ -207,22 +207,31 @@ class _Session:
         return None
 
     def _stroll(self) -> bool:
-        """Walk to a free place: half of the time led along (dynamic goal), else sent there (static goal)."""
+        """Walk to a free place: half of the time led along (dynamic goal), else sent there (static goal).
+
+        Some are a step or a turn on the spot; some of those led along are interrupted by what is asked next.
+        """
         rng = self.rng
-        target = self._free_place(1.0, 4.0, 0.3)
+        near = rng.random() < 0.3
+        target = self._free_place(0.1, 0.9, 0.05) if near else self._free_place(0.9, 4.0, 0.3)
         if target is None:
             return False
         straight = target - self.tape.roots[-1]
         heading = float(np.arctan2(straight[0], -straight[1]) + rng.normal(0, 0.8))
+        if near:
+            heading = float(self.tape.headings[-1] + rng.uniform(-np.pi, np.pi))
         led = rng.random() < 0.5
         lead = int(rng.integers(2, 9))
         self._command("walk" if led else "idle", lead)
-        mark = len(self.commands) - 1
+        mark, before = len(self.commands) - 1, len(self.tape)
         if not self._go(target, heading):
             return False
         if not led:
             at, facing = self.tape.roots[-1], self.tape.headings[-1]
             self.commands[mark] = Command(self.commands[mark].frame, "idle", np.append(at, 0.0).astype(np.float32), facing)
+        elif len(self.tape) - before > 60 and rng.random() < 0.6:
+            self._trim(int(rng.integers(before + 25, len(self.tape) - 15)))
+            return True
         self._stand(rng.uniform(0.3, 1.5))
         return True
 
@@ -236,6 +245,10 @@ class _Session:
         if hips is None or seat is None:
             return False
         heading = float(rng.uniform(-np.pi, np.pi))
+        if rng.random() < 0.3:
+            # From behind the seat the way is long and often fails; draw it more often.
+            away = hips - self.tape.roots[-1]
+            heading = float(np.arctan2(away[0], -away[1]) + rng.uniform(-1.2, 1.2))
         target = hips + STAND_AHEAD * heading_to_direction(np.array(heading))
         self._command("sit", int(rng.integers(2, 9)), seat=len(self.sat))
         mark = len(self.commands) - 1
@@ -300,6 +313,12 @@ class _Session:
             else:
                 self._cut(*complete)
         return self._finish()
+
+    def _trim(self, length: int) -> None:
+        """Drop frames from ``length`` on; commands stay."""
+        tape = self.tape
+        del tape.frames[length:], tape.roots[length:], tape.headings[length:]
+        tape.seams = [s for s in tape.seams if s < length]
 
     def _cut(self, length: int, commands: int, seams: int, detours: int, sat: int) -> None:
         tape = self.tape
