@@ -1,0 +1,72 @@
+"""Keep hands and forearms out of furniture, frame by frame: arm rests, table tops, door frames."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..limbs import chain_frames, mul, place_limbs, rotate
+from ..rotations import Array
+from ..sensors.query import DistanceQuery
+from ..skeleton import ARMS, END_SITES, JOINTS, OFFSETS
+
+# Places on an arm that are kept out: share of the way from elbow to wrist (0..1) or from wrist to finger tips (1..2); radius, metres.
+_PROBES = ((0.5, 0.035), (0.8, 0.032), (1.0, 0.03), (1.5, 0.022), (2.0, 0.015))
+_SHARES = np.array([p[0] for p in _PROBES])
+_RADII = np.array([p[1] for p in _PROBES])
+FURTHEST, EASE, SPEED = 0.12, 0.3, 0.02  # metres a wrist is moved at most; share and metres per frame by which that changes
+_STEP = 0.01  # metres between the samples of the distance's slope
+_TIPS = np.array([END_SITES[JOINTS[arm[2]]] for arm in ARMS], dtype=np.float64)
+
+
+class HandClearance:
+    """Moves wrists off solids, smoothly; stateful, one character, one call a frame."""
+
+    def __init__(self, query: DistanceQuery) -> None:
+        self.query = query
+        self._push = np.zeros((2, 3))
+
+    def apply(self, hips_position: Array, local_rotations: Array) -> Array:
+        """Return new local rotations (23, 4); ``hips_position`` (3,) world metres, ``local_rotations`` (23, 4)."""
+        hips, local = hips_position.astype(np.float64), local_rotations.astype(np.float64)
+        wrists, probes = self._probe(hips, local)
+        wanted = np.zeros((2, 3))
+        reach = float(_RADII.max()) + 0.01
+        distance = self.query.signed_distance(probes.reshape(-1, 3).astype(np.float32), reach).reshape(2, -1)
+        depth = _RADII - distance
+        for side in np.flatnonzero(depth.max(axis=1) > 0):
+            deepest = int(depth[side].argmax())
+            around = probes[side, deepest] + _STEP * np.concatenate((np.eye(3), -np.eye(3)))
+            # A wider reach than before: the slope must not be cut off where a sample leaves the near field.
+            d = self.query.signed_distance(around.astype(np.float32), reach + 2 * _STEP).astype(np.float64)
+            out = d[:3] - d[3:]
+            length = np.linalg.norm(out)
+            # Deep inside there is no slope to follow; up is where the rests and tops end.
+            way = out / length if length > 1e-4 else np.array((0.0, 0, 1.0))
+            wanted[side] = min(depth[side, deepest], FURTHEST) * way
+        change = EASE * (wanted - self._push)
+        # What still goes in although it is pushed needs more; what has come free may come back.
+        still = depth.max(axis=1) > 0
+        change[still] = EASE * wanted[still]
+        size = np.linalg.norm(change, axis=1, keepdims=True)
+        self._push += change * np.minimum(1, SPEED / np.maximum(size, 1e-9))
+        size = np.linalg.norm(self._push, axis=1, keepdims=True)
+        self._push *= np.minimum(1, FURTHEST / np.maximum(size, 1e-9))
+        if np.abs(self._push).max() < 1e-4:
+            return local_rotations.copy()
+        return place_limbs(hips, local, ARMS, wrists + self._push).astype(local_rotations.dtype)
+
+    def _probe(self, hips: Array, local: Array) -> tuple[Array, Array]:
+        """Wrists (2, 3) and probe points (2, P, 3), world, of the pose moved by the present push."""
+        position, rotation = chain_frames(hips, local, tuple(arm[0] for arm in ARMS))
+        joints = []
+        for k in range(3):
+            rotation = mul(rotation, local[[arm[k] for arm in ARMS]])
+            joints.append(position)
+            if k < 2:
+                position = position + rotate(rotation, OFFSETS[[arm[k + 1] for arm in ARMS]].astype(np.float64))
+        _, elbow, wrist = joints
+        moved = wrist + self._push
+        tip = moved + rotate(rotation, _TIPS)
+        forearm = elbow[:, None] + _SHARES[None, :, None] * (moved - elbow)[:, None]
+        hand = moved[:, None] + (_SHARES[None, :, None] - 1) * (tip - moved)[:, None]
+        return wrist, np.where(_SHARES[None, :, None] <= 1, forearm, hand)
