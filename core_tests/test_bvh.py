@@ -181,7 +181,6 @@ def _nameless(lines: list[str]) -> None:
     lines[1] = "ROOT"
 
 
-@pytest.mark.xfail(strict=True, reason="the reader does not check this yet")
 @pytest.mark.parametrize(
     "spoil",
     [

@@ -266,7 +266,6 @@ def test_damaged_captures_are_named(tmp_path):
         load(damaged(tmp_path))
 
 
-@pytest.mark.xfail(strict=True, reason="the error of a worker does not reach the caller yet: BrokenProcessPool")
 def test_damaged_captures_stop_an_export_with_their_name(tmp_path):
     with pytest.raises(SkeletonError, match=r"opencap_sts1\.bvh lacks the bones LeftWrist"):
         export(damaged(tmp_path), tmp_path / "out", 0.1, workers=1)

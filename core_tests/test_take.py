@@ -145,16 +145,13 @@ def test_a_take_without_goals_or_places_is_refused_in_a_sentence(model):
         Goal("walk", "spot", (0, np.nan, 0), 0.0)
 
 
-_unchecked = pytest.mark.xfail(strict=True, reason="the start's heading is not checked yet")
-
-
 @pytest.mark.parametrize(
     "start, heading",
     [
         ((np.nan, 0.0), 0.0),
         ((0.0, np.inf), 0.0),
-        pytest.param((0.0, 0.0), np.nan, marks=_unchecked),
-        pytest.param((0.0, 0.0), np.inf, marks=_unchecked),
+        ((0.0, 0.0), np.nan),
+        ((0.0, 0.0), np.inf),
     ],
 )
 def test_a_start_that_is_no_number_is_refused_in_a_sentence(model, start, heading):

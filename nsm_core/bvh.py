@@ -27,6 +27,8 @@ def read(path: str | Path, centimetres: bool = True) -> Clip:
         lines = path.read_text().splitlines()
     except OSError as error:
         raise CaptureError(f"{path.name} cannot be read ({error.strerror}); check the path.") from error
+    except UnicodeDecodeError as error:
+        raise CaptureError(f"{path.name} holds bytes that are not text; it is damaged or not a BVH file.") from error
     channels: list[tuple[str, str]] = []
     stack: list[str] = []
     names: list[str] = []
@@ -36,6 +38,8 @@ def read(path: str | Path, centimetres: bool = True) -> Clip:
         if not words:
             continue
         if words[0] in ("ROOT", "JOINT"):
+            if len(words) < 2:
+                raise CaptureError(f"{path.name}, line {number}: a joint has no name; the file is damaged.")
             stack.append(words[1])
             names.append(words[1])
         elif words[0] == "End":
@@ -45,6 +49,8 @@ def read(path: str | Path, centimetres: bool = True) -> Clip:
                 raise CaptureError(f"{path.name}, line {number}: a bracket closes that was never opened; the file is damaged.")
             stack.pop()
         elif words[0] == "CHANNELS":
+            if not stack:
+                raise CaptureError(f"{path.name}, line {number}: channels stand before any joint; the file is damaged.")
             channels += [(stack[-1], c) for c in words[2:]]
         elif words[0] == "MOTION":
             motion_line = number
@@ -57,6 +63,10 @@ def read(path: str | Path, centimetres: bool = True) -> Clip:
         interval = float(lines[motion_line + 1].split(":")[1])
     except (IndexError, ValueError) as error:
         raise CaptureError(f"{path.name}, line {motion_line + 1}: expected 'Frames:' and 'Frame Time:'; the file is damaged.") from error
+    if frames < 1 or not np.isfinite(interval) or interval <= 0:
+        raise CaptureError(
+            f"{path.name}, line {motion_line + 1}: {frames} frames of {interval:g} seconds are no motion; write both as positive numbers."
+        )
     rows = [(number, line) for number, line in enumerate(lines[motion_line + 2 :], motion_line + 3) if line.strip()]
     if len(rows) < frames:
         raise CaptureError(

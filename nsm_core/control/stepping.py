@@ -37,7 +37,7 @@ def goal_centric_weights(distance: Array) -> Array:
 
 
 def restore_bone_lengths(positions: Array) -> Array:
-    """Move joints (B, J, 3) along their bones, parents first, to the skeleton's lengths; returns a new array."""
+    """Give bones the skeleton's lengths, parents first: each joint of (B, J, 3) keeps its direction from its parent's new place."""
     restored = positions.copy()
     for j in range(1, positions.shape[1]):
         bone = restored[:, j] - restored[:, PARENTS[j]]

@@ -81,6 +81,8 @@ class TakeRunner:
         self.model, self.request = model, request
         rng = np.random.default_rng(request.seed)
         root = np.array([*np.asarray(request.start_position, dtype=np.float64)[:2], request.start_heading], dtype=np.float32)
+        if not np.isfinite(root).all():
+            raise GoalError("The character's place or heading is not a number; clear its transform and place it anew.")
         self.state = _start(model, root, rng)
         places = np.array([root[:2], *[g.position[:2] for g in request.goals]])
         self.plan = FloorPlan(request.environment, (places.min(0) - _MARGIN, places.max(0) + _MARGIN))

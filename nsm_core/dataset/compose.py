@@ -449,7 +449,7 @@ class _Session:
     def _provenance(self, i: Array) -> list[tuple[str, int, int]]:
         lib, result = self.lib, []
         clip = lib.clip_of[i]
-        jumps = np.flatnonzero((np.diff(i) < 0) | (np.diff(i) > 2) | (np.diff(clip) != 0)) + 1
+        jumps = np.flatnonzero((np.abs(np.diff(i)) > 2) | (np.diff(clip) != 0)) + 1
         for a, b in zip([0, *jumps], [*jumps, len(i)], strict=True):
             result.append((lib.names[clip[a]], int(i[a] - lib.start[i[a]]), int(i[b - 1] - lib.start[i[a]] + 1)))
         return result

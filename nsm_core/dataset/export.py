@@ -110,6 +110,7 @@ def export(captures: str, out: str | Path, minutes: float, seed: int = 0, worker
     out.mkdir(parents=True, exist_ok=True)
     if not (Path(captures) / "clips").is_dir():
         raise CaptureError(f"{captures} has no folder 'clips'; name the capture folder.")
+    load(captures)  # a damaged capture is told here, not as a broken pool of workers
     wanted, frames, objects = int(minutes * 1800), 0, 0
     files = {k: open(out / f"{k}.bin", "wb") for k in (*_FIELDS, *_OBJECT_FIELDS)}
     provenance = {}
@@ -159,7 +160,9 @@ class Dataset:
             raise CaptureError(f"{folder} holds no finished training data; compose it again.") from error
         shapes = {k: ((meta["frames"], *s), d) for k, (s, d) in _FIELDS.items()}
         shapes |= {"object_cells": ((meta["objects"], CELLS, 3), np.float32), "object_occupancy": ((meta["objects"], CELLS), np.float32)}
-        arrays = {k: np.memmap(folder / f"{k}.bin", dtype=d, mode="r", shape=s) for k, (s, d) in shapes.items() if s[0]}
+        arrays = {
+            k: np.memmap(folder / f"{k}.bin", dtype=d, mode="r", shape=s) if s[0] else np.zeros(s, d) for k, (s, d) in shapes.items()
+        }
         if in_memory:
             arrays = {k: np.array(v) for k, v in arrays.items()}
         n = np.arange(meta["frames"])
