@@ -7,7 +7,7 @@ from typing import ClassVar
 import bpy
 from bpy.props import EnumProperty
 
-from ..goals import show_goal_point
+from ..goals import POINT_LINK, show_goal_point
 from ..properties import GOAL_TYPES, settings_of, spec_of_row
 from ..takes import own_objects, start_of
 from .reporting import sentences
@@ -23,7 +23,8 @@ class NSM_OT_goal_add(bpy.types.Operator):
         settings = settings_of(context.scene)
         own = own_objects(settings.character, context.scene) if settings.character else set()
         taken = {goal.object for goal in settings.goals}
-        chosen = [o for o in context.selected_objects if o.type in GOAL_TYPES and o not in own and o not in taken]
+        free = [o for o in context.selected_objects if o.type in GOAL_TYPES and o not in own and o not in taken]
+        chosen = [o for o in free if POINT_LINK not in o]
         for target in chosen or [None]:
             goal = settings.goals.add()
             goal.object = target
@@ -80,7 +81,10 @@ class NSM_OT_goal_move(_OnGoal):
 class NSM_OT_goal_points(bpy.types.Operator):
     bl_idname = "nsm.goal_points"
     bl_label = "Show Goal Points"
-    bl_description = "Make an empty where each goal was found on its object: move and turn it, and takes use it as it stands"
+    bl_description = (
+        "Show where each goal was found on its object as an empty, and select it: move it, or turn it so that its -Y axis "
+        "points where the character will face. Takes use it as it stands; delete it to have the place found anew"
+    )
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -93,16 +97,28 @@ class NSM_OT_goal_points(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings = settings_of(context.scene)
         rows = [goal for goal in settings.goals if goal.enabled and goal.object and goal.action != "idle"]
-        made = 0
+        points = []
         with sentences(self) as errors:
             frame, start = start_of(settings.character, context.scene)
         if errors:
             return {"CANCELLED"}
         for row in rows:
             with sentences(self):
-                show_goal_point(spec_of_row(row), context.scene, frame, start)
-                made += 1
-        return {"FINISHED"} if made else {"CANCELLED"}
+                points.append(show_goal_point(spec_of_row(row), context.scene, frame, start))
+        _select(context, points)
+        return {"FINISHED"} if points else {"CANCELLED"}
+
+
+def _select(context: bpy.types.Context, objects: list[bpy.types.Object]) -> None:
+    """Select these objects alone, where the mode and their visibility let them be."""
+    seen = [o for o in objects if o.visible_get()]
+    if context.mode != "OBJECT" or not seen:
+        return
+    for selected in context.selected_objects:
+        selected.select_set(False)
+    for chosen in seen:
+        chosen.select_set(True)
+    context.view_layer.objects.active = seen[-1]
 
 
 CLASSES = (NSM_OT_goal_add, NSM_OT_goal_remove, NSM_OT_goal_move, NSM_OT_goal_points)
