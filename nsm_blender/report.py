@@ -61,9 +61,13 @@ def goal_line(goal: dict[str, Any]) -> str:
     return f"{goal['object']}: not reached in {goal['seconds']:.1f} s, {errors}; clear its way, start nearer, or try another seed."
 
 
-def result_lines(report: dict[str, Any]) -> list[tuple[str, bool]]:
-    """Lines about a take for the sidebar, each with whether it is good news."""
+def result_lines(report: dict[str, Any], first: int = 1, scene_end: int | None = None) -> list[tuple[str, bool]]:
+    """Lines about a take for the sidebar, each with whether it is good news.
+
+    ``first`` is the frame of its first key; ``scene_end``, the scene's last frame, is told where it cuts the take off.
+    """
     lines = [(goal_line(goal), bool(goal["reached"])) for goal in report["goals"]]
-    total = report["ms_per_frame"]["total"]
-    lines.append((f"{report['frames']} frames, {total:.0f} ms each.", True))
+    last = first + report["frames"] - 1
+    short = "" if scene_end is None or last <= scene_end else f"; the scene ends at {scene_end}, so set its End to {last} to play all"
+    lines.append((f"Keys on frames {first} to {last}{short}.", True))
     return lines

@@ -9,6 +9,8 @@ import bpy
 
 from nsm_core.skeleton import JOINTS
 
+from .actions import BY_KEY
+
 
 @dataclass
 class Running:
@@ -45,6 +47,8 @@ def advance(stage: str, fraction: float) -> str:
     """Note how far the take under way is; return a line with the time left."""
     if _running is None:
         return ""
+    if not _running.fraction:
+        _running.begun = time.monotonic()  # loading says nothing about how fast frames come
     _running.fraction = fraction
     _running.text = f"{stage} {fraction:.0%}{time_left(fraction, time.monotonic() - _running.begun)}"
     return _running.text
@@ -71,8 +75,14 @@ def reason_not_ready(context: bpy.types.Context) -> str:
     if missing:
         more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
         return f"{character.name} lacks the bone {missing[0]}{more}; rename its bones to the 23 joint names, or add the bundled character."
-    if not any(goal.enabled for goal in settings.goals):
-        return "No goal is enabled; add a goal to the list."
+    enabled = [goal for goal in settings.goals if goal.enabled]
+    if not settings.goals:
+        return "There is no goal yet; select a seat and press the plus beside the list."
+    if not enabled:
+        return "No goal is enabled; tick one in the list."
+    for goal in enabled:
+        if goal.object is None and BY_KEY[goal.action].needs_object:
+            return f"A goal to {goal.action} has no object; choose one, or remove the goal."
     if context.mode not in {"OBJECT", "POSE"}:
         return "Generate works in Object and Pose Mode; leave the present mode with Tab."
     return ""

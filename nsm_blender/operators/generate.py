@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import ClassVar
 
 import bpy
@@ -16,6 +17,7 @@ from ..takes import Take, TakeSpec, finish, generate
 from . import review
 
 _BUDGET = 0.04  # seconds of stepping between two redraws
+_SLOW_BUDGET = 0.2  # the same where a redraw itself takes long: it must not starve the stepping
 _TICK = 0.02
 # The view may be turned and zoomed while a take runs; everything else would change what it reads.
 _VIEW_EVENTS = {
@@ -75,6 +77,7 @@ class NSM_OT_generate(bpy.types.Operator):
         self._timer = manager.event_timer_add(_TICK, window=context.window)
         manager.modal_handler_add(self)
         manager.progress_begin(0, 100)
+        self._left = time.perf_counter()
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -84,9 +87,9 @@ class NSM_OT_generate(bpy.types.Operator):
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"} if event.type in _VIEW_EVENTS else {"RUNNING_MODAL"}
-        session = self._session
+        session, drawing = self._session, time.perf_counter() - self._left
         try:
-            take = session.tick(_BUDGET)
+            take = session.tick(min(max(_BUDGET, drawing), _SLOW_BUDGET))
         except NsmError as error:
             self._end(context)
             return self._fail(session.scene, str(error))
@@ -99,6 +102,7 @@ class NSM_OT_generate(bpy.types.Operator):
         context.window_manager.progress_update(round(100 * session.fraction))
         context.workspace.status_text_set(f"NSM: {session.text}   ESC: cancel and restore")
         _redraw(context)
+        self._left = time.perf_counter()
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
@@ -114,9 +118,10 @@ class NSM_OT_generate(bpy.types.Operator):
         _redraw(context)
 
     def _keep(self, scene: bpy.types.Scene, take: Take) -> set[str]:
-        show_results(settings_of(scene), result_lines(take.report))
+        lines = result_lines(take.report, take.keyed.frame_start, scene.frame_end)
+        show_results(settings_of(scene), lines)
         review.remember(scene, take.keyed)
-        for goal, (text, good) in zip(take.report["goals"], result_lines(take.report), strict=False):
+        for goal, (text, good) in zip(take.report["goals"], lines, strict=False):
             self.report({"INFO" if goal["reached"] and good else "WARNING"}, text)
         return {"FINISHED"}
 
