@@ -12,6 +12,7 @@ import nsm_blender
 from nsm_blender import panels, running
 from nsm_blender.operators.generate import spec_of
 from nsm_blender.properties import show_results
+from nsm_blender.report import result_lines
 from nsm_core.skeleton import JOINTS
 
 ICONS = set(bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys())
@@ -81,7 +82,7 @@ def test_generate_says_why_it_is_disabled(settings):
     assert "No character" in reason()
     assert not bpy.ops.nsm.generate.poll()
     bpy.ops.nsm.add_character()
-    assert "No goal is enabled" in reason()
+    assert "no goal yet" in reason()
     furnish()
     bpy.data.objects["Chair"].select_set(True)
     bpy.ops.nsm.goal_add()
@@ -89,6 +90,9 @@ def test_generate_says_why_it_is_disabled(settings):
     settings.goals[0].enabled = False
     assert "No goal is enabled" in reason()
     settings.goals[0].enabled = True
+    chair, settings.goals[0].object = settings.goals[0].object, None
+    assert "A goal to sit has no object" in reason()
+    settings.goals[0].object = chair
     settings.character.data.bones["LeftKnee"].name = "Knie"
     assert "lacks the bone LeftKnee;" in reason()
     settings.character.data.bones["Knie"].name = "LeftKnee"
@@ -158,7 +162,11 @@ def test_goal_points_operator_makes_empties(settings):
     chair, _ = furnish(position=(2, 0))
     settings.goals.add().object = chair
     assert bpy.ops.nsm.goal_points() == {"FINISHED"}
-    assert bpy.data.objects["NSM Goal Chair"].parent == chair
+    point = bpy.data.objects["NSM Goal Chair"]
+    assert point.parent == chair
+    assert bpy.context.selected_objects == [point] and bpy.context.view_layer.objects.active == point
+    bpy.ops.nsm.goal_add()  # a goal point is no goal of its own
+    assert [goal.object for goal in settings.goals] == [chair, None]
 
 
 def test_panel_draws_every_state(settings):
@@ -173,11 +181,17 @@ def test_panel_draws_every_state(settings):
         drawn()
     show_results(settings, [("Chair: sat down after 4.1 s, 1.2 cm and 0.5° off.", True), ("Sofa: not reached.", False)])
     seen = drawn()
-    assert "Chair" in seen and "Generate" in seen and any("1.2 cm" in text for text in seen)
+    assert "Chair" in seen and "Generate" in seen and any("1.2\u00a0cm" in text for text in seen)
     running.begin(bpy.context.scene, settings.character)
     running.advance("Generating", 0.4)
     seen = drawn()
     assert "Generate" not in seen and any("40%" in text for text in seen) and any("ESC" in text for text in seen)
+
+
+def test_result_lines_tell_the_frames_and_where_the_scene_cuts_them_off():
+    report = {"frames": 550, "goals": []}
+    assert result_lines(report, 10, 600) == [("Keys on frames 10 to 559.", True)]
+    assert "ends at 250" in result_lines(report, 1, 250)[0][0]
 
 
 def test_time_left():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from typing import Any
 
@@ -12,7 +13,9 @@ from .actions import BY_KEY
 from .operators import review
 from .properties import settings_of
 
-_PIXELS_A_LETTER = 7
+_PIXELS_A_LETTER = 6.5  # at a resolution scale of 1, a little more than the average letter takes
+_AROUND_TEXT = 72  # pixels of the region that icon, margins and tabs take
+_BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:s|ms|m|cm)\b)")
 
 
 class NSM_UL_goals(bpy.types.UIList):
@@ -51,8 +54,9 @@ class NSM_PT_take(_Sidebar, bpy.types.Panel):
         idle = running.current() is None
         body = layout.column()
         body.enabled = idle
+        body.label(text="Character")
         row = body.row(align=True)
-        row.prop(settings, "character", text="")
+        row.prop(settings, "character", text="", icon="ARMATURE_DATA", placeholder="Armature")
         row.operator("nsm.add_character", text="", icon="ADD")
         self._draw_goals(body, settings)
         column = body.column(align=True)
@@ -111,10 +115,12 @@ class NSM_PT_take(_Sidebar, bpy.types.Panel):
 
 def _sentence(context: bpy.types.Context, layout: Any, text: str, icon: str) -> None:
     """Show a sentence over as many lines as the sidebar's width asks for."""
-    width = context.region.width if context.region else 300
+    scale = context.preferences.system.ui_scale
+    width = context.region.width / scale if context.region else 300
     column = layout.column(align=True)
     column.scale_y = 0.85
-    for i, line in enumerate(textwrap.wrap(text, max(width // _PIXELS_A_LETTER - 6, 20))):
+    text = _BEFORE_UNIT.sub("\u00a0", text)  # a number stays on the line of its unit
+    for i, line in enumerate(textwrap.wrap(text, max(int((width - _AROUND_TEXT) / _PIXELS_A_LETTER), 20))):
         column.label(text=line, icon="BLANK1" if i else icon)
 
 
