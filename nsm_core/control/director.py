@@ -26,6 +26,7 @@ ELBOW_ROOM = 0.33  # metres to keep from things on the straight way: the network
 EXECUTED = 0.9  # a label over this counts as executed (design of the response times)
 SEATED_WITHIN = 0.2  # metres between hips and goal that still count as seated on it
 SETTLE = 12  # frames of rest after which a transition has ended
+STALL, LED = 60, 120  # frames of standing still short of a goal before one is led on, and for how long at most
 SEAT_MEMORY = 0.25
 
 
@@ -41,6 +42,7 @@ class Director:
         self._static: Goal | None = None
         self._sensed: InteractionVolume | None = None
         self._frame, self._started, self._rest, self._hold = 0, 0, 0, -1
+        self._stall, self._led = 0, 0
         here = np.append(root[:2], 0.0)
         self._past_position = np.repeat(here[None].astype(np.float32), WINDOW + 1, axis=0)
         self._past_heading = np.full(WINDOW + 1, root[2], np.float32)
@@ -80,6 +82,7 @@ class Director:
         self.results[index].start_frame = self._frame
         goal = self.goals[index]
         self._course, self._static = None, None
+        self._stall, self._led = 0, 0
         if goal.action == "idle":
             self._static = self._stop(goal, moment)
         else:
@@ -94,10 +97,18 @@ class Director:
     def _steer(self, moment: Moment) -> None:
         """Choose between goal-driven and locomotion mode."""
         goal = self.goals[self.index]
-        if goal.action == "idle" or self._static is not None:
+        if goal.action == "idle":
             return
         stand = standing_place(goal)
+        if self._static is not None:
+            self._watch(goal, stand, moment)
+            return
         distance = float(np.linalg.norm(stand - moment.root[:2]))
+        if self._led > 0:
+            self._led -= 1
+            if distance > 0.2:
+                return
+            self._led = 0
         free = self.plan is None or distance < 0.6 or self._free(moment.root[:2], stand)
         if distance < REACH and free:
             self._static, self._course = (goal if goal.action == "sit" else Goal("idle", goal.name, goal.position, goal.heading)), None
@@ -106,6 +117,16 @@ class Director:
         elif self._course is None:
             path = self.plan.find(moment.root[:2], stand) if self.plan is not None else np.stack((moment.root[:2], stand))
             self._course = Course(np.asarray(path, dtype=np.float64), goal.heading, speed=float(self.rng.uniform(1.05, 1.25)))
+
+    def _watch(self, goal: Goal, stand: Array, moment: Moment) -> None:
+        """Where the network has come to rest short of its goal, lead it on to the standing place, then ask again."""
+        stalled = moment.speed < 0.05 and float(moment.style[SIT]) < 0.1 and not self._arrived(goal, moment)
+        self._stall = self._stall + 1 if stalled else 0
+        distance = float(np.linalg.norm(stand - moment.root[:2]))
+        if self._stall >= STALL and distance > 0.25:
+            self._stall, self._led, self._static = 0, LED, None
+            path = np.stack((moment.root[:2], stand)).astype(np.float64)
+            self._course = Course(path, goal.heading, speed=1.0, turn_distance=0.4)
 
     def _free(self, a: Array, b: Array) -> bool:
         # The last stretch lies beside the seat, so the end of the line is not asked about.
