@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import bpy
 import numpy as np
-import pytest
 
 from nsm_blender.room import place
 from nsm_core.furniture import Furniture, make
-
-WEIGHTS = Path(__file__).resolve().parents[1] / "nsm_core" / "weights" / "nsm.npz"
-needs_weights = pytest.mark.skipif(not WEIGHTS.exists(), reason="no trained weights in nsm_core/weights yet")
 
 
 def furnish(

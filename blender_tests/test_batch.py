@@ -9,7 +9,7 @@ from pathlib import Path
 
 import bpy
 import pytest
-from scenes import empty, furnish, needs_weights
+from scenes import empty, furnish
 
 from nsm_blender import batch
 from nsm_blender.character import add_character
@@ -155,7 +155,6 @@ class TestFailures:
         assert "does not exist" in done.stdout and "Traceback" not in done.stderr
 
 
-@needs_weights
 class TestTakes:
     def test_a_bad_take_does_not_lose_the_good_one(self, tmp_path):
         save_room(tmp_path)

@@ -11,7 +11,6 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Vector
-from scenes import needs_weights
 
 from nsm_blender import demo
 from nsm_blender.channels import channels_of
@@ -57,7 +56,6 @@ def test_an_unwritable_folder_is_one_sentence(tmp_path, capsys):
     assert "cannot be written" in said and "choose another folder" in said and "Traceback" not in said
 
 
-@needs_weights
 def test_the_demo_reaches_both_seats_and_leaves_its_files(tmp_path, capsys):
     code = demo.main(["--out", str(tmp_path), "--tiles", "3", "--hold", "0.5", "--no-video"])
     report = json.loads((tmp_path / "demo.json").read_text(encoding="utf-8"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 import pytest
-from scenes import box, empty, furnish, needs_weights
+from scenes import box, empty, furnish
 
 import nsm_blender
 from nsm_blender.character import add_character
@@ -148,7 +148,6 @@ def test_every_error_is_one_of_ours():
     assert all(issubclass(kind, NsmError) for kind in (SkeletonError, GoalError, GeometryError, WeightsError))
 
 
-@needs_weights
 def test_a_goal_walled_in_on_all_sides_is_named_and_nothing_is_keyed():
     character = add_character()
     chair, _ = furnish(position=(0.0, -3.0))

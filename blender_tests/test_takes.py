@@ -8,7 +8,7 @@ import types
 import bpy
 import numpy as np
 import pytest
-from scenes import box, furnish, needs_weights
+from scenes import box, furnish
 
 import nsm_blender
 from nsm_blender import running
@@ -130,7 +130,6 @@ class TestBeforeTheNetwork:
         assert everything(scene, character) == before
 
 
-@needs_weights
 class TestOnTheNetwork:
     @pytest.mark.parametrize(
         ("kind", "where"),
@@ -292,7 +291,6 @@ def modal():
     nsm_blender.unregister()
 
 
-@needs_weights
 class TestModalOperator:
     def test_escape_restores_everything(self, modal):
         scene = bpy.context.scene

@@ -11,12 +11,10 @@ from nsm_core.conventions import STYLES
 from nsm_core.errors import GoalError, NsmError
 from nsm_core.evaluation.metrics import travel_report
 from nsm_core.evaluation.sitting import Trial, request, trials
-from nsm_core.inference import BUNDLED, Model, load_model
+from nsm_core.inference import Model, load_model
 from nsm_core.rotations import rotate_planar, wrap_angle
 from nsm_core.sensors.query import Cuboids
 from nsm_core.skeleton import HIPS, forward_kinematics, root_of
-
-pytestmark = pytest.mark.skipif(not BUNDLED.exists(), reason=f"the shipped weights {BUNDLED.name} are not there; train them first")
 
 
 @pytest.fixture(scope="module")
