@@ -21,11 +21,12 @@ from ..sensors.query import DistanceQuery
 from ..series import State, standing_state
 from ..skeleton import FEET, HIPS, J, forward_kinematics, local_from_world, root_of
 from .contact_ik import ContactIK
-from .director import Director, check_reachable, rotation_error
+from .director import SIT, Director, check_reachable, rotation_error
 from .goals import Goal, GoalResult, Moment
 from .hands import HandClearance
 from .planning import FloorPlan
 from .stepping import Blending, advance
+from .trunk import TrunkClearance
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
 _LEGS = tuple(leg[:3] for leg in FEET)
@@ -89,7 +90,7 @@ class TakeRunner:
         check_reachable(request.goals, self.plan, root[:2])
         self.director = Director(request.goals, self.plan, root, rng, request.time_limit)
         self._ik = ContactIK() if request.contact_ik else None
-        self._hands = HandClearance(request.environment) if request.contact_ik else None
+        self._trunk, self._hands = TrunkClearance(request.environment), HandClearance(request.environment)
         self._ms = dict.fromkeys(STAGES, 0.0)
         self._frames: list[tuple[Array, ...]] = []
         contact = np.array([0, 0, 0, 1, 1], np.float32)
@@ -180,7 +181,8 @@ class TakeRunner:
             goal = d.goals[d.index] if 0 <= d.index < len(d.goals) else None
             seat = (goal.position, goal.heading) if goal is not None and goal.action == "sit" else None
             kept_hips, kept = self._ik.apply(hips, rotations, contact, seat, float(s.root[0, 2]))
-            kept = self._hands.apply(kept_hips, kept)  # type: ignore[union-attr]
+            kept = self._trunk.apply(kept_hips, kept, float(s.style_past[0, -1, SIT]))
+            kept = self._hands.apply(kept_hips, kept)
         self._frames.append((kept_hips, kept, hips, rotations, contact.copy(), s.root[0].copy(), s.style_past[0, -1].copy(), experts))
 
     def _measure(self) -> None:
