@@ -8,7 +8,7 @@ put where the hips came to rest.  Everything else is furnished around the path t
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from .matching import Matcher
 from .scene import furnish, keep_clear
 from .stitching import place, soften_seam
 from .take import Command, Placed, Take
+from .tape import Tape
 
 SEATS = ("chair", "chair", "armchair", "stool", "bench", "sofa")
 STAND_AHEAD = 0.45  # how far before the seated hips a person stands before sitting, metres
@@ -68,19 +69,6 @@ def load(folder: str) -> Source:
     return Source(library, Matcher(library, searchable=n < first_sit), sits, still)
 
 
-@dataclass
-class _Tape:
-    """Frames being laid end to end: fractional library frames with the root each is put on."""
-
-    frames: list[float] = field(default_factory=list)
-    roots: list[Array] = field(default_factory=list)
-    headings: list[float] = field(default_factory=list)
-    seams: list[int] = field(default_factory=list)
-
-    def __len__(self) -> int:
-        return len(self.frames)
-
-
 class Composer:
     """Composes takes from a source; one seed, one take."""
 
@@ -95,53 +83,12 @@ class Composer:
 class _Session:
     def __init__(self, source: Source, rng: np.random.Generator) -> None:
         self.source, self.lib, self.rng = source, source.library, rng
-        self.tape = _Tape()
+        self.tape = Tape(self.lib, rng)
         self.commands: list[Command] = []
         self.sat: list[dict] = []
         self.detours: list[Array] = []
 
-    # --- laying frames -----------------------------------------------------------------------------------------
-
-    def _lay(self, frames: Array, roots: Array, headings: Array, seams: tuple[int, ...] = (), seam: bool = True) -> None:
-        start = len(self.tape)
-        if seam and start:
-            self.tape.seams.append(start)
-        self.tape.seams += [start + s for s in seams]
-        self.tape.frames += [float(f) for f in frames]
-        self.tape.roots += list(roots)
-        self.tape.headings += [float(h) for h in headings]
-
-    def _run_on(self, frames: Array, seam: bool) -> None:
-        """Lay captured frames on from the tape's last root, moving it as it moved in the capture."""
-        lib, f = self.lib, np.asarray(frames, dtype=float)
-        i = np.minimum(f.astype(int), len(lib) - 2)
-        w = (f - i)[:, None]
-        root = lib.root[i] * (1 - w) + lib.root[i + 1] * w
-        heading = lib.heading[i] * (1 - w[:, 0]) + lib.heading[i + 1] * w[:, 0]
-        at, facing = self.tape.roots[-1], self.tape.headings[-1]
-        turn = facing - heading[0]
-        self._lay(f, at + rotate_planar(root - root[0], np.full(len(f), turn)), heading + turn, seam=seam)
-
-    def _hold(self, frame: int, count: int, reach: int, seam: bool) -> None:
-        """Stay about one captured frame for ``count`` frames, swaying slowly over its neighbours."""
-        lib = self.lib
-        low, high = max(frame - reach, int(lib.start[frame])), min(frame + reach, int(lib.end[frame]) - 2)
-        period = self.rng.uniform(2.5, 4.5) * 30
-        where = np.clip(frame + (high - low) / 2 * np.sin(2 * np.pi * np.arange(count) / period), low, high)
-        self._run_on(where, seam)
-
     # --- parts of a performance --------------------------------------------------------------------------------
-
-    def _stand(self, seconds: float) -> None:
-        last = int(self.tape.frames[-1])
-        end = int(self.lib.end[last])
-        count = int(seconds * 30)
-        captured = np.arange(last + 1, min(last + 1 + count, end - 1))
-        speeds = np.linalg.norm(self.lib.velocity[captured, HIPS, :2], axis=1) if len(captured) else np.ones(1)
-        if len(captured) >= count and speeds.max() < 0.12:
-            self._run_on(captured, seam=False)
-        else:
-            self._hold(last, count, 1, seam=False)
 
     def _course(self, target: Array, heading: float, seat_size: tuple[float, float] | None) -> Course:
         """A smooth path from here to ``target`` (2,); around the seat behind it, now and then by a detour."""
@@ -188,7 +135,7 @@ class _Session:
         passage = self.source.matcher.follow(course, last, self.tape.roots[-1], self.tape.headings[-1], self.rng)
         if passage is None:
             return False
-        self._lay(passage.frames[1:], passage.root[1:], passage.heading[1:], tuple(s - 1 for s in passage.seams), seam=False)
+        self.tape.lay(passage.frames[1:], passage.root[1:], passage.heading[1:], tuple(s - 1 for s in passage.seams), seam=False)
         return True
 
     def _command(self, action: str, lead: int, **kw: object) -> None:
@@ -230,9 +177,9 @@ class _Session:
             at, facing = self.tape.roots[-1], self.tape.headings[-1]
             self.commands[mark] = Command(self.commands[mark].frame, "idle", np.append(at, 0.0).astype(np.float32), facing)
         elif len(self.tape) - before > 60 and rng.random() < 0.6:
-            self._trim(int(rng.integers(before + 25, len(self.tape) - 15)))
+            self.tape.trim(int(rng.integers(before + 25, len(self.tape) - 15)))
             return True
-        self._stand(rng.uniform(0.3, 1.5))
+        self.tape.stand(rng.uniform(0.3, 1.5))
         return True
 
     def _sit(self) -> bool:
@@ -259,13 +206,13 @@ class _Session:
         first, down, up, end = self.source.sits[int(np.argmin(costs))]
         stretch = rng.uniform(0.85, 1.25)
         start = len(self.tape)
-        self._run_on(np.arange(first, down, 1 / stretch), seam=True)
+        self.tape.run_on(np.arange(first, down, 1 / stretch), seam=True)
         reached = len(self.tape)
         middle = int(lib.start[first]) + int(np.argmin(np.linalg.norm(lib.velocity[down:up, HIPS], axis=1))) + down - first
-        self._run_on(np.linspace(down, middle, max(2, abs(middle - down))), seam=False)
-        self._hold(middle, int(rng.uniform(0.6, 3.0) * 30), 3, seam=False)
+        self.tape.run_on(np.linspace(down, middle, max(2, abs(middle - down))), seam=False)
+        self.tape.hold(middle, int(rng.uniform(0.6, 3.0) * 30), 3, seam=False)
         leaving = len(self.tape)
-        self._run_on(np.linspace(middle, up, max(2, abs(up - middle))), seam=False)
+        self.tape.run_on(np.linspace(middle, up, max(2, abs(up - middle))), seam=False)
         rise_start = len(self.tape)
         facing = self.tape.headings[leaving - 1] - seat.heading
         placed = (self.tape.roots[leaving - 1] - rotate_planar(seat.point[:2] + rng.normal(0, 0.01, 2), facing), facing)
@@ -275,7 +222,7 @@ class _Session:
 
     def _rise(self) -> None:
         first, _, up, end = self.sat[-1]["sit"]
-        self._run_on(np.arange(up, end - 1, 1 / self.rng.uniform(0.85, 1.2)), seam=False)
+        self.tape.run_on(np.arange(up, end - 1, 1 / self.rng.uniform(0.85, 1.2)), seam=False)
         self.sat[-1]["risen"] = len(self.tape)
 
     # --- the whole ---------------------------------------------------------------------------------------------
@@ -283,9 +230,9 @@ class _Session:
     def run(self) -> Take | None:
         rng = self.rng
         f = int(rng.choice(self.source.still))
-        self._lay([f], [np.zeros(2)], [float(rng.uniform(-np.pi, np.pi))])
+        self.tape.lay([f], [np.zeros(2)], [float(rng.uniform(-np.pi, np.pi))])
         self._command("idle", 0, position=np.zeros(3, np.float32), heading=self.tape.headings[0])
-        self._stand(rng.uniform(0.3, 1.2))
+        self.tape.stand(rng.uniform(0.3, 1.2))
         wanted, done = int(rng.integers(2, 5)), 0
         for _ in range(4 * wanted):
             if done == wanted:
@@ -302,7 +249,7 @@ class _Session:
                     at, facing = self.tape.roots[-1], self.tape.headings[-1]
                     self.commands[mark] = Command(self.commands[mark].frame, "idle", np.append(at, 0).astype(np.float32), facing)
                     if rng.random() < 0.5:
-                        self._stand(rng.uniform(0.2, 1.2))
+                        self.tape.stand(rng.uniform(0.2, 1.2))
                     else:
                         # The next command comes while rising: drop the stop.
                         self.commands[mark] = Command(self.commands[mark].frame, "next")
@@ -313,12 +260,6 @@ class _Session:
             else:
                 self._cut(*complete)
         return self._finish()
-
-    def _trim(self, length: int) -> None:
-        """Drop frames from ``length`` on; commands stay."""
-        tape = self.tape
-        del tape.frames[length:], tape.roots[length:], tape.headings[length:]
-        tape.seams = [s for s in tape.seams if s < length]
 
     def _cut(self, length: int, commands: int, seams: int, detours: int, sat: int) -> None:
         tape = self.tape
