@@ -10,8 +10,6 @@ Heading 0 faces -Y and grows counter-clockwise seen from above, so the facing di
 
 FPS = 30
 DT = 1.0 / FPS
-GRAVITY_UP = (0.0, 0.0, 1.0)
-FORWARD = (0.0, -1.0, 0.0)
 
 # Actions of the trajectory (styles) and of the goal; papers/000 section 3.1 and the release's order.
 STYLES = ("idle", "walk", "run", "carry", "open", "sit", "climb")

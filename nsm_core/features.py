@@ -7,8 +7,6 @@ silent or the code is later (seven future keys with the pivot, a phase and a pha
 
 from __future__ import annotations
 
-import hashlib
-import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,11 +74,6 @@ def layout_description() -> dict[str, dict[str, list[int]]]:
     """Names and shapes of all blocks, for the metadata of weights."""
     named = {"frame": FRAME, "goal": GOAL, "interaction": INTERACTION, "input": INPUT, "gating": GATING, "output": OUTPUT}
     return {k: {n: list(s) for n, s in v.shapes.items()} for k, v in named.items()}
-
-
-def layout_hash() -> str:
-    """Short hash of the layout; weights of another layout are refused."""
-    return hashlib.sha256(json.dumps(layout_description()).encode()).hexdigest()[:16]
 
 
 @dataclass

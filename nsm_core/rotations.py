@@ -100,17 +100,6 @@ def quat_slerp(a: Array, b: Array, t: Array) -> Array:
     return quat_mul(a, quat_from_rotvec(np.asarray(t)[..., None] * relative))
 
 
-def quat_between(a: Array, b: Array) -> Array:
-    """Shortest rotation (..., 4) that turns directions ``a`` (..., 3) into ``b`` (..., 3)."""
-    a = a / np.maximum(np.linalg.norm(a, axis=-1, keepdims=True), 1e-12)
-    b = b / np.maximum(np.linalg.norm(b, axis=-1, keepdims=True), 1e-12)
-    w = 1 + np.sum(a * b, axis=-1, keepdims=True)
-    # Opposite directions leave the axis open: take any axis at a right angle to ``a``.
-    other = np.where(np.abs(a[..., :1]) < 0.9, np.array((1.0, 0, 0)), np.array((0, 1.0, 0)))
-    axis = np.where(w > 1e-6, np.cross(a, b), np.cross(a, other))
-    return quat_normalize(np.concatenate((np.where(w > 1e-6, w, 0), axis), axis=-1))
-
-
 def matrix_from_forward_up(forward: Array, up: Array) -> Array:
     """Rotation matrices (..., 3, 3) with -Y along ``forward`` exactly and Z near ``up``, both (..., 3)."""
     y = -forward / np.maximum(np.linalg.norm(forward, axis=-1, keepdims=True), 1e-9)

@@ -17,7 +17,7 @@ from ..control.foot_lock import detect_foot_contacts
 from ..conventions import FPS
 from ..errors import CaptureError
 from ..limbs import place_wrists
-from ..rotations import Array, quat_normalize, rotate_planar, wrap_angle
+from ..rotations import Array, quat_normalize, rotate_planar
 from ..skeleton import ARMS, HIPS, INDEX, forward_kinematics, root_of
 
 # Clips whose names hold one of these words are left out of level walking: they hop, skip, crouch or carry.
@@ -211,14 +211,3 @@ def load_sits(folder: str | Path) -> list[SitDown]:
     if not sits:
         raise CaptureError("no sit-down was found among the captures; the folder must hold clips that sit and rise again.")
     return sits
-
-
-def hips_height(library: Library) -> Array:
-    """Height of the hips (N,), metres."""
-    return library.hips[:, 2] if len(library) else library.pose[:, HIPS, 2]
-
-
-def heading_change(library: Library, frames: Array, ahead: int) -> Array:
-    """Signed change of heading (n,), radians, ``ahead`` frames after ``frames`` within their clips."""
-    later = np.minimum(frames + ahead, library.end[frames] - 1)
-    return wrap_angle(library.heading[later] - library.heading[frames])
