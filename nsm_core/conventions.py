@@ -17,3 +17,8 @@ GOAL_ACTIONS = ("idle", "walk", "run", "carry", "open", "sit")
 
 # Contact order: hips, hands, feet.
 CONTACTS = ("Hips", "RightWrist", "LeftWrist", "RightAnkle", "LeftAnkle")
+
+# Places of what the rules ask about: labels of the trajectory, the hip contact, the feet's contacts right then left.
+IDLE, WALK, SIT = STYLES.index("idle"), STYLES.index("walk"), STYLES.index("sit")
+HIP_CONTACT = CONTACTS.index("Hips")
+FOOT_CONTACTS = [CONTACTS.index("RightAnkle"), CONTACTS.index("LeftAnkle")]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..conventions import FPS
+from ..conventions import FOOT_CONTACTS, FPS, HIP_CONTACT
 from ..limbs import chain_frames, leg_reach, mul, place_limbs, rotate
 from ..rotations import Array, heading_quat, wrap_angle
 from ..skeleton import ANKLE_HEIGHT, FEET, OFFSETS, TOE_HEIGHT
@@ -133,8 +133,8 @@ class ContactIK:
         foot_headings = foot_heading(feet)
         ankle_heights = (toes - rotate(feet, TOE_OFFSET))[:, 2]
         for side, foot in enumerate(self._feet):
-            foot.update(toes[side], float(ankle_heights[side]), float(foot_headings[side]), float(contacts[3 + side]), self.dt)
-        self._draw_hips(hips, local, float(contacts[0]), hip_goal, heading)
+            foot.update(toes[side], float(ankle_heights[side]), float(foot_headings[side]), float(contacts[FOOT_CONTACTS[side]]), self.dt)
+        self._draw_hips(hips, local, float(contacts[HIP_CONTACT]), hip_goal, heading)
         turn = np.array([foot.turn for foot in self._feet])
         if turn.any():
             feet = mul(heading_quat(turn), feet)

@@ -9,25 +9,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..conventions import FPS, GOAL_ACTIONS, STYLES
+from ..conventions import FPS, GOAL_ACTIONS, IDLE, SIT
 from ..errors import GoalError
 from ..rotations import Array, heading_to_direction, wrap_angle
 from ..sensors.cuboid import InteractionVolume
 from ..series import FUTURE, KEY_OFFSETS, KEY_STEP, PIVOT, WINDOW
 from .course import Course
-from .goals import Goal, GoalResult, Moment
+from .goals import SEAT_MEMORY, STAND_AHEAD, Goal, GoalResult, Moment
 from .planning import FloorPlan
 
-STAND_AHEAD = 0.45  # how far before the seated hips a person stands before sitting, metres
 REACH = 3.6  # metres from which goal-driven mode takes over
-SIT, WALK, IDLE = STYLES.index("sit"), STYLES.index("walk"), STYLES.index("idle")
 BESIDE = 0.3  # metres at the end of the straight way that may touch the seat's surroundings
 ELBOW_ROOM = 0.33  # metres to keep from things on the straight way: the network cuts corners a little
 EXECUTED = 0.9  # a label over this counts as executed (design of the response times)
 SEATED_WITHIN = 0.2  # metres between hips and goal that still count as seated on it
 SETTLE = 12  # frames of rest after which a transition has ended
 STALL, LED = 60, 120  # frames of standing still short of a goal before one is led on, and for how long at most
-SEAT_MEMORY = 0.25
 
 
 class Director:

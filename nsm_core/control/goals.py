@@ -10,6 +10,9 @@ from ..errors import GoalError
 from ..rotations import Array
 from ..sensors.cuboid import InteractionVolume
 
+STAND_AHEAD = 0.45  # how far before the seated hips a person stands before sitting, metres
+SEAT_MEMORY = 0.25  # the seat is sensed until its action label falls to this (published code)
+
 ACTIONS = ("sit", "walk", "idle")  # what the director below can lead to
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..conventions import FPS
+from ..conventions import CONTACTS, FOOT_CONTACTS, FPS, SIT
 from ..errors import GoalError
 from ..features import Surroundings, build_inputs, no_object, read_outputs
 from ..inference import Model
@@ -21,7 +21,7 @@ from ..sensors.query import DistanceQuery
 from ..series import State, standing_state
 from ..skeleton import FEET, HIPS, J, forward_kinematics, local_from_world, root_of
 from .contact_ik import ContactIK
-from .director import SIT, Director, check_reachable, rotation_error
+from .director import Director, check_reachable, rotation_error
 from .goals import Goal, GoalResult, Moment
 from .hands import HandClearance
 from .planning import FloorPlan
@@ -93,7 +93,8 @@ class TakeRunner:
         self._trunk, self._hands = TrunkClearance(request.environment), HandClearance(request.environment)
         self._ms = dict.fromkeys(STAGES, 0.0)
         self._frames: list[tuple[Array, ...]] = []
-        contact = np.array([0, 0, 0, 1, 1], np.float32)
+        contact = np.zeros(len(CONTACTS), np.float32)
+        contact[FOOT_CONTACTS] = 1
         self._keep(contact, np.zeros(int(model.metadata.get("config", {}).get("experts", 8)), np.float32))
 
     @property

@@ -15,7 +15,8 @@ import numpy as np
 from .. import furniture
 from ..control.course import Course
 from ..control.foot_lock import lock_feet
-from ..conventions import CONTACTS
+from ..control.goals import STAND_AHEAD
+from ..conventions import CONTACTS, FOOT_CONTACTS, HIP_CONTACT
 from ..limbs import place_limbs
 from ..rotations import (
     Array,
@@ -38,7 +39,6 @@ from .take import Command, Placed, Take
 from .tape import Tape
 
 SEATS = ("chair", "chair", "armchair", "stool", "bench", "sofa")
-STAND_AHEAD = 0.45  # how far before the seated hips a person stands before sitting, metres
 
 
 @dataclass
@@ -242,7 +242,6 @@ class _Session:
                 ok = self._sit() and self._clear()
                 if ok:
                     # Rising belongs to whatever is asked next; a bare stop is asked for here.
-                    at = np.array(self.tape.roots[-1]) + STAND_AHEAD * heading_to_direction(np.array(self.tape.headings[-1]))
                     mark = len(self.commands)
                     self._command("idle", int(rng.integers(3, 9)))
                     self._rise()
@@ -292,13 +291,13 @@ class _Session:
             ramp[reached:rise] = 1
             ramp[rise:risen] = np.linspace(1, 0, risen - rise)
             sitting = np.maximum(sitting, ramp)
-            contacts[reached:rise, 0] = 1
+            contacts[reached:rise, HIP_CONTACT] = 1
             feet[start:risen] = True
             phase_keys += [start, reached, rise, risen]
         hips, rotations = self._fit_seats(hips, rotations)
         rotations = lift_swinging_feet(hips, rotations, feet)
         hips, rotations = lock_feet(hips, rotations, feet, place="median")
-        contacts[:, 3:5] = feet
+        contacts[:, FOOT_CONTACTS] = feet
         commands = self._resolved(hips, rotations, seats)
         take = Take(hips.astype(np.float32), rotations.astype(np.float32), contacts, sitting, commands, seats, phase_keys=phase_keys)
         take.provenance = self._provenance(i)

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..conventions import DT, STYLES
+from ..control.goals import SEAT_MEMORY
+from ..conventions import DT, SIT, STYLES
 from ..errors import CaptureError
 from ..features import CELLS, ENVIRONMENT, Surroundings, no_object
 from ..furniture import cuboids
@@ -39,13 +40,12 @@ _FIELDS: dict[str, tuple[tuple[int, ...], type]] = {
     "end": ((), np.int64),
 }
 _OBJECT_FIELDS = ("object_cells", "object_occupancy")
-SEAT_MEMORY = 0.25  # the seat is sensed until its action label falls to this (published code)
 
 
 def _objects(take: Take, annotated: Annotated) -> tuple[Array, Array, Array]:
     """Sensed seat per frame (T,), -1 for none, and the seats' cells (M, 512, 3) and occupancy (M, 512)."""
     which = np.full(len(take), -1, np.int32)
-    sit = annotated.style[:, STYLES.index("sit")]
+    sit = annotated.style[:, SIT]
     last = -1
     for t in range(len(take)):
         command = take.commands[annotated.command[t]]

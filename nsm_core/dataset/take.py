@@ -6,14 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..conventions import CONTACTS, DT, FPS, GOAL_ACTIONS, STYLES
+from ..conventions import DT, FOOT_CONTACTS, FPS, GOAL_ACTIONS, IDLE, SIT, STYLES, WALK
 from ..furniture import Furniture
 from ..rotations import Array, quat_to_matrix
 from ..series import KEY_OFFSETS, KEYS
 from ..skeleton import forward_kinematics
 from .library import gaussian_smooth, smoothed_root
-
-IDLE, WALK, SIT = STYLES.index("idle"), STYLES.index("walk"), STYLES.index("sit")
 
 
 @dataclass(frozen=True)
@@ -114,7 +112,7 @@ def annotate(take: Take) -> Annotated:
     velocity[0] = velocity[1]
     root, heading = smoothed_root(positions)
     style = styles_of(root, take.sitting)
-    feet = take.contacts[:, [CONTACTS.index("RightAnkle"), CONTACTS.index("LeftAnkle")]]
+    feet = take.contacts[:, FOOT_CONTACTS]
     phase = phase_of(feet, style[:, WALK], take.phase_keys, len(take))
     command = np.searchsorted([c.frame for c in take.commands], np.arange(len(take)), side="right") - 1
     return Annotated(

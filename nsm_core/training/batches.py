@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..control.stepping import advance
-from ..conventions import DT
+from ..conventions import DT, FOOT_CONTACTS, SIT
 from ..dataset.export import Dataset
 from ..features import FRAME, INPUT, OUTPUT, build_inputs, build_targets, read_outputs
 from ..rotations import Array, rotate_planar, wrap_angle
@@ -76,7 +76,7 @@ class Batches:
         self.data, self.frames, self.rng, self.settings = data, frames, rng, settings
         weight = np.ones(len(frames))
         # Sitting down and rising are short: draw them more often than their share of the time.
-        sit = data.arrays["style"][frames, 5]
+        sit = data.arrays["style"][frames, SIT]
         weight[(sit > 0.02) & (sit < 0.98)] = 3.0
         self._cumulative = np.cumsum(weight) / weight.sum()
         self.pool_frames = self.draw(pool)
@@ -126,7 +126,7 @@ class Batches:
     def _hold_feet(self, position: Array, true: State, following: State, turn: Array) -> Array:
         """Let feet that stand in the take stand where the roll-out has put them; changes and returns ``position`` (B, J, 3)."""
         contact = self.data.arrays["contact"]
-        stands = (contact[self.pool_frames, 3:5] > 0.5) & (contact[self.pool_frames + 1, 3:5] > 0.5)
+        stands = (contact[self.pool_frames][:, FOOT_CONTACTS] > 0.5) & (contact[self.pool_frames + 1][:, FOOT_CONTACTS] > 0.5)
         moved = _turned(following.joint_position - true.joint_position, turn)
         for side, joints in enumerate(_FEET):
             kept = self.pool_state.joint_position[:, joints] + moved[:, joints]
