@@ -9,20 +9,24 @@ import numpy as np
 from ..errors import GoalError
 from ..rotations import Array
 from ..sensors.cuboid import InteractionVolume
+from .props import Box, Leaf, Prop
 
 STAND_AHEAD = 0.45  # how far before the seated hips a person stands before sitting, metres
 SEAT_MEMORY = 0.25  # the seat is sensed until its action label falls to this (published code)
 
-ACTIONS = ("sit", "walk", "idle")  # what the director below can lead to
+ACTIONS = ("idle", "walk", "run", "sit", "carry", "open", "climb")  # what the director can lead to
 
 
 @dataclass
 class Goal:
     """One entry of the queue.
 
-    ``position`` (3,) world metres: for sit the hip joint's place when seated (seat surface plus
-    ``skeleton.HIP_OVER_SEAT``), else a point on the ground; ``heading`` the way to face there, radians; ``hold`` seconds
-    to stay once it is reached; ``interaction`` the sensed object, if there is one.
+    ``position`` (3,) world metres: for sit the hip joint's place when seated (seat surface plus ``skeleton.HIP_OVER_SEAT``);
+    for carry where the centre of the box is set down; for climb where one stands at the end, on top of the object (z is its
+    height) or, behind a low wall, on the floor; for open the middle of the opening on the floor; else a point on the ground.
+    ``heading`` the way to face there, radians (for open it is ignored: the side one comes from decides); ``hold`` seconds to
+    stay once it is reached; ``interaction`` the sensed object of sit and climb; ``prop`` what is moved: the box of carry, the
+    leaf of open.
     """
 
     action: str
@@ -31,6 +35,7 @@ class Goal:
     heading: float
     hold: float = 2.0
     interaction: InteractionVolume | None = None
+    prop: Prop | None = None
 
     def __post_init__(self) -> None:
         if self.action not in ACTIONS:
@@ -40,6 +45,8 @@ class Goal:
             raise GoalError(f"The goal '{self.name}' has no usable place; give it three finite coordinates and a heading.")
         if not np.isfinite(self.hold) or self.hold < 0:
             raise GoalError(f"The goal '{self.name}' has a hold of {self.hold} seconds; give it zero or more.")
+        if self.action == "carry" and not isinstance(self.prop, Box) or self.action == "open" and not isinstance(self.prop, Leaf):
+            raise GoalError(f"The goal '{self.name}' has nothing to {self.action}; choose a box to carry, or the leaf of a door to open.")
 
 
 @dataclass
