@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nsm_core.errors import GeometryError
-from nsm_core.furniture import KINDS, SEAT_KINDS, cuboids, make
+from nsm_core.furniture import KINDS, SEAT_KINDS, carried_box, cuboids, make, piece_pose, top_of
 from nsm_core.sensors.closed import face_sides
 
 
@@ -76,3 +76,52 @@ def test_unknown_kinds_and_impossible_measures_are_refused():
         make("chair", rng, colour="red")
     with pytest.raises(GeometryError, match="no room"):
         make("wall", rng, width=-1.0)
+
+
+def test_a_wall_with_a_hole_lets_a_person_through_there_and_nowhere_else():
+    rng = np.random.default_rng(2)
+    for _ in range(10):
+        wall = make("hole_wall", rng)
+        x0, x1, top = wall.opening
+        assert 0.8 <= x1 - x0 <= 1.2 and 1.95 <= top <= 2.2
+        query = cuboids([(wall, (0, 0), 0.0)])
+        through = np.array([(x, 0, z) for x in (x0 + 0.01, (x0 + x1) / 2, x1 - 0.01) for z in (0.01, 1.0, top - 0.01)])
+        beside = np.array([(x, 0, z) for x in (x0 - 0.01, x1 + 0.01) for z in (0.01, 1.0, top + 0.01)])
+        assert (query.signed_distance(through, 1.0) > 0).all() and (query.signed_distance(beside, 1.0) < 0).all()
+
+
+def test_a_flight_of_steps_rises_to_the_back():
+    flight = make("step", np.random.default_rng(0), steps=3, depth=0.9, height=0.45)
+    np.testing.assert_allclose(flight.maxs[:, 2], (0.15, 0.3, 0.45), atol=1e-6)
+    assert (np.diff(flight.mins[:, 1]) > 0.29).all()
+    assert len(make("step", np.random.default_rng(0)).mins) == 1
+
+
+def test_the_top_of_a_piece_is_its_largest_free_level_surface():
+    rng = np.random.default_rng(3)
+    for kind in ("table", "desk", "box", "step"):
+        piece = make(kind, rng)
+        height, corners = top_of(piece)
+        assert height == pytest.approx(piece.size[2], abs=1e-3)
+        np.testing.assert_allclose(corners[1] - corners[0], piece.size[:2], atol=2e-3)
+    height, corners = top_of(make("step", rng, steps=2, depth=1.0, height=0.4))
+    assert height == pytest.approx(0.4, abs=1e-3) and corners[0][1] == pytest.approx(0.0, abs=1e-3)
+    chair = make("chair", rng, seat_height=0.45, width=0.4, depth=0.42)
+    height, corners = top_of(chair)
+    assert height == pytest.approx(0.45, abs=1e-3)
+    np.testing.assert_allclose(corners[1] - corners[0], (0.4, 0.42), atol=2e-3)
+    with pytest.raises(GeometryError, match="Nothing can be put"):
+        top_of(make("wall", rng))
+
+
+def test_a_crate_becomes_a_box_to_carry_and_back():
+    crate = make("crate", np.random.default_rng(4))
+    box = carried_box(crate, (1.0, 2.0, 0.7, 0.5))
+    np.testing.assert_allclose(box.pose, (1.0, 2.0, 0.7 + crate.size[2] / 2, 0.5), atol=1e-6)
+    np.testing.assert_allclose(piece_pose(crate, box.pose), (1.0, 2.0, 0.7, 0.5), atol=1e-6)
+    np.testing.assert_allclose(box.size, crate.size)
+    corner = crate.maxs[0] * 0.99
+    world = cuboids([(crate, (1.0, 2.0, 0.7), 0.5)])
+    points = box.to_world(np.stack((corner, 1.2 * corner, (0, 0, 0))) - (0, 0, crate.size[2] / 2))
+    np.testing.assert_allclose(box.signed_distance(points, 1.0), world.signed_distance(points, 1.0), atol=1e-5)
+    assert box.sensed().occupancy.min() == 1.0
