@@ -167,7 +167,7 @@ def seeded(folder: Path) -> dict[int, Take]:
         take = composer.compose(seed)
         if take is not None:
             found[seed] = take
-        seats, pieces = (sum(len(getattr(t, kind)) for t in found.values()) for kind in ("seats", "obstacles"))
+        seats, pieces = (sum(len(getattr(t, kind)) for t in found.values()) for kind in ("things", "obstacles"))
         led = any(c.position is None for t in found.values() for c in t.commands)
         if len(found) > 2 and seats > 1 and pieces > 3 and led:
             return found

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from nsm_core import furniture
-from nsm_core.conventions import GOAL_ACTIONS, STYLES
+from nsm_core.conventions import CARRY, GOAL_ACTIONS, IDLE, SIT, WALK
 from nsm_core.dataset.compose import Composer, load
 from nsm_core.dataset.export import Dataset, export
 from nsm_core.dataset.scene import furnish
+from nsm_core.dataset.session import Session
 from nsm_core.dataset.stitching import BLEND_FRAMES, soften_seam
 from nsm_core.dataset.take import Take, annotate, goal_tables, phase_of, styles_of
 from nsm_core.errors import CaptureError, SkeletonError
@@ -22,7 +23,7 @@ from nsm_core.rotations import quat_conjugate, quat_mul, quat_to_rotvec, rotate_
 from nsm_core.sensors.cylinder import environment_sensor
 from nsm_core.skeleton import FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
 
-SIT, IDLE, WALK = STYLES.index("sit"), STYLES.index("idle"), STYLES.index("walk")
+
 
 
 @pytest.fixture(scope="module")
@@ -49,11 +50,11 @@ def sits_of(take: Take) -> list[tuple[int, int]]:
 def test_seats_stand_under_the_hips_and_goals_at_them(takes):
     seats = 0
     for take in takes:
-        assert len(sits_of(take)) == len(take.seats)
+        assert len(sits_of(take)) == len(take.things)
         root = annotate(take).root
-        for (a, b), placed in zip(sits_of(take), take.seats, strict=True):
+        for (a, b), placed in zip(sits_of(take), take.things, strict=True):
             seats += 1
-            goal = next(c for c in take.commands if c.seat >= 0 and take.seats[c.seat] is placed)
+            goal = next(c for c in take.commands if c.thing >= 0 and take.things[c.thing] is placed)
             assert goal.action == "sit" and goal.frame < a
             hips = take.hips[a + 3 : b]
             np.testing.assert_allclose(goal.position, hips.mean(0), atol=1e-3)
@@ -70,14 +71,14 @@ def test_seats_stand_under_the_hips_and_goals_at_them(takes):
 def test_nobody_walks_through_furniture(takes):
     pieces = 0
     for take in takes:
-        standing = take.sitting < 0.3
-        for group, allowed in ((take.seats, 0.09), (take.obstacles, 0.05)):
+        standing = take.labels[:, SIT] < 0.3
+        for group, allowed in ((take.things, 0.09), (take.obstacles, 0.05)):
             pieces += len(group)
             for p in group:
                 solid = furniture.cuboids([(p.furniture, p.position, p.heading)])
                 assert penetration_depths(take.hips[standing], take.rotations[standing], solid).max(initial=0) < allowed
         root = annotate(take).root[standing, :2]
-        for p in take.obstacles + take.seats:
+        for p in take.obstacles + take.things:
             local = rotate_planar(root - p.position, np.full(len(root), -p.heading))
             inside = (local > p.furniture.mins[:, :2].min(0) + 0.1) & (local < p.furniture.maxs[:, :2].max(0) - 0.1)
             assert not inside.all(1).any(), f"somebody stands in a {p.furniture.kind}"
@@ -156,9 +157,11 @@ def test_labels_and_phase_follow_the_motion(takes):
 
 def test_rules_of_labels_and_phase_by_hand():
     root = np.stack((np.concatenate((np.zeros(30), np.cumsum(np.full(30, 0.04)))), np.zeros(60)), axis=1)
-    sitting = np.zeros(60)
-    sitting[:10] = 0.5
-    style = styles_of(root, sitting)
+    labels = np.zeros((60, 7))
+    labels[:10, SIT] = 0.5
+    labels[5:20, CARRY] = 1
+    style = styles_of(root, labels)
+    assert style[10, CARRY] == 1 and style[10, [IDLE, WALK]].sum() == pytest.approx(1, abs=1e-3)
     np.testing.assert_allclose(style[5, [IDLE, WALK, SIT]], (0.5, 0, 0.5), atol=1e-3)
     np.testing.assert_allclose(style[55, [IDLE, WALK, SIT]], (0, 1, 0), atol=1e-3)
     contacts = np.ones((90, 2), bool)
@@ -169,10 +172,10 @@ def test_rules_of_labels_and_phase_by_hand():
 
 
 def test_past_keys_keep_the_commands_of_their_time(takes):
-    take = next(t for t in takes if t.seats)
+    take = next(t for t in takes if t.things)
     a = annotate(take)
     position, heading, action = goal_tables(take, a)
-    c = next(c for c in take.commands if c.seat >= 0)
+    c = next(c for c in take.commands if c.thing >= 0)
     f, sit = c.frame, GOAL_ACTIONS.index("sit")
     assert (action[f - 1, :, sit] == 0).all() and (action[f, 6:, sit] == 1).all() and (action[f, :6, sit] == 0).all()
     for later in (f + 7, f + 16, f + 29):
@@ -207,14 +210,14 @@ def test_exported_arrays_are_the_takes_and_their_sensors(tmp_path_factory, folde
         np.testing.assert_array_equal(data.arrays["root"][rows], a.root)
         np.testing.assert_array_equal(data.arrays["joint_position"][rows], a.joint_position)
         assert (data.arrays["start"][rows] == first).all() and (data.arrays["end"][rows] == first + len(take)).all()
-        scene = furniture.cuboids([(p.furniture, p.position, p.heading) for p in take.seats + take.obstacles])
+        scene = furniture.cuboids([(p.furniture, p.position, p.heading) for p in take.things + take.obstacles])
         for f in range(0, len(take), 97):
             values = environment_sensor(scene, a.root[f, :2].astype(np.float64), float(a.root[f, 2]))
             np.testing.assert_allclose(data.arrays["environment"][first + f] / 255, values, atol=0.003)
         which = data.arrays["object"][rows]
-        assert set(which[take.contacts[:, 0] > 0.5]) == set(range(objects, objects + len(take.seats)))
+        assert set(which[take.contacts[:, 0] > 0.5]) == set(range(objects, objects + len(take.things)))
         assert (which[a.style[:, SIT] > 0.25] >= 0).all()
-        objects += len(take.seats)
+        objects += len(take.things)
         known = set(captures.source(folder).library.names)
         assert {name for name, _, _ in about["pieces"]} <= known
         assert all(0 <= i < len(take) * 9 and i <= j for _, i, j in about["pieces"])
@@ -233,10 +236,12 @@ def test_states_reach_over_no_border_of_a_take(data):
     assert last + 30 < second and second - last == 32
 
 
-def test_furniture_is_put_beside_the_path_and_never_on_it(takes):
-    take = Take(takes[0].hips, takes[0].rotations, takes[0].contacts, takes[0].sitting, [])
+def test_furniture_is_put_beside_the_path_and_never_on_it(takes, folder):
+    take = Take(takes[0].hips, takes[0].rotations, takes[0].contacts, takes[0].labels, [])
     roots = annotate(take).root[:, :2]
-    furnish(take, roots, [roots[len(roots) // 2] + 0.3], np.random.default_rng(3))
+    session = Session(captures.source(folder), np.random.default_rng(3))
+    session.detours.append(roots[len(roots) // 2] + 0.3)
+    furnish(take, roots, session, session.rng)
     assert take.obstacles
     for p in take.obstacles:
         solid = furniture.cuboids([(p.furniture, p.position, p.heading)])

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..control.goals import SEAT_MEMORY
-from ..conventions import DT, SIT, STYLES
+from ..conventions import DT, INTERACTIONS, STYLES
 from ..errors import CaptureError
 from ..features import CELLS, ENVIRONMENT, Surroundings, no_object
 from ..furniture import cuboids
@@ -36,40 +36,65 @@ _FIELDS: dict[str, tuple[tuple[int, ...], type]] = {
     "goal_action": ((KEYS, 6), np.float32),
     "environment": ((ENVIRONMENT,), np.uint8),
     "object": ((), np.int32),
+    "object_pose": ((4,), np.float32),
+    "held": ((), np.bool_),
     "start": ((), np.int64),
     "end": ((), np.int64),
 }
 _OBJECT_FIELDS = ("object_cells", "object_occupancy")
 
 
-def _objects(take: Take, annotated: Annotated) -> tuple[Array, Array, Array]:
-    """Sensed seat per frame (T,), -1 for none, and the seats' cells (M, 512, 3) and occupancy (M, 512)."""
+def _sensed(take: Take, annotated: Annotated) -> Array:
+    """The sensed thing of each frame (T,), -1 for none: the command's, and after it until its action's label has faded."""
     which = np.full(len(take), -1, np.int32)
-    sit = annotated.style[:, SIT]
+    label = annotated.style[:, INTERACTIONS].max(axis=1)
     last = -1
     for t in range(len(take)):
         command = take.commands[annotated.command[t]]
-        if command.seat >= 0:
-            last = command.seat
-        elif sit[t] <= SEAT_MEMORY:
+        if command.thing >= 0:
+            last = command.thing
+        elif label[t] <= SEAT_MEMORY:
             last = -1
         which[t] = last
-    cells, occupancy = np.zeros((len(take.seats), CELLS, 3), np.float32), np.zeros((len(take.seats), CELLS), np.float32)
-    for n, s in enumerate(take.seats):
-        centre = s.furniture.centre.copy()
-        centre[:2] = s.position + rotate_planar(centre[:2], s.heading)
-        volume = interaction_sensor(cuboids([(s.furniture, s.position, s.heading)]), centre, s.furniture.size, s.heading)
+    return which
+
+
+def _objects(take: Take, which: Array) -> tuple[Array, Array, Array, Array]:
+    """Where the sensed thing's frame is (T, 4), whether the body holds it (T,), and all things' cells and occupancy, own frames."""
+    poses, held = np.zeros((len(take), 4), np.float32), np.zeros(len(take), bool)
+    cells, occupancy = np.zeros((len(take.things), CELLS, 3), np.float32), np.zeros((len(take.things), CELLS), np.float32)
+    for n, thing in enumerate(take.things):
+        f = thing.furniture
+        volume = interaction_sensor(cuboids([(f, np.zeros(3), 0.0)]), f.centre, f.size, 0.0)
         cells[n], occupancy[n] = volume.cells_world(), volume.occupancy
-    return which, cells, occupancy
+        mine = which == n
+        poses[mine] = thing.track(len(take))[mine]
+        if thing.held is not None:
+            held[mine] = thing.held[mine]
+    return poses, held, cells, occupancy
+
+
+def _environment(take: Take, root: Array) -> Array:
+    """Environment sensor (T, 1408) at roots (T, 3): what stands, and what moves where it is in each frame."""
+    still = [(p.furniture, p.position, p.heading) for p in take.obstacles]
+    still += [(t.furniture, t.poses[:3], float(t.poses[3])) for t in take.things if not t.moves]
+    values = environment_sensor_many(cuboids(still), root[:, :2], root[:, 2])
+    for thing in take.things:
+        if not thing.moves:
+            continue
+        change = np.flatnonzero(np.abs(np.diff(thing.poses, axis=0)).max(axis=1) > 1e-5) + 1
+        for a, b in zip([0, *change], [*change, len(take)], strict=True):
+            there = cuboids([(thing.furniture, thing.poses[a, :3], float(thing.poses[a, 3]))])
+            np.maximum(values[a:b], environment_sensor_many(there, root[a:b, :2], root[a:b, 2]), out=values[a:b])
+    return values
 
 
 def take_arrays(take: Take) -> dict[str, Array]:
     """All arrays of one take; frame indices count from its own start."""
     a = annotate(take)
     position, heading, action = goal_tables(take, a)
-    which, cells, occupancy = _objects(take, a)
-    scene = cuboids([(p.furniture, p.position, p.heading) for p in take.seats + take.obstacles])
-    environment = environment_sensor_many(scene, a.root[:, :2], a.root[:, 2])
+    which = _sensed(take, a)
+    poses, held, cells, occupancy = _objects(take, which)
     count = len(take)
     return {
         **{
@@ -78,8 +103,10 @@ def take_arrays(take: Take) -> dict[str, Array]:
         "goal_position": position,
         "goal_heading": heading,
         "goal_action": action,
-        "environment": np.round(environment * 255).astype(np.uint8),
+        "environment": np.round(_environment(take, a.root) * 255).astype(np.uint8),
         "object": which,
+        "object_pose": poses,
+        "held": held,
         "start": np.zeros(count, np.int64),
         "end": np.full(count, count, np.int64),
         "object_cells": cells,
@@ -191,13 +218,27 @@ class Dataset:
             a["goal_action"][frames],
         )
 
-    def surroundings(self, frames: Array, root: Array) -> Surroundings:
-        """What the sensors told at ``frames`` (B,); characters without an object get empty cells at ``root`` (B, 3)."""
+    def surroundings(self, frames: Array, root: Array, drift: tuple[Array, Array] | None = None) -> Surroundings:
+        """What the sensors told at ``frames`` (B,); characters without an object get empty cells at ``root`` (B, 3).
+
+        ``drift``: how far characters have strayed from the takes, planar shifts (B, 2) and turns (B,); what they hold strays
+        with them.
+        """
         a = self.arrays
         cells, occupancy = no_object(root)
         which = a["object"][frames]
-        has = which >= 0
-        cells[has], occupancy[has] = a["object_cells"][which[has]], a["object_occupancy"][which[has]]
+        has = np.flatnonzero(which >= 0)
+        poses = a["object_pose"][frames[has]]
+        if drift is not None:
+            held = np.flatnonzero(a["held"][frames[has]])
+            rows = has[held]
+            true = a["root"][frames[rows]]
+            about = rotate_planar(poses[held, :2] - true[:, :2], drift[1][rows])
+            poses[held, :2] = true[:, :2] + about + drift[0][rows]
+            poses[held, 3] += drift[1][rows]
+        local = a["object_cells"][which[has]]
+        cells[has] = rotate_planar(local, poses[:, None, 3]) + poses[:, None, :3]
+        occupancy[has] = a["object_occupancy"][which[has]]
         return Surroundings(a["environment"][frames].astype(np.float32) / 255, cells, occupancy)
 
 

@@ -135,6 +135,18 @@ def load_walks(folder: str | Path) -> list[Clip]:
     return [c for c in map(bvh.read, paths) if _is_level_walk(c)]
 
 
+_RUN_LEFT_OUT = tuple("hop skip leap jump crouch box side hop2 jump2 quick".split())
+
+
+def load_runs(folder: str | Path) -> list[Clip]:
+    """Read the clips that run, start to run or stop running, by name and by measure."""
+    paths = [p for source in _WALK_SOURCES for p in sorted((Path(folder) / "clips" / source).glob("*.bvh"))]
+    runs = ("run", "jog", "cmu_02_03", "cmu_09")
+    named = [p for p in paths if any(r in p.stem for r in runs) and not any(word in p.stem for word in _RUN_LEFT_OUT)]
+    clips = [bvh.read(p) for p in named]
+    return [c for c in clips if c.hips_position[:, 2].min() > 0.6]
+
+
 @dataclass(frozen=True)
 class SitDown:
     """One captured sit-down and rise: stand at 0, seat reached at ``down``, left at ``up``, stand at the end."""

@@ -58,7 +58,8 @@ class Matcher:
             "future": np.concatenate(pos, axis=1),
             "facing": np.concatenate(facing, axis=1),
         }
-        self._scale = {k: _WEIGHTS[k] / (v.std(axis=0).mean() * np.sqrt(v.shape[1])) for k, v in groups.items()}
+        among = slice(None) if searchable is None else searchable
+        self._scale = {k: _WEIGHTS[k] / (v[among].std(axis=0).mean() * np.sqrt(v.shape[1])) for k, v in groups.items()}
         self._features = np.concatenate([v * self._scale[k] for k, v in groups.items()], axis=1).astype(np.float32)
         self._sizes = {k: v.shape[1] for k, v in groups.items()}
         self._norm = (self._features**2).sum(axis=1)

@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from .. import furniture
+from ..conventions import SIT
 from ..evaluation.metrics import penetration_depths
 from ..rotations import Array, rotate_planar
 from .take import Placed, Take
+
+if TYPE_CHECKING:
+    from .session import Session
 
 OBSTACLES = ("table", "desk", "cabinet", "box", "chair", "armchair", "sofa", "wall", "stool", "table")
 BODY_RADIUS = 0.36  # metres that the walked path keeps from furniture
 
 
-def furnish(take: Take, roots: Array, detours: list[Array], rng: np.random.Generator) -> None:
+def furnish(take: Take, roots: Array, session: Session, rng: np.random.Generator) -> None:
     """Put furniture about the walked path (T, 2), never on it, preferably inside the detours; changes the take."""
-    busy = [(s.position, 0.5 * float(np.linalg.norm(s.furniture.size[:2]))) for s in take.seats]
+    busy = [(t.track(len(take))[0, :2], 0.5 * float(np.linalg.norm(t.furniture.size[:2]))) for t in take.things]
+    busy += [(t.poses[-1, :2], 0.5 * float(np.linalg.norm(t.furniture.size[:2]))) for t in take.things if t.moves]
+    busy += [(o.position, 0.5 * float(np.linalg.norm(o.furniture.size[:2]))) for o in take.obstacles]
+    busy += [(place, 0.6) for e in session.episodes for place, _ in e.places]
 
     def try_put(spot: Array, kind: str) -> None:
-        piece = furniture.make(kind, rng)
+        piece = session.draw(kind, rng)
         heading = float(rng.uniform(-np.pi, np.pi))
         local = rotate_planar(roots - spot, np.full(len(roots), -heading))
         lo, hi = piece.mins[:, :2].min(0), piece.maxs[:, :2].max(0)
@@ -31,7 +40,7 @@ def furnish(take: Take, roots: Array, detours: list[Array], rng: np.random.Gener
         busy.append((spot, radius))
         take.obstacles.append(Placed(piece, spot, heading))
 
-    for middle in detours:
+    for middle in session.detours:
         for _ in range(3):
             try_put(middle + rng.normal(0, 0.12, 2), str(rng.choice(("table", "box", "cabinet", "chair", "stool", "desk"))))
     for _ in range(int(rng.integers(0, 26))):
@@ -40,16 +49,19 @@ def furnish(take: Take, roots: Array, detours: list[Array], rng: np.random.Gener
         try_put(at + rng.uniform(0.5, 2.4) * np.array((np.cos(angle), np.sin(angle))), str(rng.choice(OBSTACLES)))
 
 
-def keep_clear(take: Take, seat_depth: float = 0.09, depth: float = 0.05) -> bool:
+def keep_clear(take: Take, fixed: int = 0, seat_depth: float = 0.09, depth: float = 0.05) -> bool:
     """Take away obstacles that the body enters deeper than ``depth``, metres; False where a seat is walked into.
 
-    Calves brush a seat's edge in the turn before it, hence the allowance ``seat_depth``.
+    The first ``fixed`` obstacles belong to episodes, which answer for them.  Calves brush a seat's edge in the turn before
+    it, hence the allowance ``seat_depth``.
     """
-    kept = []
-    for o in take.obstacles:
+    kept = take.obstacles[:fixed]
+    for o in take.obstacles[fixed:]:
         if penetration_depths(take.hips[::2], take.rotations[::2], furniture.cuboids([(o.furniture, o.position, o.heading)])).max() < depth:
             kept.append(o)
     take.obstacles = kept
-    standing = take.sitting < 0.3
-    seats = furniture.cuboids([(s.furniture, s.position, s.heading) for s in take.seats])
-    return not take.seats or bool(penetration_depths(take.hips[standing], take.rotations[standing], seats).max() < seat_depth)
+    standing = take.labels[:, SIT] < 0.3
+    seats = [(t.furniture, t.poses[:3], float(t.poses[3])) for t in take.things if t.furniture.seat is not None and not t.moves]
+    if not seats or not standing.any():
+        return True
+    return bool(penetration_depths(take.hips[standing], take.rotations[standing], furniture.cuboids(seats)).max() < seat_depth)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..conventions import DT, FOOT_CONTACTS, FPS, GOAL_ACTIONS, IDLE, SIT, STYLES, WALK
+from ..conventions import CLIMB, DT, FOOT_CONTACTS, FPS, GOAL_ACTIONS, IDLE, RUN, SIT, WALK
 from ..furniture import Furniture
 from ..rotations import Array, quat_to_matrix
 from ..series import KEY_OFFSETS, KEYS
@@ -18,15 +18,20 @@ from .library import gaussian_smooth, smoothed_root
 class Command:
     """What the animator asks for from ``frame`` on.
 
-    A static goal has a ``position`` (3,), ``heading`` and ``action``; a dynamic one (``position`` None) is the root
-    itself one second ahead (section 3.1, low-level control).  ``seat`` indexes the scene's seats, -1 for none.
+    ``action`` is a goal action, or several that hold together, such as "idle+carry".  A static goal has a ``position`` (3,)
+    and ``heading``; a dynamic one (``position`` None) is the root itself one second ahead (section 3.1, low-level control).
+    ``thing`` indexes the take's things, -1 for none.
     """
 
     frame: int
     action: str
     position: Array | None = None
     heading: float = 0.0
-    seat: int = -1
+    thing: int = -1
+
+    def hot(self) -> Array:
+        """The goal action as (6,) ones and zeros."""
+        return np.isin(GOAL_ACTIONS, self.action.split("+")).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -38,16 +43,56 @@ class Placed:
     heading: float
 
 
+@dataclass(frozen=True)
+class Thing:
+    """What an action of a take is done with, and where its frame is: ``poses`` (4,) or, where it moves, (T, 4), x, y, z, heading.
+
+    ``held`` (T,) tells when it moves with the body that holds it; None for never.
+    """
+
+    furniture: Furniture
+    poses: Array
+    held: Array | None = None
+
+    @classmethod
+    def standing(cls, furniture: Furniture, position: Array, heading: float) -> Thing:
+        """A thing that stays on the floor at ``position`` (2,), metres."""
+        return cls(furniture, np.array((*position, 0.0, heading), dtype=np.float64))
+
+    @property
+    def position(self) -> Array:
+        """Where it stands at first, (2,)."""
+        return self.poses[0, :2] if self.moves else self.poses[:2]
+
+    @property
+    def heading(self) -> float:
+        """Its heading at first."""
+        return float(self.poses[0, 3] if self.moves else self.poses[3])
+
+    @property
+    def moves(self) -> bool:
+        """Whether its pose changes at all."""
+        return self.poses.ndim == 2
+
+    def track(self, count: int) -> Array:
+        """Poses (T, 4) in all ``count`` frames."""
+        return self.poses if self.moves else np.repeat(self.poses[None], count, axis=0)
+
+
 @dataclass
 class Take:
-    """One performance.  ``hips`` (T, 3), ``rotations`` (T, J, 4), ``contacts`` (T, 5), ``sitting`` (T,) 0..1 label ramp."""
+    """One performance of T frames.
+
+    ``hips`` (T, 3), ``rotations`` (T, J, 4), ``contacts`` (T, 5); ``labels`` (T, 7): ramps 0..1 of the actions with an object
+    (``conventions.INTERACTIONS``), the other columns are filled by rule; ``things`` are sensed, ``obstacles`` only in the way.
+    """
 
     hips: Array
     rotations: Array
     contacts: Array
-    sitting: Array
+    labels: Array
     commands: list[Command]
-    seats: list[Placed] = field(default_factory=list)
+    things: list[Thing] = field(default_factory=list)
     obstacles: list[Placed] = field(default_factory=list)
     phase_keys: list[int] = field(default_factory=list)
     provenance: list[tuple[str, int, int]] = field(default_factory=list)
@@ -56,13 +101,19 @@ class Take:
         return len(self.hips)
 
 
-def styles_of(root: Array, sitting: Array) -> Array:
-    """Action labels (T, 7) by rule: the sit ramp first, the rest shared by walk and idle by root speed."""
-    speed = np.linalg.norm(np.gradient(root, axis=0), axis=1) * FPS
-    walk = np.clip((gaussian_smooth(speed, 4.0) - 0.12) / 0.35, 0, 1) * (1 - sitting)
-    styles = np.zeros((len(root), len(STYLES)), np.float32)
-    styles[:, SIT], styles[:, WALK] = sitting, walk
-    styles[:, IDLE] = 1 - sitting - walk
+# Root speeds, m/s, at which walking begins and is complete, and the same for running.
+WALKING, RUNNING = (0.12, 0.47), (1.8, 2.4)
+
+
+def styles_of(root: Array, labels: Array) -> Array:
+    """Action labels (T, 7) by rule: idle, walk and run by root speed, shared by what sitting and climbing leave over."""
+    speed = gaussian_smooth(np.linalg.norm(np.gradient(root, axis=0), axis=1) * FPS, 4.0)
+    free = np.clip(1 - labels[:, SIT] - labels[:, CLIMB], 0, 1)
+    moving, running = (np.clip((speed - a) / (b - a), 0, 1) for a, b in (WALKING, RUNNING))
+    styles = labels.astype(np.float32)
+    styles[:, IDLE] = (1 - moving) * free
+    styles[:, WALK] = moving * (1 - running) * free
+    styles[:, RUN] = moving * running * free
     return styles
 
 
@@ -111,9 +162,9 @@ def annotate(take: Take) -> Annotated:
     velocity[1:] = (positions[1:] - positions[:-1]) / DT
     velocity[0] = velocity[1]
     root, heading = smoothed_root(positions)
-    style = styles_of(root, take.sitting)
+    style = styles_of(root, take.labels)
     feet = take.contacts[:, FOOT_CONTACTS]
-    phase = phase_of(feet, style[:, WALK], take.phase_keys, len(take))
+    phase = phase_of(feet, style[:, [WALK, RUN, CLIMB]].sum(axis=1), take.phase_keys, len(take))
     command = np.searchsorted([c.frame for c in take.commands], np.arange(len(take)), side="right") - 1
     return Annotated(
         positions.astype(np.float32),
@@ -146,12 +197,11 @@ def goal_tables(take: Take, annotated: Annotated) -> tuple[Array, Array, Array]:
         if command.position is None:
             position[mask, :2] = annotated.root[ahead[mask], :2]
             heading[mask] = annotated.root[ahead[mask], 2]
-            walks = annotated.style[ahead[mask], WALK] > 0.5
-            action[mask] = np.eye(len(GOAL_ACTIONS), dtype=np.float32)[
-                np.where(walks, GOAL_ACTIONS.index("walk"), GOAL_ACTIONS.index("idle"))
-            ]
+            moves = annotated.style[ahead[mask]][:, [WALK, RUN, CLIMB]].sum(axis=1) > 0.5
+            resting = Command(0, command.action.replace("walk", "idle").replace("run", "idle"))
+            action[mask] = np.where(moves[:, None], command.hot(), resting.hot())
         else:
             position[mask] = command.position
             heading[mask] = command.heading
-            action[mask] = np.eye(len(GOAL_ACTIONS), dtype=np.float32)[GOAL_ACTIONS.index(command.action)]
+            action[mask] = command.hot()
     return position, heading, action

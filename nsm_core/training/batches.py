@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..control.stepping import advance
-from ..conventions import DT, FOOT_CONTACTS, SIT
+from ..conventions import DT, FOOT_CONTACTS, INTERACTIONS
 from ..dataset.export import Dataset
 from ..features import FRAME, INPUT, OUTPUT, build_inputs, build_targets, read_outputs
 from ..rotations import Array, rotate_planar, wrap_angle
@@ -20,6 +20,9 @@ from ..series import FUTURE, KEY_STEP, State
 from ..skeleton import INDEX
 
 _FEET = tuple([INDEX[f"{side}Ankle"], INDEX[f"{side}Toe"]] for side in ("Right", "Left"))
+
+
+_WRISTS = [INDEX["RightWrist"], INDEX["LeftWrist"]]
 
 
 @dataclass(frozen=True)
@@ -75,9 +78,9 @@ class Batches:
     def __init__(self, data: Dataset, frames: Array, rng: np.random.Generator, pool: int, settings: RolloutSettings) -> None:
         self.data, self.frames, self.rng, self.settings = data, frames, rng, settings
         weight = np.ones(len(frames))
-        # Sitting down and rising are short: draw them more often than their share of the time.
-        sit = data.arrays["style"][frames, SIT]
-        weight[(sit > 0.02) & (sit < 0.98)] = 3.0
+        # Sitting down, reaching and the like are short: draw them more often than their share of the time.
+        label = data.arrays["style"][frames][:, INTERACTIONS]
+        weight[((label > 0.02) & (label < 0.98)).any(axis=1)] = 3.0
         self._cumulative = np.cumsum(weight) / weight.sum()
         self.pool_frames = self.draw(pool)
         self.pool_age = rng.integers(0, settings.length, pool)
@@ -114,7 +117,7 @@ class Batches:
             target, joint_position=position, joint_velocity=velocity, joint_forward=_unit(axes_forward), joint_up=_unit(axes_up)
         )
         # Phase drifts too; the targets' updates are those of the data plus a pull towards its phase.
-        x, g = build_inputs(state, self.data.surroundings(frames, state.root))
+        x, g = build_inputs(state, self.data.surroundings(frames, state.root, (shift, turn)))
         y = build_targets(state, target, self.data.arrays["contact"][frames + 1])
         slip = (true.phase_past[:, -1] - state.phase_past[:, -1] + 0.5) % 1.0 - 0.5
         steps = build_phase_updates(true, following)
@@ -172,13 +175,14 @@ def build_phase_updates(state: State, following: State) -> Array:
     return np.cumsum(steps - np.round(steps), axis=1)
 
 
-def loss_weights(feet: float = 3.0) -> Array:
-    """Weights (605,) of the outputs, mean 1: places and speeds of ankles and toes count ``feet`` times."""
+def loss_weights(feet: float = 3.0, hands: float = 2.0) -> Array:
+    """Weights (605,) of the outputs, mean 1: places and speeds of ankles and toes count ``feet`` times, of wrists ``hands`` times."""
     weights = np.ones(OUTPUT.size, np.float32)
     for name in ("joint_position", "joint_velocity"):
         block = OUTPUT.get(weights[None], name)[0]
         for joints in _FEET:
             block[joints] = feet
+        block[_WRISTS] = hands
     return weights / weights.mean()
 
 
