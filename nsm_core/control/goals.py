@@ -6,10 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..conventions import CONTACTS
 from ..errors import GoalError
 from ..rotations import Array
 from ..sensors.cuboid import InteractionVolume
 from .props import Box, Leaf, Prop
+from .terrain import Terrain
 
 STAND_AHEAD = 0.45  # how far before the seated hips a person stands before sitting, metres
 SEAT_MEMORY = 0.25  # the seat is sensed until its action label falls to this (published code)
@@ -26,7 +28,7 @@ class Goal:
     height) or, behind a low wall, on the floor; for open the middle of the opening on the floor; else a point on the ground.
     ``heading`` the way to face there, radians (for open it is ignored: the side one comes from decides); ``hold`` seconds to
     stay once it is reached; ``interaction`` the sensed object of sit and climb; ``prop`` what is moved: the box of carry, the
-    leaf of open.
+    leaf of open; ``terrain`` the heights of what a climb stands on (probed from the scene where None).
     """
 
     action: str
@@ -36,6 +38,7 @@ class Goal:
     hold: float = 2.0
     interaction: InteractionVolume | None = None
     prop: Prop | None = None
+    terrain: Terrain | None = None
 
     def __post_init__(self) -> None:
         if self.action not in ACTIONS:
@@ -51,7 +54,11 @@ class Goal:
 
 @dataclass
 class GoalResult:
-    """What became of a goal; errors at the end of its transition, of the pose that is keyed and of the network alone."""
+    """What became of a goal; errors at the end of its transition, of the pose that is keyed and of the network alone.
+
+    For carry, ``position_error_cm`` and ``rotation_error_deg`` are the box's, where it was set down.  The hands' errors are
+    those at the end of the grasp (carry: mean of both wrists and the turn of their axis; open: the one hand); nan elsewhere.
+    """
 
     object: str
     action: str
@@ -63,14 +70,24 @@ class GoalResult:
     network_rotation_error_deg: float = float("nan")
     start_frame: int = 0
     end_frame: int = 0
+    hand_error_cm: float = float("nan")
+    hand_rotation_deg: float = float("nan")
+    network_hand_error_cm: float = float("nan")
+    network_hand_rotation_deg: float = float("nan")
 
 
 @dataclass
 class Moment:
-    """What the director sees of a character: root (3,), hips (3,) world, heading, hip speed m/s and labels (7,)."""
+    """What the director sees of a character.
+
+    ``root`` (3,), ``hips`` (3,) world, ``heading``, hip ``speed`` m/s, labels ``style`` (7,), the network's ``wrists`` (2, 3)
+    right and left, world, and its ``contacts`` (5,).
+    """
 
     root: Array
     hips: Array
     heading: float
     speed: float
     style: Array = field(repr=False)
+    wrists: Array = field(repr=False, default_factory=lambda: np.zeros((2, 3)))
+    contacts: Array = field(repr=False, default_factory=lambda: np.zeros(len(CONTACTS)))

@@ -6,7 +6,8 @@ Per frame: direct (goals), sense, feed, predict, read and blend, then contact IK
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from .director import Director, check_reachable, rotation_error
 from .goals import Goal, GoalResult, Moment
 from .hands import HandClearance
 from .planning import FloorPlan
+from .props import Prop
 from .stepping import Blending, advance
 from .trunk import TrunkClearance
 
@@ -37,8 +39,9 @@ _MARGIN = 4.0  # metres of floor planned on around start and goals
 class TakeRequest:
     """What a take needs to know, world frame.
 
-    ``start_position`` (2,) metres and ``start_heading`` of the root; ``environment`` everything solid but the floor and
-    the character; ``time_limit`` seconds per goal.
+    ``start_position`` (2,) metres and ``start_heading`` of the root; ``environment`` everything solid that does not move
+    (no floor, no character, none of the goals' props); ``time_limit`` seconds per goal, and for each part of one that
+    carries or opens.
     """
 
     start_position: Array
@@ -57,7 +60,8 @@ class TakeResult:
 
     ``hips_position`` (T, 3) and ``local_rotations`` (T, 23, 4) as they are keyed, ``network_hips`` and
     ``network_rotations`` the same before contact IK; ``contacts`` (T, 5), ``root`` (T, 3), ``action`` labels (T, 7),
-    ``experts`` (T, K) gating coefficients; ``stage_ms`` mean milliseconds per frame by stage.
+    ``experts`` (T, K) gating coefficients; ``stage_ms`` mean milliseconds per frame by stage; ``props`` poses (T, 4) of
+    every prop of the goals by its name: x, y, z and heading.
     """
 
     hips_position: Array
@@ -70,6 +74,7 @@ class TakeResult:
     experts: Array
     goals: list[GoalResult]
     stage_ms: dict[str, float]
+    props: dict[str, Array] = field(default_factory=dict)
 
 
 class TakeRunner:
@@ -87,12 +92,14 @@ class TakeRunner:
         self.state = _start(model, root, rng)
         places = np.array([root[:2], *[g.position[:2] for g in request.goals]])
         self.plan = FloorPlan(request.environment, (places.min(0) - _MARGIN, places.max(0) + _MARGIN))
-        check_reachable(request.goals, self.plan, root[:2])
-        self.director = Director(request.goals, self.plan, root, rng, request.time_limit)
+        goals, self.props = own_props(request.goals)
+        check_reachable(goals, self.plan, root[:2])
+        self.director = Director(goals, self.plan, root, rng, request.time_limit)
         self._ik = ContactIK() if request.contact_ik else None
         self._trunk, self._hands = TrunkClearance(request.environment), HandClearance(request.environment)
         self._ms = dict.fromkeys(STAGES, 0.0)
         self._frames: list[tuple[Array, ...]] = []
+        self._poses: dict[str, list[Array]] = {name: [] for name in self.props}
         contact = np.zeros(len(CONTACTS), np.float32)
         contact[FOOT_CONTACTS] = 1
         self._keep(contact, np.zeros(int(model.metadata.get("config", {}).get("experts", 8)), np.float32))
@@ -117,6 +124,10 @@ class TakeRunner:
     def pose(self) -> tuple[Array, Array]:
         """Newest pose: hips position (3,) and local rotations (23, 4), as it will be keyed."""
         return self._frames[-1][0], self._frames[-1][1]
+
+    def prop_poses(self) -> dict[str, Array]:
+        """Newest pose (4,) of every prop by name: x, y, z (metres) and heading (radians) of its frame."""
+        return {name: prop.pose.copy() for name, prop in self.props.items()}
 
     def step(self) -> bool:
         """Make one frame; False when the take is over (no frame was made then)."""
@@ -166,6 +177,7 @@ class TakeRunner:
             experts,
             self.director.results,
             {k: v / steps for k, v in self._ms.items()},
+            {name: np.stack(poses) for name, poses in self._poses.items()},
         )
 
     def _moment(self) -> Moment:
@@ -184,6 +196,8 @@ class TakeRunner:
             kept_hips, kept = self._ik.apply(hips, rotations, contact, seat, float(s.root[0, 2]))
             kept = self._trunk.apply(kept_hips, kept, float(s.style_past[0, -1, SIT]))
             kept = self._hands.apply(kept_hips, kept)
+        for name, pose in self.prop_poses().items():
+            self._poses[name].append(pose)
         self._frames.append((kept_hips, kept, hips, rotations, contact.copy(), s.root[0].copy(), s.style_past[0, -1].copy(), experts))
 
     def _measure(self) -> None:
@@ -196,6 +210,16 @@ class TakeRunner:
             result.position_error_cm, result.rotation_error_deg = _errors(goal, hips, heading)
             own = float(self.state.root[0, 2])
             result.network_position_error_cm, result.network_rotation_error_deg = _errors(goal, network_hips, own)
+
+
+def own_props(goals: list[Goal]) -> tuple[list[Goal], dict[str, Prop]]:
+    """Copies of goals whose props may be moved, and those props by name; what bears one name is one thing."""
+    props: dict[str, Prop] = {}
+    for goal in goals:
+        if goal.prop is not None and goal.prop.name not in props:
+            props[goal.prop.name] = copy(goal.prop)
+            props[goal.prop.name].pose = goal.prop.pose.copy()
+    return [g if g.prop is None else replace(g, prop=props[g.prop.name]) for g in goals], props
 
 
 def _errors(goal: Goal, hips: Array, heading: float) -> tuple[float, float]:
