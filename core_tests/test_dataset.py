@@ -24,8 +24,6 @@ from nsm_core.sensors.cylinder import environment_sensor
 from nsm_core.skeleton import FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
 
 
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     return captures.capture_folder(tmp_path_factory)

@@ -52,10 +52,13 @@ def furnish(take: Take, roots: Array, session: Session, rng: np.random.Generator
 def keep_clear(take: Take, fixed: int = 0, seat_depth: float = 0.09, depth: float = 0.05) -> bool:
     """Take away obstacles that the body enters deeper than ``depth``, metres; False where a seat is walked into.
 
-    The first ``fixed`` obstacles belong to episodes, which answer for them.  Calves brush a seat's edge in the turn before
+    The first ``fixed`` obstacles belong to episodes and stay: False where one is entered deeper than ``seat_depth``.  Calves brush a seat's edge in the turn before
     it, hence the allowance ``seat_depth``.
     """
     kept = take.obstacles[:fixed]
+    own = furniture.cuboids([(o.furniture, o.position, o.heading) for o in kept])
+    if kept and penetration_depths(take.hips[::2], take.rotations[::2], own).max() > seat_depth:
+        return False
     for o in take.obstacles[fixed:]:
         if penetration_depths(take.hips[::2], take.rotations[::2], furniture.cuboids([(o.furniture, o.position, o.heading)])).max() < depth:
             kept.append(o)

@@ -139,7 +139,12 @@ class Session:
         return None
 
     def course(
-        self, target: Array, heading: float, around: tuple[float, float] | None = None, speed: float | None = None, straight_end: float = 0.0
+        self,
+        target: Array,
+        heading: float,
+        around: tuple[float, float] | None = None,
+        speed: float | None = None,
+        straight_end: float = 0.0,
     ) -> Course:
         """A smooth path from here to ``target`` (2,), ending at ``heading``.
 

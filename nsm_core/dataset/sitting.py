@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import furniture
 from ..control.goals import STAND_AHEAD
 from ..conventions import HIP_CONTACT, SIT
 from ..furniture import Furniture
@@ -17,10 +18,13 @@ from .fitting import hands_on_arm_rests
 from .library import gaussian_smooth, load_sits
 from .motion import Motion
 from .session import LaidSegment, Segment, Session
-from .take import Command, Thing
+from .swivel import swivel, turn_about_hips
+from .take import Command, Placed, Thing
 
 SEATS = ("chair", "chair", "armchair", "stool", "bench", "sofa")
 NAME = "sit"
+SIDEWAYS = 0.12  # share of the seats that stand partly under a table and are taken from the side
+_AT_TABLE = ("chair", "chair", "stool")
 
 
 def segments(folder: str | Path) -> list[Segment]:
@@ -43,6 +47,8 @@ class Sit:
     position: Array = field(default_factory=lambda: np.zeros(2))
     heading: float = 0.0
     places: list[tuple[Array, float]] = field(default_factory=list)
+    turn: float = 0.0  # from the way one sits down to the way one sits, radians
+    table: Placed | None = None
 
     def clear(self, session: Session) -> bool:
         """Whether nobody walks through the seat: roots stay off its boxes but for the sit itself."""
@@ -55,7 +61,7 @@ class Sit:
         margin = np.where(near, -0.02, 0.15)[:, None]
         inside = ((local > lo - margin) & (local < hi + margin)).all(axis=1)
         inside[self.start : self.risen] = False
-        return not inside.any()
+        return not inside.any() and (self.table is None or not _inside(roots, self.table, 0.2).any())
 
     def fit(self, motion: Motion) -> None:
         """Label the sit, raise or lower it to its seat's height and put the seat under it; the feet stay."""
@@ -65,6 +71,8 @@ class Sit:
         motion.phase_keys += [self.start, self.reached, self.rise, self.risen]
         self._fit_height(motion)
         settled = slice(self.reached + 3, self.rise)
+        if self.turn:
+            settled = self._turn_on_the_seat(motion)
         goal = motion.hips[settled].mean(axis=0).astype(np.float32)
         heading = float(np.mean(motion.headings[settled]))
         turned = heading - self.piece.seat.heading
@@ -75,6 +83,19 @@ class Sit:
 
     def finish(self, motion: Motion) -> None:
         """Nothing is left to do once the feet stand."""
+
+    def _turn_on_the_seat(self, motion: Motion) -> slice:
+        """Turn to the table once seated, and back before rising; returns the frames in between."""
+        there = (self.reached + 4, int(motion.rng.integers(34, 48)))
+        back = int(motion.rng.integers(34, 48))
+        last = self.leaving - back
+        turn_about_hips(motion, sum(there), self.leaving, self.turn)
+        swivel(motion, *there, self.turn)
+        swivel(motion, last, back, -self.turn)
+        motion.phase_keys += [there[0], sum(there), last, self.leaving]
+        if self.table is not None:
+            motion.obstacles.append(self.table)
+        return slice(sum(there) + 2, last)
 
     def _fit_height(self, motion: Motion) -> None:
         positions, world = forward_kinematics(motion.hips, motion.rotations)
@@ -98,10 +119,21 @@ class Sit:
         motion.rotations[span] = placed
 
 
+def _inside(roots: Array, placed: Placed, margin: float) -> Array:
+    """Which roots (T,) lie over a piece's footprint widened by ``margin``, metres."""
+    local = rotate_planar(roots - placed.position, np.full(len(roots), -placed.heading))
+    lo, hi = placed.furniture.mins[:, :2].min(0) - margin, placed.furniture.maxs[:, :2].max(0) + margin
+    return ((local > lo) & (local < hi)).all(axis=1)
+
+
 def lay(session: Session) -> Sit | None:
-    """Walk to a free place, sit there, stay, and rise; a third of the time the next command comes while rising."""
+    """Walk to a free place, sit there, stay, and rise; half of the time the next command comes while rising.
+
+    Some seats stand partly under a table: they are taken from the side, with a turn on the seat.
+    """
     rng, lib, tape = session.rng, session.lib, session.tape
-    piece = session.draw(str(rng.choice(SEATS)), rng)
+    sideways = rng.random() < SIDEWAYS
+    piece = session.draw(str(rng.choice(_AT_TABLE if sideways else SEATS)), rng)
     seat, size = piece.seat, piece.size
     hips = session.free_place(0.9, 4.5, 0.5 + 0.5 * float(max(size[:2])))
     if hips is None or seat is None:
@@ -113,6 +145,13 @@ def lay(session: Session) -> Sit | None:
         heading = float(np.arctan2(away[0], -away[1]) + rng.uniform(-1.2, 1.2))
     target = hips + STAND_AHEAD * heading_to_direction(np.array(heading))
     sit = Sit(piece, target, session.command("sit", session.lead()), places=[(target, 1.5)])
+    if sideways:
+        sit.turn = float(rng.choice((-1, 1)) * rng.uniform(np.radians(75), np.radians(100)))
+        ahead = heading_to_direction(np.array(heading + sit.turn))
+        table = furniture.make("table", rng, width=rng.uniform(0.9, 1.6), depth=rng.uniform(0.6, 0.8), legs="posts")
+        edge = rng.uniform(0.26, 0.36) + 0.5 * float(table.size[1])
+        sit.table = Placed(table, hips + edge * ahead, heading + sit.turn)
+        sit.places.append((sit.table.position, 1.2))
     if not session.go(target, heading, (float(size[0]), float(size[1]))):
         return None
     segment = session.nearest_segment(NAME)
@@ -122,11 +161,11 @@ def lay(session: Session) -> Sit | None:
     sit.reached = len(tape)
     middle = down + int(np.argmin(np.linalg.norm(lib.velocity[down:up, HIPS], axis=1)))
     tape.run_on(np.linspace(down, middle, max(2, abs(middle - down))), seam=False)
-    tape.hold(middle, int(rng.uniform(0.6, 3.0) * 30), 3, seam=False)
+    tape.hold(middle, int((rng.uniform(0.6, 3.0) + (3.4 if sideways else 0)) * 30), 3, seam=False)
     sit.leaving = len(tape)
     tape.run_on(np.linspace(middle, up, max(2, abs(up - middle))), seam=False)
     sit.rise = len(tape)
-    sit.heading = tape.headings[sit.leaving - 1] - seat.heading
+    sit.heading = tape.headings[sit.leaving - 1] + sit.turn - seat.heading
     sit.position = tape.roots[sit.leaving - 1] - rotate_planar(seat.point[:2] + rng.normal(0, 0.01, 2), sit.heading)
     _rise(session, sit, segment)
     return sit
