@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from nsm_core.dataset.mesh_doors import door_measures
 from nsm_core.dataset.meshes import boxes_of, opening_of, piece_of
 from nsm_core.dataset.pool import CRATE_SIDE, SEAT_RANGE, Pool, scaled
+from nsm_core.doors import make_door
 from nsm_core.errors import GeometryError
 from nsm_core.furniture import box_mesh, cuboids, make, top_of
 from nsm_core.rotations import rotate_planar
@@ -131,6 +133,46 @@ def test_scaling_takes_the_seat_and_the_opening_along():
     np.testing.assert_allclose(taller.seat.point[:2], chair.seat.point[:2])
     wall = scaled(make("hole_wall", np.random.default_rng(0)), (1.2, 1.0, 1.0))
     np.testing.assert_allclose(opening_of(wall), wall.opening, atol=2e-3)
+
+
+def door_parts(shift=0.0):
+    """A leaf of 0.8 m whose handle is on the right, with a pane, in a frame; (name, vertices, triangles)."""
+    boxes = {
+        "frame": ([(-0.5, -0.06, 0), (0.42, -0.06, 0)], [(-0.41, 0.06, 2.1), (0.5, 0.06, 2.1)]),
+        "door": ([(-0.4, -0.02, 0)], [(0.4, 0.02, 2.05)]),
+        "door_pane": ([(-0.35, -0.01, 0.1)], [(0.35, 0.01, 1.9)]),
+        "knob": ([(0.3, -0.07, 1.0)], [(0.36, 0.07, 1.04)]),
+    }
+    return [(name, *box_mesh(np.array(a) + (shift, 0, 0), np.array(b) + (shift, 0, 0))) for name, (a, b) in boxes.items()]
+
+
+def test_doors_are_measured_by_their_parts():
+    found = door_measures(door_parts(0.3))
+    expected = {"width": 0.8, "height": 2.05, "panel": 0.04, "grips": 0.14, "handle_height": 1.02, "handle_edge": 0.07, "lever": 0.03}
+    assert {k: pytest.approx(v, abs=1e-5) for k, v in expected.items()} | {"depth": pytest.approx(0.12, abs=1e-5)} == found
+    door = make_door(np.random.default_rng(0), **found)
+    assert door.width == pytest.approx(0.8, abs=1e-5) and door.handle[2] == pytest.approx(1.02, abs=1e-5)
+    with pytest.raises(GeometryError, match="handle"):
+        door_measures(door_parts()[:3])
+    with pytest.raises(GeometryError, match="0 parts that could be the leaf"):
+        door_measures(door_parts()[:1])
+
+
+def test_doors_of_the_pool_are_split_kept_and_drawn(folder, tmp_path):
+    (tmp_path / "index.csv").write_text("file,class\n" + "".join(f"d{k}.glb,door\n" for k in range(4)))
+    for k in range(4):
+        scene = trimesh.Scene()
+        for name, v, f in door_parts(0.1 * k):
+            scene.add_geometry(trimesh.Trimesh(np.stack((v[:, 0], v[:, 2], -v[:, 1]), 1), f, process=False), node_name=name)
+        scene.export(tmp_path / f"d{k}.glb")
+    pool = Pool.load(tmp_path, cache=tmp_path / "pool.npz")
+    assert sum(d.held for d in pool.doors) == 1 and len(pool.training().doors) == 3
+    assert Pool.load(tmp_path, cache=tmp_path / "pool.npz").doors == pool.doors
+    a, b = (pool.training().draw_door(np.random.default_rng(2)) for _ in range(2))
+    np.testing.assert_array_equal(a.piece.mins, b.piece.mins)
+    door = pool.held_back().draw_door(np.random.default_rng(0))
+    assert door.thickness == pytest.approx(0.14, abs=1e-5) and 0.72 <= door.width <= 0.87
+    assert 0.7 < Pool().draw_door(np.random.default_rng(0)).width < 1.05
 
 
 def test_a_folder_without_an_index_is_refused(tmp_path):

@@ -16,10 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from .. import furniture
+from ..doors import Door, make_door
 from ..errors import GeometryError
 from ..furniture import SEAT_KINDS, Furniture, box_mesh
 from ..rotations import Array
 from ..seats import Seat
+from .glb import joined, read_parts
+from .mesh_doors import LIMITS, door_measures
 from .meshes import piece_of
 
 # Kinds of furniture by the classes of an index; anything else is left out.
@@ -57,9 +60,18 @@ class Entry:
     held: bool = False
 
 
+@dataclass(frozen=True)
+class DoorEntry:
+    """A door of the pool: its file's ``name``, its measures (see ``doors.make_door``), and whether it is held back."""
+
+    name: str
+    measures: dict[str, float]
+    held: bool = False
+
+
 @dataclass
 class Pool:
-    """Pieces to draw from.  ``rejected`` tells why a mesh is not among them; ``mesh_share`` how often a mesh is drawn at all.
+    """Pieces and doors to draw from.  ``rejected`` tells why a mesh is not among them; ``mesh_share`` how often a mesh is drawn at all.
 
     A pool without entries draws parametric pieces alone.
     """
@@ -67,13 +79,14 @@ class Pool:
     entries: list[Entry] = field(default_factory=list)
     rejected: list[tuple[str, str, str]] = field(default_factory=list)  # name, class, reason
     mesh_share: float = MESH_SHARE
+    doors: list[DoorEntry] = field(default_factory=list)
 
     @classmethod
     def load(cls, folder: str | Path, held_back: float = 0.2, cache: str | Path | None = None) -> Pool:
         """Read a pool folder, through the ``cache`` (.npz) where that was written from the same index.
 
-        At least the share ``held_back`` of the pieces of every class and kind is held back.  Raises GeometryError where the
-        folder has no index; ModuleNotFoundError where trimesh is missing and the cache does not serve.
+        At least the share ``held_back`` of the pieces of every class and kind is held back.  Raises GeometryError where
+        the folder has no index; ModuleNotFoundError where trimesh is missing and the cache does not serve.
         """
         index = Path(folder) / "index.csv"
         if not index.is_file():
@@ -88,24 +101,34 @@ class Pool:
         pool = cls()
         for row in rows:
             name, group = row["file"], row["class"]
-            if group not in KIND_OF:
+            if group not in KIND_OF and group != "door":
                 continue
             try:
-                pool.entries.append(Entry(name, group, _convert(Path(folder) / name, row)))
+                factor = float(row.get("scale") or 1.0)
+                parts = [(part, v * factor, f) for part, v, f in read_parts(Path(folder) / name)]
+                if group == "door":
+                    pool.doors.append(DoorEntry(name, door_measures(parts)))
+                else:
+                    pool.entries.append(Entry(name, group, _convert(parts, Path(folder) / name, row)))
             except GeometryError as error:
                 pool.rejected.append((name, group, str(error)))
         pool.entries = split(pool.entries, held_back)
+        held = first_names([d.name for d in pool.doors], held_back)
+        pool.doors = [replace(d, held=d.name in held) for d in pool.doors]
         if cache is not None:
             _write_cache(Path(cache), stamp, pool)
         return pool
 
     def training(self) -> Pool:
         """Return the pool of the pieces that may be trained on, with parametric pieces mixed in."""
-        return replace(self, entries=[e for e in self.entries if not e.held])
+        return self._only(False)
 
     def held_back(self) -> Pool:
         """Return the pool of the pieces held back; it draws meshes alone where it has some of a kind."""
-        return replace(self, entries=[e for e in self.entries if e.held], mesh_share=1.0)
+        return replace(self._only(True), mesh_share=1.0)
+
+    def _only(self, held: bool) -> Pool:
+        return replace(self, entries=[e for e in self.entries if e.held == held], doors=[d for d in self.doors if d.held == held])
 
     def of_kind(self, kind: str) -> list[Entry]:
         """Entries that serve as furniture of ``kind``: crates are made of boxes."""
@@ -125,6 +148,15 @@ class Pool:
             return scaled(piece, rng.uniform(*CRATE_SIDE, 3) / piece.size, kind)
         return scaled(piece, random_scale(piece, rng), kind) if augment else piece
 
+    def draw_door(self, rng: np.random.Generator) -> Door:
+        """Draw a door: one with the measures of a mesh, up to 8 % larger or smaller, or a parametric one."""
+        if rng.random() >= self.mesh_share or not self.doors:
+            return make_door(rng)
+        measures = dict(self.doors[int(rng.integers(len(self.doors)))].measures)
+        for name in ("width", "height", "handle_height"):
+            measures[name] = float(np.clip(measures[name] * rng.uniform(0.92, 1.08), *LIMITS[name]))
+        return make_door(rng, **measures)
+
     def table(self) -> str:
         """Count the pieces by class and kind, training and held back, and the reasons of what was left out, as text."""
         groups = sorted({(e.group, e.piece.kind) for e in self.entries})
@@ -133,7 +165,10 @@ class Pool:
             of = [e for e in self.entries if (e.group, e.piece.kind) == (group, kind)]
             held, boxes = sum(e.held for e in of), np.mean([len(e.piece.mins) for e in of])
             lines.append(f"{group:10s}{kind:11s}{len(of) - held:9d}{held:10d}{boxes:7.1f}")
-        lines.append(f"{'all':21s}{sum(not e.held for e in self.entries):9d}{sum(e.held for e in self.entries):10d}")
+        held = sum(d.held for d in self.doors)
+        if self.doors:
+            lines.append(f"{'door':10s}{'door':11s}{len(self.doors) - held:9d}{held:10d}")
+        lines.append(f"{'all furniture':21s}{sum(not e.held for e in self.entries):9d}{sum(e.held for e in self.entries):10d}")
         return "\n".join(lines + [f"left out: {name} ({reason})" for name, _, reason in self.rejected])
 
 
@@ -165,32 +200,18 @@ def split(entries: Iterable[Entry], held_back: float) -> list[Entry]:
     entries = list(entries)
     held: set[str] = set()
     for key in {(e.group, e.piece.kind) for e in entries}:
-        names = sorted((e.name for e in entries if (e.group, e.piece.kind) == key), key=_hash)
-        held.update(names[: int(np.ceil(held_back * len(names) - 1e-9))])
+        held |= first_names([e.name for e in entries if (e.group, e.piece.kind) == key], held_back)
     return [replace(e, held=e.name in held) for e in entries]
 
 
-def _hash(name: str) -> str:
-    return hashlib.sha256(Path(name).stem.encode()).hexdigest()
+def first_names(names: list[str], share: float) -> set[str]:
+    """Choose at least a ``share`` of names by their hashes: the same ones everywhere, whatever their order."""
+    ordered = sorted(names, key=lambda name: hashlib.sha256(Path(name).stem.encode()).hexdigest())
+    return set(ordered[: int(np.ceil(share * len(names) - 1e-9))])
 
 
-def read_mesh(path: Path) -> tuple[Array, Array]:
-    """Read a GLB as vertices (V, 3) metres, Z up and front -Y, and triangles (F, 3); GeometryError where it is broken."""
-    import trimesh  # training only; a shipped take never needs it
-
-    try:
-        mesh = trimesh.load(path, force="mesh", process=False)
-    except Exception as error:  # whatever the reader stumbles over
-        raise GeometryError(f"{path} cannot be read ({error}); export it again as GLB.") from error
-    if not hasattr(mesh, "faces") or not len(mesh.faces):
-        raise GeometryError(f"{path} has no faces; export it again with its meshes.")
-    v = np.asarray(mesh.vertices, dtype=np.float64)
-    return np.stack((v[:, 0], -v[:, 2], v[:, 1]), axis=1), np.asarray(mesh.faces)
-
-
-def _convert(path: Path, row: dict[str, str]) -> Furniture:
-    vertices, triangles = read_mesh(path)
-    vertices = vertices * float(row.get("scale") or 1.0)
+def _convert(parts: list, path: Path, row: dict[str, str]) -> Furniture:
+    vertices, triangles = joined(parts)
     kind = KIND_OF[row["class"]]
     if kind == "table" and "desk" in path.stem.lower():
         kind = "desk"
@@ -205,7 +226,7 @@ def _convert(path: Path, row: dict[str, str]) -> Furniture:
     return piece
 
 
-_VERSION = 1  # of the conversion; another number makes all caches stale
+_VERSION = 2  # of the conversion; another number makes all caches stale
 
 
 def _write_cache(path: Path, stamp: str, pool: Pool) -> None:
@@ -220,6 +241,8 @@ def _write_cache(path: Path, stamp: str, pool: Pool) -> None:
         boxes=np.concatenate([np.concatenate((e.piece.mins, e.piece.maxs), 1) for e in pool.entries] or [np.zeros((0, 6))]),
         seats=np.array([(*s.point, s.height, s.width, s.depth, s.back, s.arms) if s else (np.nan,) * 8 for s in seats]).reshape(-1, 8),
         openings=np.array([e.piece.opening or (np.nan,) * 3 for e in pool.entries]).reshape(-1, 3),
+        doors=np.array([(d.name, d.held) for d in pool.doors], dtype=str).reshape(-1, 2),
+        measures=np.array([[d.measures[k] for k in LIMITS] for d in pool.doors]).reshape(-1, len(LIMITS)),
         rejected=np.array(pool.rejected, dtype=str).reshape(-1, 3),
     )
 
@@ -230,8 +253,12 @@ def _read_cache(path: Path, stamp: str) -> Pool | None:
     with np.load(path) as f:
         if str(f["stamp"]) != stamp:
             return None
+        doors = [
+            DoorEntry(str(name), dict(zip(LIMITS, map(float, m), strict=True)), str(held) == "True")
+            for (name, held), m in zip(f["doors"], f["measures"], strict=True)
+        ]
         ends = np.cumsum(f["counts"])
-        pool = Pool(rejected=[tuple(map(str, r)) for r in f["rejected"]])
+        pool = Pool(rejected=[tuple(map(str, r)) for r in f["rejected"]], doors=doors)
         rows = zip(f["entries"], f["held"], np.split(f["boxes"].astype(np.float32), ends[:-1]), f["seats"], f["openings"], strict=True)
         for (name, group, kind), held, boxes, s, opening in rows if len(ends) else ():
             seat = None if np.isnan(s[0]) else Seat(s[:3].astype(np.float32), 0.0, *map(float, s[3:6]), bool(s[6]), bool(s[7]))
