@@ -146,9 +146,9 @@ def test_damage_between_the_brackets_and_in_the_head(capture):
 def test_missing_joints_are_listed(capture):
     def rename(lines):
         for k, text in enumerate(lines):
-            lines[k] = text.replace("JOINT LeftAnkle", "JOINT foot_l").replace("JOINT Neck", "JOINT spine9")
+            lines[k] = text.replace("JOINT LeftAnkle", "JOINT bone7").replace("JOINT RightKnee", "JOINT bone12")
 
-    with pytest.raises(SkeletonError, match=r"edited\.bvh lacks the bones Neck, LeftAnkle; .*\.$"):
+    with pytest.raises(SkeletonError, match=r"edited\.bvh lacks the bones RightKnee, LeftAnkle, .* mapping file .*--mapping\.$"):
         bvh.read(edited(capture, rename))
 
 
