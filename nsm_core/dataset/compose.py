@@ -8,7 +8,6 @@ needs them.  Everything else is furnished around the path that was walked.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from types import ModuleType
 
 import numpy as np
@@ -26,6 +25,7 @@ from ..rotations import (
 from . import sitting, strolling
 from .fitting import lift_swinging_feet
 from .motion import Motion
+from .pool import Pool
 from .scene import furnish, keep_clear
 from .session import Session, Source, gather
 from .stitching import place, soften_seam
@@ -45,17 +45,17 @@ def load(folder: str) -> Source:
 class Composer:
     """Composes takes from a source; one seed, one take.
 
-    ``shares`` overrides how often each part is drawn; ``draw(kind, rng)`` makes furniture (default: the parametric generator).
+    ``shares`` overrides how often each part is drawn; furniture comes from ``pool`` (default: the parametric generator alone).
     """
 
-    def __init__(self, source: Source, shares: dict[str, float] | None = None, draw: Callable | None = None) -> None:
-        self.source, self.draw = source, draw
+    def __init__(self, source: Source, shares: dict[str, float] | None = None, pool: Pool | None = None) -> None:
+        self.source, self.pool = source, pool
         self.shares = {k: v for k, v in (SHARES if shares is None else shares).items() if v > 0}
 
     def compose(self, seed: int) -> Take | None:
         """Return the take of ``seed``, or None where the draw did not work out."""
         rng = np.random.default_rng(seed)
-        session = Session(self.source, rng, self.draw)
+        session = Session(self.source, rng, self.pool)
         _perform(session, self.shares)
         return _finish(session)
 
@@ -175,11 +175,12 @@ def main(arguments: list[str]) -> int:
 
     parser = argparse.ArgumentParser(prog="compose", description="Stitch goal-directed performances from a capture folder.")
     parser.add_argument("captures", help="folder with clips/ of 23-joint BVH files")
+    parser.add_argument("--objects", default=None, help="folder of furniture meshes to put beside the parametric pieces")
     parser.add_argument("--out", default="runs/data")
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=0)
     a = parser.parse_args(arguments)
-    folder = export(a.captures, a.out, a.minutes, a.seed, progress=lambda n, of: print(f"\r{min(n / of, 1):6.1%}", end="", flush=True))
+    folder = export(a.captures, a.out, a.minutes, a.seed, objects=a.objects, progress=lambda n, of: print(f"\r{min(n / of, 1):6.1%}", end="", flush=True))
     print()
     print(report(folder))
     return 0

@@ -18,8 +18,9 @@ from ..rotations import Array, rotate_planar
 from ..sensors.cuboid import interaction_sensor
 from ..sensors.cylinder import environment_sensor_many
 from ..series import KEY_STEP, KEYS, WINDOW, State
-from .compose import Composer, Source, load
+from .compose import Composer, load
 from .library import stance
+from .pool import Pool
 from .take import Annotated, Take, annotate, goal_tables
 
 _FIELDS: dict[str, tuple[tuple[int, ...], type]] = {
@@ -114,35 +115,51 @@ def take_arrays(take: Take) -> dict[str, Array]:
     }
 
 
-_source: Source | None = None
+_composer: Composer | None = None
 
 
-def _prepare(folder: str) -> None:
-    global _source
-    _source = load(folder)
+def _prepare(folder: str, objects: str | None, cache: str) -> None:
+    global _composer
+    _composer = Composer(load(folder), pool=_pool(objects, cache))
+
+
+def _pool(objects: str | None, cache: str) -> Pool | None:
+    """The pieces that may be trained on; without a folder of meshes parametric ones alone."""
+    return None if objects is None else Pool.load(objects, cache=cache).training()
 
 
 def _one(seed: int) -> tuple[int, dict[str, Array], list[tuple[str, int, int]]] | None:
-    assert _source is not None
-    take = Composer(_source).compose(seed)
+    assert _composer is not None
+    take = _composer.compose(seed)
     return None if take is None else (seed, take_arrays(take), take.provenance)
 
 
-def export(captures: str, out: str | Path, minutes: float, seed: int = 0, workers: int = 2, progress: object = None) -> Path:
+def export(
+    captures: str,
+    out: str | Path,
+    minutes: float,
+    seed: int = 0,
+    workers: int = 2,
+    progress: object = None,
+    objects: str | None = None,
+) -> Path:
     """Compose takes until ``minutes`` of motion are there and write them below ``out``; returns the folder.
 
-    The same seed gives the same data.  Raises CaptureError where the capture folder is unusable.
+    ``objects`` names a folder of furniture meshes (``dataset.pool``) that join the parametric pieces; those held back for
+    testing are not used.  The same seed gives the same data.  Raises CaptureError where the capture folder is unusable.
     """
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     if not (Path(captures) / "clips").is_dir():
         raise CaptureError(f"{captures} has no folder 'clips'; name the capture folder.")
     load(captures)  # a damaged capture is told here, not as a broken pool of workers
+    cache = str(out / "objects.npz")
+    _pool(objects, cache)  # converted once, before the workers ask for it
     wanted, frames, objects = int(minutes * 1800), 0, 0
     files = {k: open(out / f"{k}.bin", "wb") for k in (*_FIELDS, *_OBJECT_FIELDS)}
     provenance = {}
     try:
-        with ProcessPoolExecutor(workers, initializer=_prepare, initargs=(captures,)) as pool:
+        with ProcessPoolExecutor(workers, initializer=_prepare, initargs=(captures, objects, cache)) as pool:
             batch = seed
             while frames < wanted:
                 for result in pool.map(_one, range(batch, batch + 16), chunksize=2):

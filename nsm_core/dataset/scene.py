@@ -9,7 +9,7 @@ import numpy as np
 from .. import furniture
 from ..conventions import SIT
 from ..evaluation.metrics import penetration_depths
-from ..rotations import Array, rotate_planar
+from ..rotations import Array, direction_to_heading, rotate_planar
 from .take import Placed, Take
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 OBSTACLES = ("table", "desk", "cabinet", "box", "chair", "armchair", "sofa", "wall", "stool", "table")
 BODY_RADIUS = 0.36  # metres that the walked path keeps from furniture
+HOLES, THROUGH = 0.3, 0.34  # share of takes with a wall that is walked through; metres the path keeps from its opening's sides
 
 
 def furnish(take: Take, roots: Array, session: Session, rng: np.random.Generator) -> None:
@@ -27,7 +28,7 @@ def furnish(take: Take, roots: Array, session: Session, rng: np.random.Generator
     busy += [(place, 0.6) for e in session.episodes for place, _ in e.places]
 
     def try_put(spot: Array, kind: str) -> None:
-        piece = session.draw(kind, rng)
+        piece = session.draw(kind)
         heading = float(rng.uniform(-np.pi, np.pi))
         local = rotate_planar(roots - spot, np.full(len(roots), -heading))
         lo, hi = piece.mins[:, :2].min(0), piece.maxs[:, :2].max(0)
@@ -40,6 +41,8 @@ def furnish(take: Take, roots: Array, session: Session, rng: np.random.Generator
         busy.append((spot, radius))
         take.obstacles.append(Placed(piece, spot, heading))
 
+    if rng.random() < HOLES:
+        _wall_with_a_hole(take, roots, session, rng, busy)
     for middle in session.detours:
         for _ in range(3):
             try_put(middle + rng.normal(0, 0.12, 2), str(rng.choice(("table", "box", "cabinet", "chair", "stool", "desk"))))
@@ -49,11 +52,37 @@ def furnish(take: Take, roots: Array, session: Session, rng: np.random.Generator
         try_put(at + rng.uniform(0.5, 2.4) * np.array((np.cos(angle), np.sin(angle))), str(rng.choice(OBSTACLES)))
 
 
+def _wall_with_a_hole(take: Take, roots: Array, session: Session, rng: np.random.Generator, busy: list[tuple[Array, float]]) -> None:
+    """Put a wall across the path so that it leads through its opening, if no other part of the path meets the wall."""
+    step = roots[10:] - roots[:-10]
+    moving = np.flatnonzero(np.linalg.norm(step, axis=1) > 0.25)
+    for _ in range(6):
+        if not len(moving):
+            return
+        f = int(rng.choice(moving))
+        piece = session.draw("hole_wall")
+        if piece.opening is None:
+            continue
+        heading = float(direction_to_heading(step[f])) + float(rng.choice((0, np.pi))) + float(rng.normal(0, 0.15))
+        middle = 0.5 * (piece.opening[0] + piece.opening[1]) + rng.uniform(-0.06, 0.06)
+        position = roots[f + 5] - rotate_planar(np.array((middle, 0.0)), np.float64(heading))
+        wall = furniture.cuboids([(piece, position, heading)])
+        if wall.signed_distance(np.insert(roots, 2, 1.0, axis=1).astype(np.float32), 1.0).min() < THROUGH:
+            continue
+        along = rotate_planar(np.array(((1.0, 0.0),)), np.array((heading,)))[0]
+        spots = [position + x * along for x in np.linspace(piece.mins[:, 0].min(), piece.maxs[:, 0].max(), 5)]
+        if any(np.linalg.norm(p - spot) < r + 0.3 for p, r in busy for spot in spots):
+            continue
+        busy += [(spot, 0.4) for spot in spots]
+        take.obstacles.append(Placed(piece, position, heading))
+        return
+
+
 def keep_clear(take: Take, fixed: int = 0, seat_depth: float = 0.09, depth: float = 0.05) -> bool:
     """Take away obstacles that the body enters deeper than ``depth``, metres; False where a seat is walked into.
 
-    The first ``fixed`` obstacles belong to episodes and stay: False where one is entered deeper than ``seat_depth``.  Calves brush a seat's edge in the turn before
-    it, hence the allowance ``seat_depth``.
+    The first ``fixed`` obstacles belong to episodes and stay: False where one is entered deeper than ``seat_depth``.  Calves
+    brush a seat's edge in the turn before it, hence that allowance.
     """
     kept = take.obstacles[:fixed]
     own = furniture.cuboids([(o.furniture, o.position, o.heading) for o in kept])

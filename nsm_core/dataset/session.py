@@ -9,11 +9,13 @@ import numpy as np
 
 from ..clip import Clip
 from ..control.course import Course
+from ..furniture import Furniture
 from ..rotations import Array, heading_to_direction, wrap_angle
 from ..skeleton import HIPS
 from .library import Library, build, gaussian_smooth, load_runs, load_walks
 from .matching import Matcher
 from .motion import Episode
+from .pool import Pool
 from .take import Command
 from .tape import Tape
 
@@ -78,16 +80,18 @@ def gather(folder: str | Path, segments: dict[str, list[Segment]]) -> Source:
 class Session:
     """One performance: a tape of captured frames, the commands it answers, and the episodes that shape it."""
 
-    def __init__(self, source: Source, rng: np.random.Generator, draw: object = None) -> None:
-        """``draw(kind, rng)`` makes furniture (default: the parametric generator)."""
-        from .. import furniture
-
+    def __init__(self, source: Source, rng: np.random.Generator, pool: Pool | None = None) -> None:
+        """``pool`` gives the furniture (default: the parametric generator alone)."""
         self.source, self.lib, self.rng = source, source.library, rng
-        self.draw = draw or furniture.make
+        self.pool = pool or Pool()
         self.tape = Tape(self.lib, rng)
         self.commands: list[Command] = []
         self.episodes: list[Episode] = []
         self.detours: list[Array] = []
+
+    def draw(self, kind: str) -> Furniture:
+        """A piece of furniture of a kind from the pool."""
+        return self.pool.draw(kind, self.rng)
 
     # --- commands and the way back ---------------------------------------------------------------------------------
 

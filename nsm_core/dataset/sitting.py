@@ -133,7 +133,7 @@ def lay(session: Session) -> Sit | None:
     """
     rng, lib, tape = session.rng, session.lib, session.tape
     sideways = rng.random() < SIDEWAYS
-    piece = session.draw(str(rng.choice(_AT_TABLE if sideways else SEATS)), rng)
+    piece = session.draw(str(rng.choice(_AT_TABLE if sideways else SEATS)))
     seat, size = piece.seat, piece.size
     hips = session.free_place(0.9, 4.5, 0.5 + 0.5 * float(max(size[:2])))
     if hips is None or seat is None:

@@ -172,6 +172,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="train", description="Train the Neural State Machine from a capture folder.")
     defaults = TrainingSettings()
     parser.add_argument("captures", help="folder with clips/ of 23-joint BVH files")
+    parser.add_argument("--objects", default=None, help="folder of furniture meshes to put beside the parametric pieces")
     parser.add_argument("--run", default="runs/nsm", help="folder for data, checkpoints, log and plot (default: runs/nsm)")
     parser.add_argument("--weights", default=None, help="weights file to write at the end (default: RUN/nsm.npz)")
     parser.add_argument("--steps", type=int, default=defaults.steps)
@@ -194,6 +195,7 @@ def main(arguments: list[str]) -> int:
             folder,
             settings.data_minutes,
             settings.seed,
+            objects=a.objects,
             progress=lambda n, of: print(f"\r{min(n / of, 1):6.1%}", end="", flush=True),
         )
         print()
