@@ -89,7 +89,7 @@ class TestJobFile:
             (take('colour = "red"'), "'colour' in take 'one' is unknown"),
             (take(goals="[]"), "'goals' is empty"),
             (take(goals="[3]"), "goal 1 of take 'one'"),
-            (take(goals='[{ action = "fly" }]'), "'fly' is not one of sit, walk, idle"),
+            (take(goals='[{ action = "fly" }]'), "'fly' is not one of sit, walk, idle, run, carry, open, climb"),
             (take(goals='[{ action = "sit" }]'), "'object' is missing in goal 1 of take 'one'"),
             (take(goals='[{ action = "walk" }]'), "needs an 'object' or a 'location'"),
             (take(goals='[{ action = "walk", location = [1, 2] }]'), "three numbers"),

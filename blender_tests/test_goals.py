@@ -192,7 +192,7 @@ class TestWhatCannotBeAGoal:
             sit_goal(chair)
 
     def test_unknown_action(self):
-        with pytest.raises(GoalError, match="sit, walk, idle"):
+        with pytest.raises(GoalError, match="sit, walk, idle, run, carry, open, climb"):
             resolve(GoalSpec("fly", box("Box", (0, 0, 0), (1, 1, 1))), bpy.context.scene, WorldFrame(), START)
 
     def test_goal_point_that_looks_up(self):

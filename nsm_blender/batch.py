@@ -89,7 +89,7 @@ def _make(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -> T
     scene = _open(job.scene)
     spec = TakeSpec(
         character=_armature(scene, entry.character),
-        goals=[GoalSpec(g.action, _target(scene, g.object), g.hold, g.location) for g in entry.goals],
+        goals=[GoalSpec(g.action, _target(scene, g.object), g.hold, g.location, _target(scene, g.to, "to")) for g in entry.goals],
         name=entry.name,
         start_frame=entry.start_frame,
         seed=entry.seed,
@@ -134,14 +134,14 @@ def _armature(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
     return found
 
 
-def _target(scene: bpy.types.Scene, name: str | None) -> bpy.types.Object | None:
+def _target(scene: bpy.types.Scene, name: str | None, key: str = "object") -> bpy.types.Object | None:
     if name is None:
         return None
     found = scene.objects.get(name)
     if found is None:
         there = sorted(o.name for o in scene.objects if o.type in {"MESH", "EMPTY"})
         listed = ", ".join(there[:12]) + (", ..." if len(there) > 12 else "")
-        raise GoalError(f"The scene has no object '{name}'; it has {listed or 'none'}: correct 'object'.")
+        raise GoalError(f"The scene has no object '{name}'; it has {listed or 'none'}: correct '{key}'.")
     return found
 
 

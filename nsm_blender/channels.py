@@ -67,6 +67,12 @@ def assign(target: bpy.types.Object, action: bpy.types.Action | None, slot: Any 
         data.action_slot = slot
 
 
+def transform_of(moving: bpy.types.Object | bpy.types.PoseBone) -> dict[str, Any]:
+    """The transform channels of an object or a bone and their values, to be set again later."""
+    names = ("location", "rotation_quaternion", "rotation_euler", "rotation_axis_angle", "scale")
+    return {name: tuple(getattr(moving, name)) for name in names}
+
+
 def _channelbag(action: bpy.types.Action, slot: Any) -> Any:
     try:
         from bpy_extras.anim_utils import action_ensure_channelbag_for_slot

@@ -6,22 +6,25 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Vector
 
 from nsm_core.control.goals import Goal
+from nsm_core.control.props import Box, Leaf, passage
 from nsm_core.errors import GeometryError, GoalError
-from nsm_core.rotations import Array, direction_to_heading, rotate_planar
-from nsm_core.seats import Seat, find_seat
-from nsm_core.sensors.cuboid import InteractionVolume, interaction_sensor
+from nsm_core.rotations import Array, direction_to_heading, heading_to_direction
+from nsm_core.seats import find_seat
 from nsm_core.skeleton import HIP_OVER_SEAT
 
 from .actions import require_action
-from .colliders import BVHQuery, object_mesh_triangles
+from .bodies import Body, place_of
+from .carrying import carry_goal
+from .climbing import climb_goal
+from .doors import open_goal
+from .points import HANDLE, HINGE, POINT_ACTION, POINT_LINK, POINT_NAME, POINT_TO, SWING, goal_point_of, make_point
 from .scene import WorldFrame
+from .surroundings import Surroundings
 
-POINT_NAME = "NSM Goal"
-POINT_LINK = "nsm_goal_of"  # custom property of a goal point: the object it belongs to
-POINT_ACTION = "nsm_action"
+__all__ = ["POINT_ACTION", "POINT_LINK", "GoalSpec", "goal_point_of", "moved_by", "place_after", "resolve", "show_goal_point"]
+
 # Seats that a person of the skeleton's size can use, metres over the floor.
 LOWEST_SEAT, HIGHEST_SEAT = 0.25, 0.8
 # Where one stands before an object that one walks up to, metres from its front.
@@ -30,12 +33,13 @@ _STAND_OFF = 0.45
 
 @dataclass
 class GoalSpec:
-    """A goal as asked for: an object or a place (3,), world, an action and a hold in seconds."""
+    """A goal as asked for: an object or a place (3,), world, an action and a hold in seconds; ``to`` where a box is carried."""
 
     action: str
     object: bpy.types.Object | None = None
     hold: float = 2.0
     location: tuple[float, float, float] | None = None
+    to: bpy.types.Object | None = None
 
     @property
     def label(self) -> str:
@@ -43,35 +47,61 @@ class GoalSpec:
         return self.object.name if self.object else "place" if self.location is not None else "here"
 
 
-def goal_point_of(scene: bpy.types.Scene, target: bpy.types.Object, action: str) -> bpy.types.Object | None:
-    """Return the editable goal point of an object for an action, if the animator has one in the scene."""
-    for candidate in scene.objects:
-        if candidate.type == "EMPTY" and candidate.get(POINT_LINK) == target and candidate.get(POINT_ACTION) == action:
-            return candidate
-    return None
+def moved_by(specs: list[GoalSpec]) -> list[bpy.types.Object]:
+    """The objects that goals move, each once: boxes that are carried and leaves that are opened."""
+    return list(dict.fromkeys(s.object for s in specs if s.object is not None and require_action(s.action).moves))
 
 
-def resolve(spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame, before: tuple[Array, float]) -> Goal:
+def resolve(
+    spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame, before: tuple[Array, float], around: Surroundings | None = None
+) -> Goal:
     """Build the core's goal: all positions in the core's frame of the character (``frame``).
 
-    ``before`` is the ground point (2,) and heading from which the character will come, core frame.
+    ``before`` is the ground point (2,) and heading from which the character will come, core frame; ``around`` the scene with
+    what earlier goals have moved (read anew without it).
     Raises GoalError where the object is missing or out of reach, GeometryError where its mesh is of no use.
     """
     action = require_action(spec.action)
-    if spec.object is None and (action.needs_object or spec.action == "walk" and spec.location is None):
+    if spec.object is None and (action.needs_object or spec.action != "idle" and spec.location is None):
         raise GoalError(f"A goal to {spec.action} has no object; choose one, or remove the goal.")
-    if spec.object is not None and spec.object.name not in scene.objects:
-        raise GoalError(f"The goal object {spec.object.name} is no longer in the scene; choose another object, or remove the goal.")
+    if action.needs_destination and spec.to is None:
+        raise GoalError(f"A goal to {spec.action} {spec.label} has no destination; choose the object or empty where it goes.")
+    for kind, needed in (("goal object", spec.object), ("destination", spec.to if action.needs_destination else None)):
+        if needed is not None and needed.name not in scene.objects:
+            raise GoalError(f"The {kind} {needed.name} is no longer in the scene; choose another object, or remove the goal.")
+    around = around or Surroundings(scene, frame, moving=moved_by([spec]))
+    name, here = spec.label, before[0]
     if spec.action == "idle":
-        return Goal("idle", "here", np.append(before[0], 0.0), before[1], spec.hold)
-    return _sit(spec, scene, frame) if spec.action == "sit" else _walk(spec, scene, frame, before)
+        return Goal("idle", "here", np.append(here, 0.0), before[1], spec.hold)
+    if spec.action == "sit":
+        return _sit(spec, scene, frame)
+    if spec.action == "carry":
+        point = goal_point_of(scene, spec.object, "carry", spec.to)
+        return carry_goal(name, spec.object, spec.to, point, spec.hold, around, here)
+    if spec.action == "open":
+        hinge, handle = (goal_point_of(scene, spec.object, part) for part in (HINGE, HANDLE))
+        return open_goal(name, spec.object, hinge, handle, spec.hold, around, here)
+    if spec.action == "climb":
+        return climb_goal(name, spec.object, goal_point_of(scene, spec.object, "climb"), spec.hold, around, here)
+    return _walk(spec, scene, frame, before)
+
+
+def place_after(goal: Goal, before: tuple[Array, float]) -> tuple[Array, float]:
+    """Ground point (2,) and heading where a goal leaves the character that came from ``before``."""
+    if isinstance(goal.prop, Leaf):
+        way = passage(goal.prop, np.asarray(before[0], dtype=np.float64))
+        return way.beyond.astype(np.float32), way.heading
+    if isinstance(goal.prop, Box):
+        way = goal.position[:2] - goal.prop.stand_off(0.0) * heading_to_direction(np.array(goal.heading))
+        return way.astype(np.float32), goal.heading
+    return goal.position[:2], goal.heading
 
 
 def _sit(spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame) -> Goal:
     body = Body.of(spec.object, frame)
     point = goal_point_of(scene, spec.object, "sit")
     if point is not None:
-        seat_point, heading = _place_of(point, frame)
+        seat_point, heading = place_of(point, frame)
         try:
             along = body.to_core_heading(find_seat(body.vertices, body.triangles).heading)
         except GeometryError:
@@ -93,7 +123,7 @@ def _walk(spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame, before: tup
     if spec.object is not None:
         point = goal_point_of(scene, spec.object, spec.action)
         if point is not None or spec.object.type == "EMPTY":
-            position, heading = _place_of(point or spec.object, frame)
+            position, heading = place_of(point or spec.object, frame)
         else:
             position, heading = _in_front_of(Body.of(spec.object, frame))
     else:
@@ -110,86 +140,45 @@ def _in_front_of(body: Body) -> tuple[Array, float]:
     return body.to_core(np.array((0.0, front, 0.0))), float(body.yaw + np.pi)
 
 
-def _place_of(marker: bpy.types.Object, frame: WorldFrame) -> tuple[Array, float]:
-    """Position (3,) and heading of an empty, core frame; it looks along its -Y."""
-    matrix = marker.matrix_world
-    forward = matrix.to_3x3() @ Vector((0, -1, 0))
-    if forward.to_2d().length < 1e-6:
-        raise GoalError(f"{marker.name} points straight up or down; turn it so that its -Y axis shows where the character looks.")
-    return frame.to_core(np.array(matrix.translation)).astype(np.float32), float(direction_to_heading(np.array(forward)))
-
-
-@dataclass
-class Body:
-    """A goal object's evaluated mesh, upright: Z up, origin on the floor at the centre of its footprint.
-
-    ``vertices`` (V, 3) and ``triangles`` (F, 3), turned by ``-yaw`` about Z, in units of the character's size.
-    """
-
-    name: str
-    vertices: Array
-    triangles: Array
-    origin: Array  # (2,) core frame
-    yaw: float
-
-    @classmethod
-    def of(cls, target: bpy.types.Object, frame: WorldFrame) -> Body:
-        """Read an object's mesh as the scene shows it; GeometryError when there is none."""
-        vertices, triangles = object_mesh_triangles(target, bpy.context.evaluated_depsgraph_get())
-        y = target.matrix_world.to_3x3() @ Vector((0, -1, 0))
-        # An object that lies on its back (imported with Y up, say) keeps the world's axes.
-        yaw = float(direction_to_heading(np.array(y))) if y.to_2d().length > 0.5 * y.length else 0.0
-        turned = rotate_planar(frame.to_core(vertices), -yaw)
-        low, high = turned.min(0), turned.max(0)
-        centre = np.array(((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, 0.0))
-        return cls(target.name, (turned - centre).astype(np.float32), triangles, rotate_planar(centre[:2], yaw), yaw)
-
-    def to_core(self, points: Array) -> Array:
-        """Points (..., 3) of the upright object frame in the core's frame."""
-        return (rotate_planar(np.asarray(points, dtype=np.float64), self.yaw) + np.append(self.origin, 0.0)).astype(np.float32)
-
-    def to_core_heading(self, heading: float) -> float:
-        """Heading in the object frame as one in the core's frame, radians."""
-        return float(heading + self.yaw)
-
-    def seat_in_core(self) -> tuple[Array, float]:
-        """Seat point (3,) and heading, core frame; GeometryError names the object when there is no seat."""
-        try:
-            seat: Seat = find_seat(self.vertices, self.triangles)
-        except GeometryError as error:
-            raise GeometryError(f"{self.name}: {error}") from error
-        return self.to_core(seat.point), self.to_core_heading(seat.heading)
-
-    def interaction(self, heading: float) -> InteractionVolume:
-        """Read the interaction sensor over this object, its box turned to ``heading`` (core frame), as in training."""
-        world = self.to_core(self.vertices)
-        along = rotate_planar(world, -heading)
-        low, high = along.min(0), along.max(0)
-        query = BVHQuery.from_triangles(world, self.triangles)
-        return interaction_sensor(query, rotate_planar((low + high) / 2, heading), high - low, heading)
-
-
-def show_goal_point(spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame, before: tuple[Array, float]) -> bpy.types.Object:
+def show_goal_point(
+    spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame, before: tuple[Array, float], around: Surroundings | None = None
+) -> bpy.types.Object:
     """Return the editable goal point of a goal's object, made from the mesh on the first call.
 
-    It marks the middle of the hips' place on the seat, or the ground point, and looks along its -Y.  It is a
-    child of the object and goes where the object goes.  Raises as ``resolve`` does.
+    It marks the middle of the hips' place on the seat, the place where a box is set down or one stands, or the ground
+    point, and looks along its -Y.  A door has two: its hinge, which is returned, and its handle.  They are children of the
+    object (a box's of the destination) and go where it goes.  Raises as ``resolve`` does.
     """
-    goal = resolve(spec, scene, frame, before)
-    existing = goal_point_of(scene, spec.object, spec.action)
-    if existing is not None:
-        return existing
+    goal = resolve(spec, scene, frame, before, around)
+    if isinstance(goal.prop, Leaf):
+        return _show_door_points(spec.object, goal.prop, scene, frame)
+    carry = isinstance(goal.prop, Box)
+    existing = goal_point_of(scene, spec.object, spec.action, spec.to if carry else None)
+    if existing is not None or carry and spec.to.type == "EMPTY":
+        return existing or spec.to
     position = np.array(goal.position, dtype=np.float64)
     if spec.action == "sit":
         position[2] -= HIP_OVER_SEAT
-    point = bpy.data.objects.new(f"{POINT_NAME} {spec.object.name}", None)
-    point.empty_display_type, point.empty_display_size = "ARROWS", 0.25 * frame.scale
-    point.show_in_front, point.show_name = True, True
-    point[POINT_LINK], point[POINT_ACTION] = spec.object, spec.action
-    (spec.object.users_collection or (scene.collection,))[0].objects.link(point)
-    place = Matrix.Translation(Vector(frame.to_world(position))) @ Matrix.Rotation(goal.heading, 4, "Z")
-    point.parent = spec.object
-    point.matrix_parent_inverse = spec.object.matrix_world.inverted_safe()
-    point.matrix_basis = place
+    if carry:
+        position[2] -= goal.prop.size[2] / 2
+    point = make_point(
+        f"{POINT_NAME} {spec.object.name}", spec.object, spec.action, position, goal.heading, frame, spec.to if carry else spec.object
+    )
+    if carry:
+        point[POINT_TO] = spec.to
     bpy.context.view_layer.update()
     return point
+
+
+def _show_door_points(target: bpy.types.Object, leaf: Leaf, scene: bpy.types.Scene, frame: WorldFrame) -> bpy.types.Object:
+    hinge = goal_point_of(scene, target, HINGE)
+    if hinge is None:
+        hinge = make_point(f"NSM Hinge {target.name}", target, HINGE, leaf.pose[:3], float(leaf.pose[3]), frame, target)
+        hinge[SWING] = int(leaf.swing)
+        hinge.id_properties_ui(SWING).update(
+            min=-1, max=1, description="1: seen from above, the leaf turns counter-clockwise as it opens; -1: clockwise"
+        )
+    if goal_point_of(scene, target, HANDLE) is None:
+        make_point(f"NSM Handle {target.name}", target, HANDLE, leaf.to_world(leaf.handle), float(leaf.pose[3]), frame, target)
+    bpy.context.view_layer.update()
+    return hinge

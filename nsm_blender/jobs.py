@@ -14,17 +14,18 @@ from .actions import require_action
 OUTPUTS = ("out", "sheet", "video", "bvh", "report")
 _JOB_KEYS = ("scene", "take")
 _TAKE_KEYS = ("name", "character", "seed", "start_frame", "contact_ik", "goals", *OUTPUTS)
-_GOAL_KEYS = ("object", "action", "hold", "location")
+_GOAL_KEYS = ("object", "action", "to", "hold", "location")
 
 
 @dataclass(frozen=True)
 class JobGoal:
-    """A goal of a job file: an object's name or a place (3,), world."""
+    """A goal of a job file: an object's name or a place (3,), world; ``to`` names the destination of what is carried."""
 
     action: str
     object: str | None = None
     hold: float = 2.0
     location: tuple[float, float, float] | None = None
+    to: str | None = None
 
 
 @dataclass
@@ -108,17 +109,22 @@ def _goal(entry: Any, where: str) -> JobGoal:
     _known(entry, _GOAL_KEYS, where)
     action = require_action(_value(entry, "action", str, where, required=True))
     target = _value(entry, "object", str, where, required=action.needs_object)
+    to = _value(entry, "to", str, where, required=action.needs_destination)
+    if to is not None and not action.needs_destination:
+        raise JobError(f"In {where}, 'to' says where a box is carried; remove it, or take the action 'carry'.")
     hold = float(_value(entry, "hold", (int, float), where, default=2.0))
     if not 0 <= hold <= 600:
         raise JobError(f"In {where}, 'hold' is {hold:g}; give seconds from 0 to 600.")
     location = _value(entry, "location", list, where)
     if location is not None and (len(location) != 3 or not all(_is(v, (int, float)) for v in location)):
         raise JobError(f"In {where}, 'location' needs three numbers, such as [1.0, 2.0, 0.0].")
-    if action.key == "walk" and target is None and location is None:
-        raise JobError(f"In {where}, 'walk' needs an 'object' or a 'location'; add one.")
+    if location is not None and action.needs_object:
+        raise JobError(f"In {where}, '{action.key}' needs its 'object' alone; remove 'location', or place the object there.")
+    if action.key in ("walk", "run") and target is None and location is None:
+        raise JobError(f"In {where}, '{action.key}' needs an 'object' or a 'location'; add one.")
     if action.key == "idle" and (target or location):
         raise JobError(f"In {where}, 'idle' stands where the character is; take 'walk' with a 'hold' to stand at an object or a place.")
-    return JobGoal(action.key, target, hold, tuple(map(float, location)) if location else None)
+    return JobGoal(action.key, target, hold, tuple(map(float, location)) if location else None, to)
 
 
 def _refuse_clashes(takes: list[JobTake]) -> None:

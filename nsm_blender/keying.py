@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import bpy
@@ -17,13 +18,14 @@ from nsm_core.skeleton import HIPS, JOINTS, J
 
 from .armature import Placement, StartPose, read_pose, read_world_pose, relative_to
 from .channels import ActionChannels, assign, new_action
+from .things import KeyedThing, Thing, discard_thing, key_thing
 
 __all__ = ["KeyedTake", "StartPose", "discard_take", "key_take", "read_back", "read_pose", "resample"]
 
 
 @dataclass
 class KeyedTake:
-    """A take in an action: what was made, where it lies, and what it replaced."""
+    """A take in an action: what was made, where it lies, and what it replaced; ``things`` the same of the objects it moved."""
 
     armature: bpy.types.Object
     action: bpy.types.Action
@@ -35,6 +37,7 @@ class KeyedTake:
     previous_slot: Any | None
     previous_fake_user: bool
     previous_pose: list[tuple[str, Any]]  # bone name, matrix_basis before the take
+    things: list[KeyedThing] = field(default_factory=list)
 
 
 def scene_fps(scene: bpy.types.Scene) -> float:
@@ -97,8 +100,27 @@ def key_take(
     )
 
 
+def key_things(take: KeyedTake, moved: Sequence[tuple[Thing, Array]], fps: float, name: str, scene: bpy.types.Scene) -> None:
+    """Key what a take has moved, each object in an action of its own named after ``name`` and the object.
+
+    ``moved`` are things with the poses (T, 4) of their props at ``fps``.  Where one cannot be keyed, the whole take is
+    discarded and the NsmError goes on.
+    """
+    try:
+        for thing, poses in moved:
+            keyed = key_thing(thing, poses, take.frame_start, fps, take.fps, f"{name} {thing.object.name}", scene)
+            if keyed is not None:
+                take.things.append(keyed)
+    except NsmError:
+        discard_take(take)
+        raise
+    _touch(take.armature, scene)
+
+
 def discard_take(take: KeyedTake) -> None:
-    """Remove a take's action and give the armature back the action and the pose it had."""
+    """Remove a take's actions and give the armature, and what it moved, back the actions, the pose and the places they had."""
+    for thing in take.things:
+        discard_thing(thing)
     if take.previous_action:
         take.previous_action.use_fake_user = take.previous_fake_user
     assign(take.armature, take.previous_action, take.previous_slot)

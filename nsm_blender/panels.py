@@ -36,6 +36,9 @@ class NSM_UL_goals(bpy.types.UIList):
             body.label(text="No object", icon="ERROR")
         else:
             body.label(text="Place", icon="PIVOT_CURSOR")
+        if BY_KEY[item.action].needs_destination:
+            to = item.destination
+            body.label(text=f"to {to.name}" if to else "No destination", icon="NONE" if to else "ERROR")
         body.prop(item, "action", text="", emboss=False)
 
 
@@ -84,8 +87,12 @@ class NSM_PT_take(_Sidebar, bpy.types.Panel):
             column.prop(goal, "action")
             if goal.action != "idle":
                 column.prop(goal, "object")
-            if goal.object is None and goal.action == "walk":
+            if BY_KEY[goal.action].needs_destination:
+                column.prop(goal, "destination")
+            if goal.object is None and not BY_KEY[goal.action].needs_object and goal.action != "idle":
                 column.prop(goal, "location")
+            if goal.action == "open" and goal.object is not None:
+                column.operator("nsm.door_swing", icon="ARROW_LEFTRIGHT")
             column.prop(goal, "hold")
         layout.operator("nsm.goal_points", icon="EMPTY_ARROWS")
 

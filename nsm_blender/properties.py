@@ -14,7 +14,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from .actions import ACTIONS
+from .actions import ACTIONS, BY_KEY
 from .goals import GoalSpec
 
 # What can evaluate to a mesh, and empties: markers, collection instances and parents of parts.
@@ -47,6 +47,12 @@ class NsmGoal(bpy.types.PropertyGroup):
         soft_max=20.0,
         max=600.0,
         unit="TIME_ABSOLUTE",
+    )
+    destination: PointerProperty(
+        name="To",
+        description="Where a carried object goes: set down on top of this one, or in the place of this empty",
+        type=bpy.types.Object,
+        poll=_is_goal,
     )
     location: FloatVectorProperty(name="Place", description="Where to go when no object is chosen", subtype="TRANSLATION", size=3)
 
@@ -84,7 +90,8 @@ def spec_of_row(row: NsmGoal) -> GoalSpec:
     """Return what a row of the queue asks for."""
     if row.action == "idle":  # has no place of its own, whatever the row was before
         return GoalSpec("idle", hold=row.hold)
-    return GoalSpec(row.action, row.object, row.hold, tuple(row.location) if row.object is None else None)
+    to = row.destination if BY_KEY[row.action].needs_destination else None
+    return GoalSpec(row.action, row.object, row.hold, tuple(row.location) if row.object is None else None, to)
 
 
 def show_results(settings: NsmSettings, lines: list[tuple[str, bool]]) -> None:

@@ -12,7 +12,12 @@ from nsm_core.sensors.query import DistanceQuery
 from .keying import KeyedTake
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
-_DONE = {"sit": "sat down", "walk": "arrived", "idle": "stands"}
+_DONE = {
+    "sit": "sat down", "walk": "arrived", "run": "arrived", "idle": "stands",
+    "carry": "set down", "open": "passed", "climb": "climbed",
+}  # fmt: skip
+_ERRORS = ("position_error_cm", "rotation_error_deg", "network_position_error_cm", "network_rotation_error_deg")
+_HAND_ERRORS = ("hand_error_cm", "hand_rotation_deg", "network_hand_error_cm", "network_hand_rotation_deg")
 
 
 def build_report(name: str, result: TakeResult, keyed: KeyedTake, environment: DistanceQuery, keying_ms: float) -> dict[str, Any]:
@@ -30,10 +35,7 @@ def build_report(name: str, result: TakeResult, keyed: KeyedTake, environment: D
             "action": goal.action,
             "reached": bool(goal.reached),
             "seconds": round(float(goal.seconds), 3),
-            "position_error_cm": _number(goal.position_error_cm),
-            "rotation_error_deg": _number(goal.rotation_error_deg),
-            "network_position_error_cm": _number(goal.network_position_error_cm),
-            "network_rotation_error_deg": _number(goal.network_rotation_error_deg),
+            **{key: _number(getattr(goal, key)) for key in (*_ERRORS, *(_HAND_ERRORS if goal.action in ("carry", "open") else ()))},
         }
         for goal in result.goals
     ]

@@ -83,6 +83,8 @@ def reason_not_ready(context: bpy.types.Context) -> str:
     for goal in enabled:
         if goal.object is None and BY_KEY[goal.action].needs_object:
             return f"A goal to {goal.action} has no object; choose one, or remove the goal."
+        if goal.destination is None and BY_KEY[goal.action].needs_destination:
+            return f"A goal to {goal.action} {goal.object.name} has no destination; choose the object or empty where it goes."
     if context.mode not in {"OBJECT", "POSE"}:
         return "Generate works in Object and Pose Mode; leave the present mode with Tab."
     return ""

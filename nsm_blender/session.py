@@ -7,6 +7,7 @@ import time
 import bpy
 
 from . import running
+from .goals import moved_by
 from .scene import Preview, SceneState
 from .takes import Take, TakeSpec, generate
 
@@ -17,7 +18,7 @@ class Session:
     def __init__(self, spec: TakeSpec, scene: bpy.types.Scene) -> None:
         self.scene, self.character = scene, spec.character
         self.fraction, self.text = 0.0, "Starting"
-        self._state = SceneState(scene, spec.character)
+        self._state = SceneState(scene, spec.character, moved_by(spec.goals))
         self._steps = generate(spec, scene)
         self._preview: Preview | None = None
         running.begin(scene, spec.character)
@@ -43,7 +44,7 @@ class Session:
             raise
         if progress.hips_world is not None:
             self._preview = self._preview or Preview(self.character)
-            self._preview.show(progress.hips_world, progress.local_rotations)
+            self._preview.show(progress.hips_world, progress.local_rotations, progress.moved)
         self.fraction = progress.fraction
         self.text = running.advance(progress.stage, progress.fraction)
         return None

@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Generator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from nsm_core import inference
 from nsm_core.control.goals import Goal
@@ -18,14 +19,15 @@ from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner
 from nsm_core.conventions import FPS
 from nsm_core.errors import GoalError, SkeletonError
 from nsm_core.rotations import Array
-from nsm_core.sensors.query import DistanceQuery
 
+from .actions import require_learned
 from .armature import read_pose, require_skeleton
-from .colliders import gather_colliders
-from .goals import GoalSpec, resolve
-from .keying import KeyedTake, key_take
+from .goals import GoalSpec, moved_by, place_after, resolve
+from .keying import KeyedTake, key_take, key_things
 from .report import build_report
 from .scene import SceneState, WorldFrame
+from .surroundings import Surroundings
+from .things import Thing, require_movable
 
 
 @dataclass
@@ -46,12 +48,13 @@ class TakeSpec:
 
 @dataclass
 class Progress:
-    """How far a take is: what is being done, 0..1, and the pose of the newest frame where there is one."""
+    """How far a take is: what is being done, 0..1, and pose and moved objects of the newest frame where there is one."""
 
     stage: str
     fraction: float
     hips_world: Array | None = None  # (3,) Blender units
     local_rotations: Array | None = None  # (23, 4)
+    moved: list[tuple[bpy.types.Object, Matrix]] = field(default_factory=list)  # objects and their world matrices
 
 
 @dataclass
@@ -76,19 +79,22 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | No
     Nothing in the file changes before the keys are made, but for the current frame, which is put back.
     Raises SkeletonError, GoalError, GeometryError and WeightsError with a sentence for the animator.
     """
-    request, frame = prepare(spec, scene)
+    request, frame, things = prepare(spec, scene)
     if model is None:
         model = yield from _loaded()
+    require_learned((goal.action for goal in request.goals), model.metadata)
     runner = TakeRunner(model, request)
     while _step(runner):
         hips, rotations = runner.pose()
-        yield Progress("Generating", min(runner.progress, 1.0), frame.to_world(hips), rotations)
+        moved = [(things[name].object, things[name].world_at(pose)) for name, pose in runner.prop_poses().items()]
+        yield Progress("Generating", min(runner.progress, 1.0), frame.to_world(hips), rotations, moved)
     result = runner.result()
     yield Progress("Keying", 1.0)
     begin = time.perf_counter()
     keyed = key_take(
         spec.character, frame.to_world(result.hips_position), result.local_rotations, spec.start_frame, FPS, spec.title(), scene
     )
+    key_things(keyed, [(things[name], poses) for name, poses in result.props.items()], FPS, spec.title(), scene)
     keying_ms = (time.perf_counter() - begin) * 1000 / max(len(result.hips_position), 1)
     report = build_report(spec.title(), result, keyed, request.environment, keying_ms)
     return Take(keyed, report, result, frame)
@@ -123,8 +129,11 @@ def finish(steps: Generator[Progress, None, Take]) -> Take:
             return stop.value
 
 
-def prepare(spec: TakeSpec, scene: bpy.types.Scene) -> tuple[TakeRequest, WorldFrame]:
-    """Gather what a take needs from the scene as it is at the take's first frame; the current frame is put back."""
+def prepare(spec: TakeSpec, scene: bpy.types.Scene) -> tuple[TakeRequest, WorldFrame, dict[str, Thing]]:
+    """Gather what a take needs from the scene as it is at the take's first frame; the current frame is put back.
+
+    The last of the result are the objects that it moves, by the names of their props.
+    """
     require_character(spec.character, scene)
     if not spec.goals:
         raise GoalError("There is no goal to go to; add one to the list, or enable one.")
@@ -133,27 +142,35 @@ def prepare(spec: TakeSpec, scene: bpy.types.Scene) -> tuple[TakeRequest, WorldF
         if scene.frame_current != spec.start_frame or scene.frame_subframe:
             scene.frame_set(spec.start_frame)
         frame, start = start_of(spec.character, scene)
-        goals = resolve_goals(spec.goals, scene, frame, start)
-        environment = environment_of(spec.character, scene, frame)
+        moving = moved_by(spec.goals)
+        for target in moving:
+            require_movable(target, spec.character)
+        around = Surroundings(scene, frame, spec.character, moving)
+        goals = resolve_goals(spec.goals, scene, frame, start, around)
+        things = {target.name: Thing.of(target, frame, around.left[target.name][0]) for target in moving}
+        environment = around.query
     finally:
         state.restore()
-    return TakeRequest(
+    request = TakeRequest(
         start_position=start[0],
         start_heading=start[1],
         goals=goals,
         environment=environment,
         seed=spec.seed,
         contact_ik=spec.contact_ik,
-    ), frame
+    )
+    return request, frame, things
 
 
-def resolve_goals(specs: list[GoalSpec], scene: bpy.types.Scene, frame: WorldFrame, start: tuple[Array, float]) -> list[Goal]:
-    """Build the core's goals in their order; each knows from where the character comes."""
+def resolve_goals(
+    specs: list[GoalSpec], scene: bpy.types.Scene, frame: WorldFrame, start: tuple[Array, float], around: Surroundings
+) -> list[Goal]:
+    """Build the core's goals in their order; each knows from where the character comes and what was moved by then."""
     goals: list[Goal] = []
     before = start
     for spec in specs:
-        goals.append(resolve(spec, scene, frame, before))
-        before = goals[-1].position[:2], goals[-1].heading
+        goals.append(resolve(spec, scene, frame, before, around))
+        before = place_after(goals[-1], before)
     return goals
 
 
@@ -162,11 +179,6 @@ def start_of(character: bpy.types.Object | None, scene: bpy.types.Scene) -> tupl
     require_character(character, scene)
     frame, pose = WorldFrame.of(character), read_pose(character)
     return frame, (frame.to_core(np.append(pose.position, 0.0))[:2].astype(np.float32), pose.heading)
-
-
-def environment_of(character: bpy.types.Object, scene: bpy.types.Scene, frame: WorldFrame) -> DistanceQuery:
-    """Everything solid in the scene but the character, in the core's frame."""
-    return frame.query(gather_colliders(scene, bpy.context.evaluated_depsgraph_get(), [character], frame.floor))
 
 
 def own_objects(character: bpy.types.Object, scene: bpy.types.Scene) -> set[bpy.types.Object]:

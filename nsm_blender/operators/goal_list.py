@@ -7,8 +7,10 @@ from typing import ClassVar
 import bpy
 from bpy.props import EnumProperty
 
-from ..goals import POINT_LINK, show_goal_point
-from ..properties import GOAL_TYPES, settings_of, spec_of_row
+from ..goals import moved_by, show_goal_point
+from ..points import POINT_LINK, SWING
+from ..properties import GOAL_TYPES, NsmGoal, settings_of, spec_of_row
+from ..surroundings import Surroundings
 from ..takes import own_objects, start_of
 from .reporting import sentences
 
@@ -83,7 +85,8 @@ class NSM_OT_goal_points(bpy.types.Operator):
     bl_label = "Show Goal Points"
     bl_description = (
         "Show where each goal was found on its object as an empty, and select it: move it, or turn it so that its -Y axis "
-        "points where the character will face. Takes use it as it stands; delete it to have the place found anew"
+        "points where the character will face. A door has two: its hinge, which also holds the way it swings, and its handle. "
+        "Takes use them as they stand; delete one to have its place found anew"
     )
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
@@ -102,11 +105,44 @@ class NSM_OT_goal_points(bpy.types.Operator):
             frame, start = start_of(settings.character, context.scene)
         if errors:
             return {"CANCELLED"}
-        for row in rows:
+        specs = [spec_of_row(row) for row in rows]
+        around = Surroundings(context.scene, frame, settings.character, moved_by(specs))
+        for spec in specs:
             with sentences(self):
-                points.append(show_goal_point(spec_of_row(row), context.scene, frame, start))
+                points.append(show_goal_point(spec, context.scene, frame, start, around))
         _select(context, points)
         return {"FINISHED"} if points else {"CANCELLED"}
+
+
+class NSM_OT_door_swing(bpy.types.Operator):
+    bl_idname = "nsm.door_swing"
+    bl_label = "Swing to the Other Side"
+    bl_description = (
+        "Have the door of the chosen goal open to its other side. Its hinge point, made where it has none, keeps the choice as "
+        "the property nsm_swing: 1 turns the leaf counter-clockwise seen from above, -1 clockwise"
+    )
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        goal = _active_goal(context)
+        if goal is None or goal.action != "open" or goal.object is None:
+            cls.poll_message_set("The chosen goal opens no door; choose one that does.")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        with sentences(self):
+            frame, start = start_of(settings_of(context.scene).character, context.scene)
+            hinge = show_goal_point(spec_of_row(_active_goal(context)), context.scene, frame, start)
+            hinge[SWING] = -1 if int(hinge.get(SWING) or 1) > 0 else 1
+            return {"FINISHED"}
+        return {"CANCELLED"}
+
+
+def _active_goal(context: bpy.types.Context) -> NsmGoal | None:
+    settings = settings_of(context.scene)
+    return settings.goals[settings.active_goal] if 0 <= settings.active_goal < len(settings.goals) else None
 
 
 def _select(context: bpy.types.Context, objects: list[bpy.types.Object]) -> None:
@@ -121,4 +157,4 @@ def _select(context: bpy.types.Context, objects: list[bpy.types.Object]) -> None
     context.view_layer.objects.active = seen[-1]
 
 
-CLASSES = (NSM_OT_goal_add, NSM_OT_goal_remove, NSM_OT_goal_move, NSM_OT_goal_points)
+CLASSES = (NSM_OT_goal_add, NSM_OT_goal_remove, NSM_OT_goal_move, NSM_OT_goal_points, NSM_OT_door_swing)

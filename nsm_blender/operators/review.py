@@ -9,6 +9,7 @@ import bpy
 
 from ..keying import KeyedTake, discard_take
 from ..properties import settings_of
+from ..things import KeyedThing
 
 
 @dataclass
@@ -26,6 +27,20 @@ class _Pending:
     previous_slot: int
     previous_fake_user: bool
     previous_pose: list[tuple[str, Any]]
+    things: list[_PendingThing]
+
+
+@dataclass
+class _PendingThing:
+    """An object that the take moved, by names."""
+
+    object: str
+    action: str
+    slot: int
+    previous_action: str
+    previous_slot: int
+    previous_fake_user: bool
+    previous_transform: dict[str, Any]
 
 
 _pending: _Pending | None = None
@@ -47,6 +62,20 @@ def remember(scene: bpy.types.Scene, take: KeyedTake) -> None:
         getattr(take.previous_slot, "handle", 0),
         take.previous_fake_user,
         take.previous_pose,
+        [_pending_thing(thing) for thing in take.things],
+    )
+
+
+def _pending_thing(thing: KeyedThing) -> _PendingThing:
+    previous = thing.previous_action
+    return _PendingThing(
+        thing.object.name,
+        thing.action.name,
+        getattr(thing.slot, "handle", 0),
+        previous.name if previous else "",
+        getattr(thing.previous_slot, "handle", 0),
+        thing.previous_fake_user,
+        thing.previous_transform,
     )
 
 
@@ -74,7 +103,7 @@ class _Review(bpy.types.Operator):
 class NSM_OT_take_accept(_Review):
     bl_idname = "nsm.take_accept"
     bl_label = "Accept"
-    bl_description = "Keep the new action and stop asking about it"
+    bl_description = "Keep the new actions and stop asking about them"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         global _pending
@@ -86,7 +115,7 @@ class NSM_OT_take_accept(_Review):
 class NSM_OT_take_reject(_Review):
     bl_idname = "nsm.take_reject"
     bl_label = "Reject"
-    bl_description = "Remove the new action and give the character back the action and the pose it had"
+    bl_description = "Remove the new actions and give the character, and what it moved, back the actions and the places they had"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         global _pending
@@ -96,12 +125,23 @@ class NSM_OT_take_reject(_Review):
         discard_take(
             KeyedTake(
                 armature, action, _slot(action, p.slot), *p.frames, p.fps,
-                previous, _slot(previous, p.previous_slot), p.previous_fake_user, p.previous_pose,
+                previous, _slot(previous, p.previous_slot), p.previous_fake_user, p.previous_pose, _things(p),
             )
         )  # fmt: skip
         _pending = None
         settings_of(context.scene).results.clear()
         return {"FINISHED"}
+
+
+def _things(p: _Pending) -> list[KeyedThing]:
+    """What the take has moved; objects and actions that are gone by now are passed over."""
+    found = []
+    for t in p.things:
+        target, action, previous = bpy.data.objects.get(t.object), bpy.data.actions.get(t.action), bpy.data.actions.get(t.previous_action)
+        if target is not None and action is not None:
+            slots = _slot(action, t.slot), _slot(previous, t.previous_slot)
+            found.append(KeyedThing(target, action, slots[0], previous, slots[1], t.previous_fake_user, t.previous_transform))
+    return found
 
 
 def _slot(action: bpy.types.Action | None, handle: int) -> Any | None:

@@ -1,0 +1,97 @@
+"""Steps to climb and low walls to step over: where one stands afterwards."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from nsm_core.control.goals import Goal
+from nsm_core.errors import GeometryError, GoalError
+from nsm_core.rotations import Array, rotate_planar, wrap_angle
+
+from .bodies import Body, place_of
+from .surroundings import Surroundings
+from .tops import CELL, Level, find_levels, occupy, standing_room
+
+LOWEST, HIGHEST = 0.12, 0.65  # metres over the floor that one climbs
+DEEP_ENOUGH = 0.3  # metres of a top to stand on; what is thinner is stepped over
+FROM_EDGE = 0.2  # metres from the middle of the feet to the edges of a top
+BEHIND = 0.6  # metres behind a low wall
+_ABOVE = 1.7  # metres of air that a person needs
+_ELBOWS = 0.25  # metres to keep from things behind a wall
+
+
+def climb_goal(name: str, target: bpy.types.Object, point: bpy.types.Object | None, hold: float, around: Surroundings, here: Array) -> Goal:
+    """Build the goal to climb ``target``, coming from ``here`` (2,); ``point`` is the animator's own empty for the place.
+
+    Raises GoalError where the object is too high or too low, or has no room.
+    """
+    frame = around.frame
+    body = Body.of(target, frame, snug=True)
+    if point is not None:
+        position, heading = place_of(point, frame)
+        if not -0.05 <= position[2] <= HIGHEST:
+            raise GoalError(
+                f"The goal point of {target.name} is {position[2] * frame.scale:.2f} m over the character's floor; one climbs up to "
+                f"{HIGHEST * frame.scale:.2f} m: move it."
+            )
+    else:
+        level = _level(body, target, frame.scale)
+        quarter = _side(level, body, here)
+        heading = float(wrap_angle(body.yaw + quarter * np.pi / 2 + np.pi))
+        if level.seen_from(quarter).depth() >= DEEP_ENOUGH:
+            position = _on_top(level, body, target, around)
+        else:
+            position = _behind(level.seen_from(quarter), quarter, body, target, around)
+    return Goal("climb", name, position, heading, hold, body.interaction(heading + np.pi))
+
+
+def _level(body: Body, target: bpy.types.Object, scale: float) -> Level:
+    levels = find_levels(body.vertices, body.triangles)
+    if not levels:
+        raise GeometryError(f"{target.name} has no level top to step on; choose a step or a low wall.")
+    fitting = [level for level in levels if LOWEST <= level.height <= HIGHEST]
+    if fitting:
+        return fitting[0]
+    height = levels[0].height * scale
+    limits = f"between {LOWEST * scale:.2f} and {HIGHEST * scale:.2f} m"
+    if levels[0].height > HIGHEST:
+        raise GoalError(f"{target.name} is {height:.2f} m high; one climbs what is {limits} high: put a step before it, or lower it.")
+    raise GoalError(f"{target.name} is {height:.2f} m high; one climbs what is {limits} high: choose walk for lower things.")
+
+
+def _side(level: Level, body: Body, here: Array) -> int:
+    """The quarter turn in whose axes one comes from -Y: across a thin top, else from the side that is nearest."""
+    towards = -body.to_own(np.append(np.asarray(here, dtype=np.float64), 0.0))[:2]
+    ways = rotate_planar(np.array((0.0, 1.0)), np.arange(4) * np.pi / 2)
+    depths = np.array([level.seen_from(q).depth() for q in range(4)])
+    half = np.array(level.top.shape) * CELL / 2
+    outside = ways @ towards - half[[1, 0, 1, 0]]  # how far before each edge one is
+    thin = depths < DEEP_ENOUGH
+    if thin.any():
+        outside = np.where(thin & (depths <= depths.min() + 0.05), outside, -np.inf)
+    return int(outside.argmax())
+
+
+def _on_top(level: Level, body: Body, target: bpy.types.Object, around: Surroundings) -> Array:
+    """The free place nearest to the middle of the top, core frame."""
+    occupy(level, [(body.to_own(v), t) for v, t in around.meshes_but(target)], _ABOVE)
+    for margin in (FROM_EDGE + 0.05, FROM_EDGE, DEEP_ENOUGH / 2 - 0.02):
+        places = standing_room(level, margin)
+        if len(places):
+            cells = np.argwhere(level.top)
+            middle = level.corner + CELL * (cells.min(0) + cells.max(0) + 1) / 2
+            best = places[np.linalg.norm(places - middle, axis=1).argmin()]
+            return body.to_core(np.append(best, level.height))
+    raise GoalError(f"There is no free place to stand on {target.name}; clear its top, or move its goal point.")
+
+
+def _behind(level: Level, quarter: int, body: Body, target: bpy.types.Object, around: Surroundings) -> Array:
+    """The place on the floor behind a low wall, core frame; ``level`` as seen from ``quarter``."""
+    cells = np.argwhere(level.top)
+    x, y = level.corner + CELL * np.array(((cells[:, 0].min() + cells[:, 0].max() + 1) / 2, cells[:, 1].max() + 1.0))
+    place = body.to_core(np.append(rotate_planar(np.array((x, y + BEHIND)), np.float64(quarter * np.pi / 2)), 0.0))
+    if around.plan(place).clearance(place[None, :2])[0] < _ELBOWS:
+        away = BEHIND * around.frame.scale
+        raise GoalError(f"There is no room to stand {away:.1f} m behind {target.name}; clear it, or move its goal point.")
+    return place

@@ -1,0 +1,216 @@
+"""Objects that a character moves: boxes and leaves of doors follow their props, and get actions of their own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Quaternion, Vector
+
+from nsm_core.control.props import Prop
+from nsm_core.errors import GoalError, NsmError
+from nsm_core.rotations import Array
+
+from .channels import assign, new_action, transform_of
+
+if TYPE_CHECKING:
+    from .scene import WorldFrame
+
+_MOVED = 1e-5  # metres and radians between two frames that count as a move
+
+
+@dataclass
+class KeyedThing:
+    """The action of one moved object: what was made and what it replaced."""
+
+    object: bpy.types.Object
+    action: bpy.types.Action
+    slot: Any | None
+    previous_action: bpy.types.Action | None
+    previous_slot: Any | None
+    previous_fake_user: bool
+    previous_transform: dict[str, Any]  # channel name and value before the take
+
+
+@dataclass
+class Thing:
+    """An object that a take moves: where it and its prop are before the first frame.
+
+    ``world`` its matrix, ``space`` the one from the world to its own channels, ``turn`` its own rotation; ``pose`` (4,) of the
+    prop, core frame.
+    """
+
+    object: bpy.types.Object
+    frame: WorldFrame
+    world: Matrix
+    space: Matrix
+    turn: Quaternion
+    pose: Array
+
+    @classmethod
+    def of(cls, target: bpy.types.Object, frame: WorldFrame, prop: Prop) -> Thing:
+        """Note where an object stands now."""
+        return cls(target, frame, target.matrix_world.copy(), _space(target), _delta(target) @ _own_turn(target), prop.pose.copy())
+
+    def world_at(self, pose: Array) -> Matrix:
+        """World matrix of the object when its prop is at ``pose`` (4,), core frame."""
+        return self.move_to(pose) @ self.world
+
+    def move_to(self, pose: Array) -> Matrix:
+        """Rigid move of the world (4, 4) that brings the prop to ``pose`` (4,), core frame."""
+        return self._matrix(pose) @ self._matrix(self.pose).inverted()
+
+    def _matrix(self, pose: Array) -> Matrix:
+        return Matrix.Translation(Vector(self.frame.to_world(pose[:3]))) @ Matrix.Rotation(float(pose[3]), 4, "Z")
+
+
+def require_movable(target: bpy.types.Object, character: bpy.types.Object | None) -> None:
+    """Raise an NsmError unless a take may key where ``target`` is."""
+    if target.library is not None and target.override_library is None:
+        raise NsmError(f"{target.name} is linked from another file and cannot be moved; make a library override of it.")
+    if character is not None and (target == character or target in character.children_recursive or character in target.children_recursive):
+        raise GoalError(f"{target.name} and the character {character.name} hang on each other; unparent them, or choose another object.")
+    if any(c.enabled and c.influence > 0 for c in target.constraints):
+        raise GoalError(f"{target.name} has constraints, so that keys alone do not move it; mute or apply them.")
+    data = target.animation_data
+    if data and data.use_tweak_mode:
+        raise NsmError(f"{target.name} is in the NLA's tweak mode; leave it (Tab in the NLA editor) and generate again.")
+    if data and any(d.data_path in {"location", *_ROTATIONS} for d in data.drivers):
+        raise GoalError(f"{target.name} is moved by drivers; remove these, or choose another object.")
+
+
+def resample_poses(poses: Array, fps_from: float, fps_to: float) -> Array:
+    """Sample poses (T, 4) at another rate: (N, 4), linear, headings by the shorter way; ends as in ``keying.resample``."""
+    poses = np.array(poses, dtype=np.float64)
+    poses[:, 3] = np.unwrap(poses[:, 3])
+    seconds = (len(poses) - 1) / fps_from
+    at = np.arange(int(np.ceil(seconds * fps_to - 1e-6)) + 1) / fps_to * fps_from
+    return np.column_stack([np.interp(at, np.arange(len(poses)), poses[:, k]) for k in range(4)])
+
+
+def key_thing(
+    thing: Thing, poses: Array, frame_start: int, fps: float, scene_rate: float, name: str, scene: bpy.types.Scene
+) -> KeyedThing | None:
+    """Key a moved object as a new action and keep the action it had; None where it never moves.
+
+    ``poses`` (T, 4), core frame, of its prop at ``fps`` are resampled to ``scene_rate`` from ``frame_start`` on.  Keys lie
+    where it moves, and at both ends.  Raises as ``require_movable``, and NsmError on values that are not numbers.
+    """
+    target = thing.object
+    require_movable(target, None)
+    poses = np.asarray(poses, dtype=np.float64)
+    if poses.ndim != 2 or poses.shape[1] != 4 or not np.isfinite(poses).all():
+        raise NsmError(f"The take holds places of {target.name} that are not numbers, so nothing was keyed; try another seed.")
+    poses = resample_poses(poses, fps, scene_rate)
+    rows = moving_rows(poses)
+    if not len(rows):
+        return None
+    frames = frame_start + rows
+    location, rotation, scale = _channel_values(thing, poses[rows], frames, scene)
+
+    data = target.animation_data
+    previous = data.action if data else None
+    previous_slot = getattr(data, "action_slot", None) if previous else None
+    keyed = KeyedThing(target, None, None, previous, previous_slot, bool(previous and previous.use_fake_user), transform_of(target))
+    if previous:
+        previous.use_fake_user = True  # or it would be lost with the file's next save
+    channels = new_action(name, target.name)
+    for path, values in (("location", location), (_ROTATION_OF.get(target.rotation_mode, "rotation_euler"), rotation)):
+        for i in range(values.shape[1]):
+            channels.curve(path, i, "Object Transforms", frames, values[:, i])
+    if previous:  # it may have keyed the size, which must stay what it was
+        for i in range(3):
+            channels.curve("scale", i, "Object Transforms", frames[:1], scale[i : i + 1])
+    assign(target, channels.action, channels.slot)
+    target.update_tag()
+    keyed.action, keyed.slot = channels.action, channels.slot
+    return keyed
+
+
+def discard_thing(keyed: KeyedThing) -> None:
+    """Remove the action of a moved object and give it back the action and the place it had."""
+    if keyed.previous_action:
+        keyed.previous_action.use_fake_user = keyed.previous_fake_user
+    assign(keyed.object, keyed.previous_action, keyed.previous_slot)
+    if keyed.action.users == 0 or keyed.action.users == int(keyed.action.use_fake_user):
+        bpy.data.actions.remove(keyed.action)
+    for channel, value in keyed.previous_transform.items():
+        setattr(keyed.object, channel, value)
+    keyed.object.update_tag()
+
+
+def moving_rows(poses: Array) -> Array:
+    """Rows of poses (N, 4) that need a key: both ends and every frame next to a move; empty where nothing moves."""
+    steps = np.abs(np.diff(poses, axis=0)).max(1) > _MOVED if len(poses) > 1 else np.zeros(0, bool)
+    if not steps.any():
+        return np.zeros(0, int)
+    keyed = np.concatenate((steps, [True])) | np.concatenate(([True], steps))
+    return np.flatnonzero(keyed)
+
+
+_ROTATIONS = ("rotation_euler", "rotation_quaternion", "rotation_axis_angle")
+_ROTATION_OF = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}
+
+
+def _channel_values(thing: Thing, poses: Array, frames: Array, scene: bpy.types.Scene) -> tuple[Array, Array, Array]:
+    """Location (N, 3), rotation (N, 3 or 4) in the object's mode and first scale (3,) that put it where ``poses`` (N, 4) say."""
+    target, mode = thing.object, thing.object.rotation_mode
+    undelta, back = _delta(target).inverted(), thing.space.inverted_safe()
+    location, rotation, last = [], [], None
+    for pose, space in zip(poses, _parent_spaces(thing, frames, scene), strict=True):
+        move = space @ thing.move_to(pose)
+        location.append((move @ thing.world).translation - target.delta_location)
+        # The move's own rotation on top of the object's: a mirrored object stays as it is.
+        turn = undelta @ (move @ back).to_quaternion() @ thing.turn
+        if last is not None and turn.dot(last) < 0:
+            turn.negate()
+        if mode == "QUATERNION":
+            rotation.append(tuple(turn))
+        elif mode == "AXIS_ANGLE":
+            axis, angle = turn.to_axis_angle()
+            rotation.append((angle, *axis))
+        else:
+            rotation.append(turn.to_euler(mode, rotation[-1]) if rotation else turn.to_euler(mode, target.rotation_euler))
+        last = turn
+    scale = (thing.space @ thing.world).to_scale()
+    return np.array(location, dtype=np.float64), np.array(rotation, dtype=np.float64), np.array(scale)
+
+
+def _parent_spaces(thing: Thing, frames: Array, scene: bpy.types.Scene) -> list[Matrix]:
+    """For each frame the matrix from the world to the object's own channels: its parents as they are then."""
+    target = thing.object
+    ancestors, ancestor = [], target.parent
+    while ancestor is not None:
+        ancestors.append(ancestor)
+        ancestor = ancestor.parent
+    if not any(a.animation_data or a.constraints or a.type == "ARMATURE" for a in ancestors):
+        return [thing.space] * len(frames)
+    kept, spaces = (scene.frame_current, scene.frame_subframe), []
+    for frame in frames:
+        scene.frame_set(int(frame))
+        spaces.append(_space(target))
+    scene.frame_set(kept[0], subframe=kept[1])
+    return spaces
+
+
+def _space(target: bpy.types.Object) -> Matrix:
+    return target.matrix_basis @ target.matrix_world.inverted_safe()
+
+
+def _own_turn(target: bpy.types.Object) -> Quaternion:
+    """The rotation channels of an object, in whatever mode, as a quaternion."""
+    if target.rotation_mode == "QUATERNION":
+        return target.rotation_quaternion.normalized()
+    if target.rotation_mode == "AXIS_ANGLE":
+        angle, *axis = target.rotation_axis_angle
+        return Quaternion(axis, angle)
+    return target.rotation_euler.to_quaternion()
+
+
+def _delta(target: bpy.types.Object) -> Quaternion:
+    """The rotation that an object adds to its own channels."""
+    if target.rotation_mode == "QUATERNION":
+        return target.delta_rotation_quaternion.normalized()
+    return target.delta_rotation_euler.to_quaternion()
