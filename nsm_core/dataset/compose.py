@@ -180,7 +180,11 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=0)
     a = parser.parse_args(arguments)
-    folder = export(a.captures, a.out, a.minutes, a.seed, objects=a.objects, progress=lambda n, of: print(f"\r{min(n / of, 1):6.1%}", end="", flush=True))
+
+    def show(n: int, of: int) -> None:
+        print(f"\r{min(n / of, 1):6.1%}", end="", flush=True)
+
+    folder = export(a.captures, a.out, a.minutes, a.seed, meshes=a.objects, progress=show)
     print()
     print(report(folder))
     return 0

@@ -141,11 +141,11 @@ def export(
     seed: int = 0,
     workers: int = 2,
     progress: object = None,
-    objects: str | None = None,
+    meshes: str | None = None,
 ) -> Path:
     """Compose takes until ``minutes`` of motion are there and write them below ``out``; returns the folder.
 
-    ``objects`` names a folder of furniture meshes (``dataset.pool``) that join the parametric pieces; those held back for
+    ``meshes`` names a folder of furniture meshes (``dataset.pool``) that join the parametric pieces; those held back for
     testing are not used.  The same seed gives the same data.  Raises CaptureError where the capture folder is unusable.
     """
     out = Path(out)
@@ -154,12 +154,12 @@ def export(
         raise CaptureError(f"{captures} has no folder 'clips'; name the capture folder.")
     load(captures)  # a damaged capture is told here, not as a broken pool of workers
     cache = str(out / "objects.npz")
-    _pool(objects, cache)  # converted once, before the workers ask for it
+    _pool(meshes, cache)  # converted once, before the workers ask for it
     wanted, frames, objects = int(minutes * 1800), 0, 0
     files = {k: open(out / f"{k}.bin", "wb") for k in (*_FIELDS, *_OBJECT_FIELDS)}
     provenance = {}
     try:
-        with ProcessPoolExecutor(workers, initializer=_prepare, initargs=(captures, objects, cache)) as pool:
+        with ProcessPoolExecutor(workers, initializer=_prepare, initargs=(captures, meshes, cache)) as pool:
             batch = seed
             while frames < wanted:
                 for result in pool.map(_one, range(batch, batch + 16), chunksize=2):

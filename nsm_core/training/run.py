@@ -195,7 +195,7 @@ def main(arguments: list[str]) -> int:
             folder,
             settings.data_minutes,
             settings.seed,
-            objects=a.objects,
+            meshes=a.objects,
             progress=lambda n, of: print(f"\r{min(n / of, 1):6.1%}", end="", flush=True),
         )
         print()
