@@ -21,9 +21,9 @@ BODY_TO_BOX = 0.24
 WIDEST_BOX, HEAVIEST_SIDE = 0.6, 0.6  # metres across and in depth that two hands hold
 
 # Doors: places on the floor seen from the handle and the opening, metres.
-HANDLE_STAND = 0.52  # from the closed leaf to the root of who reaches for its handle
-HANDLE_ASIDE = 0.08  # from the handle towards the hinge: the body stands a little before the opening
-PULL_BACK = 0.5  # how much further off one stands once a leaf is pulled open
+HANDLE_STAND = 0.42  # from the closed leaf to the root of who reaches for its handle: an arm reaches low handles from here
+PUSH_ASIDE, PULL_ASIDE = 0.03, 0.12  # from the handle towards the hinge: the hand that pulls is on the handle's side
+PULL_BACK = 0.55  # how much further off one stands once a leaf is pulled open
 PASS_BEYOND = 1.0  # from the opening to where one stands on the far side
 OPENED = np.radians(75)  # from this angle on a pulled leaf lets a body pass
 WIDE_OPEN = np.radians(95)  # where a leaf comes to rest
@@ -166,8 +166,8 @@ def passage(leaf: Leaf, coming_from: Array, beyond: float = PASS_BEYOND) -> Pass
     hinge_right = float(-along @ right) > 0
     hand = int(hinge_right != push)  # push: the hinge's side; pull: the other
     handle = hinge + along * float(leaf.handle[0])
-    aside = HANDLE_ASIDE if push else -0.02
+    aside = PUSH_ASIDE if push else PULL_ASIDE
     reach = handle - aside * along - HANDLE_STAND * go
     middle = hinge + along * leaf.width / 2
-    back = reach if push else reach - PULL_BACK * go + 0.12 * along
+    back = reach if push else reach - PULL_BACK * go - 0.05 * along
     return Passage(heading, push, side, hand, reach, back, middle, middle + beyond * go)
