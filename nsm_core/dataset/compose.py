@@ -13,7 +13,7 @@ from types import ModuleType
 import numpy as np
 
 from ..control.foot_lock import lock_feet
-from ..conventions import FOOT_CONTACTS
+from ..conventions import FOOT_CONTACTS, FPS
 from ..rotations import (
     Array,
     quat_conjugate,
@@ -22,6 +22,7 @@ from ..rotations import (
     quat_normalize,
     quat_to_rotvec,
 )
+from ..skeleton import FEET, forward_kinematics
 from . import sitting, strolling
 from .fitting import lift_swinging_feet
 from .motion import Motion
@@ -34,6 +35,7 @@ from .take import Command, Take
 # Episodes with objects by name, and how often each is drawn; "walk" and "run" have none.
 EPISODES: dict[str, ModuleType] = {"sit": sitting}
 SHARES = {"sit": 0.68, "walk": 0.27, "run": 0.05}
+RESTING = 0.3  # m/s of a toe that still counts as standing
 ATTEMPTS = 4  # draws for each part that is wanted
 
 
@@ -102,9 +104,9 @@ def _finish(session: Session) -> Take | None:
         episode.fit(motion)
     motion.rotations = lift_swinging_feet(motion.hips, motion.rotations, motion.feet)
     motion.hips, motion.rotations = lock_feet(motion.hips, motion.rotations, motion.feet, place="median")
-    motion.contacts[:, FOOT_CONTACTS] = motion.feet
     for episode in session.episodes:
         episode.finish(motion)
+    motion.contacts[:, FOOT_CONTACTS] = motion.feet & _slow(motion)
     if not (np.isfinite(motion.hips).all() and np.isfinite(motion.rotations).all()):
         return None
     take = Take(
@@ -121,6 +123,13 @@ def _finish(session: Session) -> Take | None:
     fixed = len(take.obstacles)
     furnish(take, motion.roots, session, rng)
     return take if keep_clear(take, fixed) else None
+
+
+def _slow(motion: Motion) -> Array:
+    """Which toes (T, 2) rest: a label of a foot that a seam or an object has set moving would teach sliding."""
+    toes = forward_kinematics(motion.hips, motion.rotations)[0][:, [leg[3] for leg in FEET]]
+    speed = np.linalg.norm(np.gradient(toes, axis=0), axis=-1) * FPS
+    return speed < RESTING
 
 
 def _played(session: Session) -> tuple[Array, Array, Array, Array]:

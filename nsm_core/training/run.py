@@ -12,12 +12,14 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from ..conventions import STYLES
 from ..dataset.export import Dataset, export
 from ..features import layout_description
 from ..networks.config import NsmConfig
 from ..networks.memory import keep_freed_memory
 from ..networks.nsm import NSM, STATISTICS
 from ..weights_file import save_weights
+from .adopt import start_from
 from .batches import Batches, RolloutSettings, loss_weights, statistics
 from .schedule import cosine_restarts
 
@@ -56,6 +58,9 @@ class Trainer:
         self.weights = torch.from_numpy(loss_weights())
         self.step = 0
         self.stance: dict[str, object] | None = None
+        # What the data shows in more than a thousandth of its frames is offered.
+        shown = data.arrays["style"].mean(axis=0) > 1e-3
+        self.actions = [name for name, there in zip(STYLES, shown, strict=True) if there]
 
     def set_statistics(self) -> None:
         """Measure normalisation on the data and start the average at the network."""
@@ -138,7 +143,7 @@ class Trainer:
             data=f"stitched performances, {self.settings.data_minutes:g} minutes, seed {self.settings.seed}",
             seeds={"data": self.settings.seed, "training": self.settings.seed},
             training={**asdict(self.settings), "steps_done": self.step},
-            actions=["idle", "walk", "sit"],
+            actions=self.actions,
             stance=self.stance,
         )
 
@@ -181,7 +186,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--learning-rate", type=float, default=defaults.learning_rate)
     parser.add_argument("--rollout", type=int, default=defaults.rollout.length)
     parser.add_argument("--threads", type=int, default=2, help="processor threads (default: 2)")
-    parser.add_argument("--start-from", default=None, help="checkpoint of another run whose network to start from")
+    parser.add_argument("--start-from", default=None, help="checkpoint or weights file whose network to start from")
     a = parser.parse_args(arguments)
     settings = TrainingSettings(
         steps=a.steps, data_minutes=a.data_minutes, seed=a.seed, learning_rate=a.learning_rate, rollout=RolloutSettings(length=a.rollout)
@@ -211,9 +216,8 @@ def main(arguments: list[str]) -> int:
     else:
         trainer.set_statistics()
         if a.start_from:
-            state = torch.load(a.start_from, weights_only=True)
-            trainer.net.load_state_dict(state["average"])
-            trainer.average.load_state_dict(state["average"])
+            start_from(trainer.net, a.start_from)
+            trainer.average.refresh(trainer.net)
         with log.open("w", newline="") as f:
             csv.writer(f).writerow(("step", "minutes", "data", "rollout", "validation", "drift_m", "pose_error_m"))
     _loop(trainer, checkpoint, log)
