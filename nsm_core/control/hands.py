@@ -25,19 +25,34 @@ class HandClearance:
         self.query = query
         self._push = np.zeros((2, 3))
 
-    def apply(self, hips_position: Array, local_rotations: Array) -> Array:
-        """Return new local rotations (23, 4); ``hips_position`` (3,) world metres, ``local_rotations`` (23, 4)."""
+    def apply(
+        self,
+        hips_position: Array,
+        local_rotations: Array,
+        held: tuple[float, float] = (0.0, 0.0),
+        queries: tuple[DistanceQuery, DistanceQuery] | None = None,
+    ) -> Array:
+        """Return new local rotations (23, 4); ``hips_position`` (3,) world metres, ``local_rotations`` (23, 4).
+
+        ``held`` 0..1 tells how far the right and the left hand hold something: such a hand stays where it is.  ``queries`` are
+        what each is kept out of, where that differs from the query given at first.
+        """
         hips, local = hips_position.astype(np.float64), local_rotations.astype(np.float64)
         wrists, probes = self._probe(hips, local)
         wanted = np.zeros((2, 3))
         reach = float(_RADII.max()) + 0.01
-        distance = self.query.signed_distance(probes.reshape(-1, 3).astype(np.float32), reach).reshape(2, -1)
+        right, left = queries or (self.query, self.query)
+        if right is left:
+            distance = right.signed_distance(probes.reshape(-1, 3).astype(np.float32), reach).reshape(2, -1)
+        else:
+            distance = np.stack([q.signed_distance(p.astype(np.float32), reach) for q, p in zip((right, left), probes, strict=True)])
         depth = _RADII - distance
+        depth[np.array(held) > 0.5] = -1.0
         for side in np.flatnonzero(depth.max(axis=1) > 0):
             deepest = int(depth[side].argmax())
             around = probes[side, deepest] + _STEP * np.concatenate((np.eye(3), -np.eye(3)))
             # A wider reach than before: the slope must not be cut off where a sample leaves the near field.
-            d = self.query.signed_distance(around.astype(np.float32), reach + 2 * _STEP).astype(np.float64)
+            d = (right, left)[side].signed_distance(around.astype(np.float32), reach + 2 * _STEP).astype(np.float64)
             out = d[:3] - d[3:]
             length = np.linalg.norm(out)
             # Deep inside there is no slope to follow; up is where the rests and tops end.
@@ -53,7 +68,8 @@ class HandClearance:
         self._push *= np.minimum(1, FURTHEST / np.maximum(size, 1e-9))
         if np.abs(self._push).max() < 1e-4:
             return local_rotations.copy()
-        return place_limbs(hips, local, ARMS, wrists + self._push).astype(local_rotations.dtype)
+        push = self._push * (1 - np.array(held))[:, None]
+        return place_limbs(hips, local, ARMS, wrists + push).astype(local_rotations.dtype)
 
     def _probe(self, hips: Array, local: Array) -> tuple[Array, Array]:
         """Wrists (2, 3) and probe points (2, P, 3), world, of the pose moved by the present push."""

@@ -65,9 +65,7 @@ class Prop:
     def sensed(self) -> InteractionVolume:
         """The interaction sensor's reading where the prop is now: it moves with the prop."""
         v = self.volume
-        return InteractionVolume(
-            self.to_world(v.centre).astype(np.float32), v.size, float(v.heading + self.pose[3]), v.occupancy
-        )
+        return InteractionVolume(self.to_world(v.centre).astype(np.float32), v.size, float(v.heading + self.pose[3]), v.occupancy)
 
 
 def sense(query: DistanceQuery, low: Array, high: Array) -> InteractionVolume:

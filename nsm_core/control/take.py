@@ -17,22 +17,26 @@ from ..features import Surroundings, build_inputs, no_object, read_outputs
 from ..inference import Model
 from ..limbs import place_limbs
 from ..rotations import Array, heading_quat, matrix_from_forward_up, quat_from_matrix, quat_mul, quat_to_matrix
-from ..sensors.cylinder import environment_sensor
+from ..sensors.cylinder import DIAMETER, SPHERE_RADIUS, environment_sensor
 from ..sensors.query import DistanceQuery
 from ..series import State, standing_state
-from ..skeleton import FEET, HIPS, J, forward_kinematics, local_from_world, root_of
+from ..skeleton import ARMS, FEET, HIPS, J, forward_kinematics, local_from_world, root_of
 from .contact_ik import ContactIK
 from .director import Director, check_reachable, rotation_error
 from .goals import Goal, GoalResult, Moment
 from .hands import HandClearance
 from .planning import FloorPlan
-from .props import Prop
+from .props import Box, Prop
+from .reaching import Pose
+from .scene import Scene
 from .stepping import Blending, advance
 from .trunk import TrunkClearance
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
 _LEGS = tuple(leg[:3] for leg in FEET)
 _MARGIN = 4.0  # metres of floor planned on around start and goals
+_SENSOR_REACH = DIAMETER / 2 + SPHERE_RADIUS
+WRISTS = [arm[2] for arm in ARMS]
 
 
 @dataclass
@@ -90,11 +94,12 @@ class TakeRunner:
         if not np.isfinite(root).all():
             raise GoalError("The character's place or heading is not a number; clear its transform and place it anew.")
         self.state = _start(model, root, rng)
-        places = np.array([root[:2], *[g.position[:2] for g in request.goals]])
-        self.plan = FloorPlan(request.environment, (places.min(0) - _MARGIN, places.max(0) + _MARGIN))
         goals, self.props = own_props(request.goals)
+        self.scene = Scene(request.environment, self.props.values())
+        places = np.array([root[:2], *[g.position[:2] for g in goals], *[p.pose[:2] for p in self.props.values()]])
+        self.plan = FloorPlan(request.environment, (places.min(0) - _MARGIN, places.max(0) + _MARGIN))
         check_reachable(goals, self.plan, root[:2])
-        self.director = Director(goals, self.plan, root, rng, request.time_limit)
+        self.director = Director(goals, self.plan, root, rng, request.time_limit, self.scene, request.contact_ik)
         self._ik = ContactIK() if request.contact_ik else None
         self._trunk, self._hands = TrunkClearance(request.environment), HandClearance(request.environment)
         self._ms = dict.fromkeys(STAGES, 0.0)
@@ -140,7 +145,8 @@ class TakeRunner:
         state.goal_position, state.goal_heading, state.goal_action = position[None], heading[None], action[None]
         t1 = time.perf_counter()
         root = state.root
-        environment = environment_sensor(self.request.environment, root[0, :2], float(root[0, 2]))
+        around = self.scene.near(root[0, :2], _SENSOR_REACH)
+        environment = environment_sensor(around, root[0, :2], float(root[0, 2]))
         cells, occupancy = no_object(root)
         if sensed is not None:
             cells, occupancy = sensed.cells_world()[None], sensed.occupancy[None]
@@ -183,7 +189,8 @@ class TakeRunner:
     def _moment(self) -> Moment:
         s = self.state
         speed = float(np.linalg.norm(s.root_past[0, -1, :2] - s.root_past[0, -7, :2]) * FPS / 6)
-        return Moment(s.root[0], s.joint_position[0, HIPS], float(s.root[0, 2]), speed, s.style_past[0, -1])
+        wrists = s.joint_position[0, WRISTS].astype(np.float64)
+        return Moment(s.root[0], s.joint_position[0, HIPS], float(s.root[0, 2]), speed, s.style_past[0, -1], wrists, self._frames[-1][4])
 
     def _keep(self, contact: Array, experts: Array) -> None:
         """Turn the state into a pose, correct its contacts and store both."""
@@ -194,22 +201,37 @@ class TakeRunner:
             goal = d.goals[d.index] if 0 <= d.index < len(d.goals) else None
             seat = (goal.position, goal.heading) if goal is not None and goal.action == "sit" else None
             kept_hips, kept = self._ik.apply(hips, rotations, contact, seat, float(s.root[0, 2]))
+            self._trunk.query = self.scene.but(*(g.prop for g in d.grasps))
             kept = self._trunk.apply(kept_hips, kept, float(s.style_past[0, -1, SIT]))
-            kept = self._hands.apply(kept_hips, kept)
+        if d.grasps:
+            pose = Pose(kept_hips.astype(np.float64), kept.astype(np.float64), s.joint_position[0, WRISTS].astype(np.float64))
+            for grasp in d.grasps:
+                grasp.apply(pose, s.root[0].astype(np.float64), contact)
+            kept_hips, kept = pose.hips.astype(hips.dtype), pose.local.astype(rotations.dtype)
+        if self._ik is not None:
+            held = tuple(max((g.holds(side) for g in d.grasps), default=0.0) for side in (0, 1))
+            queries = tuple(self.scene.but(*(g.prop for g in d.grasps if g.touches(side))) for side in (0, 1))
+            kept = self._hands.apply(kept_hips, kept, held, queries if d.grasps else (self.scene.but(),) * 2)
         for name, pose in self.prop_poses().items():
             self._poses[name].append(pose)
         self._frames.append((kept_hips, kept, hips, rotations, contact.copy(), s.root[0].copy(), s.style_past[0, -1].copy(), experts))
 
     def _measure(self) -> None:
         """Write the errors of a goal whose transition has just ended."""
-        for goal, result in zip(self.director.goals, self.director.results, strict=True):
-            if result.seconds <= 0 or np.isfinite(result.position_error_cm):
-                continue
-            hips, rotations, network_hips = self._frames[-1][:3]
-            heading = float(root_of(forward_kinematics(hips, rotations)[0])[1])
-            result.position_error_cm, result.rotation_error_deg = _errors(goal, hips, heading)
-            own = float(self.state.root[0, 2])
-            result.network_position_error_cm, result.network_rotation_error_deg = _errors(goal, network_hips, own)
+        d = self.director
+        result = d.results[d.index]
+        if d.index < 0 or result.seconds <= 0 or np.isfinite(result.position_error_cm):
+            return
+        hips, rotations, network_hips = self._frames[-1][:3]
+        heading = float(root_of(forward_kinematics(hips, rotations)[0])[1])
+        place, facing, axes = d.stage.target()  # type: ignore[union-attr]
+        if isinstance(d.goals[d.index].prop, Box):  # it was not set down where it should be
+            pose = d.goals[d.index].prop.pose  # type: ignore[union-attr]
+            result.position_error_cm, result.rotation_error_deg = _errors(place, facing, 3, pose[:3], float(pose[3]))
+            return
+        result.position_error_cm, result.rotation_error_deg = _errors(place, facing, axes, hips, heading)
+        own = _errors(place, facing, axes, network_hips, float(self.state.root[0, 2]))
+        result.network_position_error_cm, result.network_rotation_error_deg = own
 
 
 def own_props(goals: list[Goal]) -> tuple[list[Goal], dict[str, Prop]]:
@@ -222,12 +244,11 @@ def own_props(goals: list[Goal]) -> tuple[list[Goal], dict[str, Prop]]:
     return [g if g.prop is None else replace(g, prop=props[g.prop.name]) for g in goals], props
 
 
-def _errors(goal: Goal, hips: Array, heading: float) -> tuple[float, float]:
-    """Centimetres and degrees between a pose and its goal: the hips in space when seated, else over the floor."""
-    axes = 3 if goal.action == "sit" else 2
-    if goal.action == "idle":
+def _errors(place: Array | None, facing: float, axes: int, position: Array, heading: float) -> tuple[float, float]:
+    """Centimetres, over the first ``axes`` axes, and degrees between a pose and its target; 0 where there is none."""
+    if place is None:
         return 0.0, 0.0
-    return 100 * float(np.linalg.norm(hips[:axes] - goal.position[:axes])), rotation_error(heading, goal.heading)
+    return 100 * float(np.linalg.norm(position[:axes] - place[:axes])), rotation_error(heading, facing)
 
 
 def pose_of(state: State) -> tuple[Array, Array]:

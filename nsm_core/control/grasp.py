@@ -1,0 +1,200 @@
+"""Carrying at run time: hands take a box, the box follows the hands, and is set down at its place."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..conventions import DT, HAND_CONTACTS
+from ..rotations import Array, rotate_planar, wrap_angle
+from ..sensors.query import DistanceQuery
+from .foot_lock import smooth_step
+from .props import WRIST_BEHIND, WRIST_BELOW, Box
+from .reaching import Hold, Pose
+
+SETTLING = 0.5  # seconds in which the box leaves its resting pose for the one that the hands give it
+# Setting down: from how near and how slow the box is drawn onto its place (metres, m/s), how long that takes, how near it then
+# is, how long hands that do not let go are waited for; a body that waits may be drawn from further off (seconds, metres).
+DRAW_FROM, SLOW, DRAW_TIME, PLACED, PATIENCE = 0.2, 0.4, 0.4, 0.01, 1.0
+WAITING, DRAW_FURTHER, LEAST_HELD = 1.0, 0.35, 0.8
+_AVERAGED = 3  # frames over which the box's place in the hands is smoothed
+_RISE, _SINK = 1.5, 0.8  # m/s by which a box gives way to what is under it
+_GRAVITY = 9.81
+_UNDER = np.array([(x, y) for x in (-0.45, 0, 0.45) for y in (-0.45, 0, 0.45)])  # shares of the box's size that are held up
+
+
+class Carrying:
+    """One box and the two hands of one character, from the reach for it to when it stands again; one call a frame.
+
+    ``state`` is "reach", "held", "placed" (hands still return), "falling" (let go in the air) or "free".
+    """
+
+    def __init__(self, box: Box, facing: float, goal: Array, solids: DistanceQuery, ik: bool = True) -> None:
+        """Prepare to carry.
+
+        Args:
+            box: is moved in place.
+            facing: heading of the carrier in the box's frame, a multiple of 90 degrees.
+            goal: pose (4,) at which the box is set down.
+            solids: what the box may rest on, but itself and the floor.
+            ik: False leaves the body as the network has it; the box then follows the hands alone.
+        """
+        self.prop, self.facing, self.goal, self.solids, self.ik = box, float(facing), np.array(goal, dtype=np.float64), solids, ik
+        self.state = "reach"
+        self.hold = Hold([0, 1])
+        self.errors: dict[str, float] = {}  # of the hands and of the place, in the names of GoalResult
+        self._recent: list[Array] = []
+        self._offset, self._since = np.zeros(4), 0
+        self._draw, self._drawn, self._waited = 0.0, 0, 0
+        self._lifted, self._fall = 0.0, 0.0
+        self._raw = box.pose.copy()
+
+    @property
+    def active(self) -> bool:
+        """Whether it still has to be called."""
+        return self.state in ("reach", "held", "falling") or (self.state == "placed" and self.hold.busy)
+
+    def holds(self, hand: int) -> float:
+        """How far a hand is led by it, 0..1."""
+        return self.hold.weight if self.state in ("reach", "held") else 0.0
+
+    def touches(self, hand: int) -> bool:
+        """Whether a hand is meant to touch the prop, and so is not kept off it."""
+        return True
+
+    def grasps(self) -> Array:
+        """World places (2, 3) of the wrists on the box as it is now."""
+        return self.prop.to_world(self.prop.grasps(self.facing))
+
+    def send(self, goal: Array) -> None:
+        """Change where a box that is held is set down."""
+        self.goal, self._draw, self._drawn = np.array(goal, dtype=np.float64), 0.0, 0
+
+    def let_go(self) -> None:
+        """End it at any time: hands return, and a box in the air falls onto what is under it."""
+        if self.state == "held":
+            self.hold.release(self.grasps())
+            self.state, self._fall = "falling", 0.0
+        elif self.state == "reach":
+            if self.hold.weight > 0:
+                self.hold.release(self.grasps())
+            self.state = "placed"
+
+    def apply(self, pose: Pose, root: Array, contacts: Array) -> None:
+        """Move the box by one frame and correct ``pose`` in place; ``root`` (3,), network ``contacts`` (5,)."""
+        grasping = False
+        if self.state == "reach":
+            distances = np.linalg.norm(pose.wrists - self.grasps(), axis=1)
+            self.hold.approach(distances, contacts[HAND_CONTACTS])
+            if self.hold.weight >= 1:
+                grasping, self.state, self._since = True, "held", 0
+                self._recent = []
+                self._offset = self.prop.pose - self._in_hands(pose.wrists, root)
+                self._offset[3] = wrap_angle(self._offset[3])
+        elif self.state == "held":
+            self._follow(pose.wrists, root, contacts[HAND_CONTACTS])
+        elif self.state == "falling":
+            self._drop()
+        self.hold.apply(pose if self.ik else Pose(pose.hips, pose.local, pose.wrists), self.grasps())
+        if grasping:
+            self._measure_grasp(pose)
+
+    # --- held ------------------------------------------------------------------------------------------------------
+
+    def _pose_of(self, wrists: Array) -> Array:
+        """Pose (4,) of the box between two wrists (2, 3)."""
+        axis = wrists[1] - wrists[0]
+        heading = float(np.arctan2(axis[1], axis[0])) if np.hypot(axis[0], axis[1]) > 0.05 else float(self.prop.pose[3] + self.facing)
+        centre = wrists.mean(0) - rotate_planar(np.array((0.0, WRIST_BEHIND, -WRIST_BELOW * float(self.prop.size[2]))), np.float64(heading))
+        return np.append(centre, heading - self.facing)
+
+    def _in_hands(self, wrists: Array, root: Array) -> Array:
+        """The pose (4,) that the hands give the box, smoothed as seen from the body, so that it does not lag behind it."""
+        self._raw = self._pose_of(wrists)
+        place = np.asarray(root, dtype=np.float64)
+        seen = np.concatenate((rotate_planar(self._raw[:2] - place[:2], -place[2]), self._raw[2:3], [wrap_angle(self._raw[3] - place[2])]))
+        if self._recent:
+            seen[3] = self._recent[-1][3] + wrap_angle(seen[3] - self._recent[-1][3])
+        self._recent = [*self._recent[1 - _AVERAGED :], seen]
+        mean = np.mean(self._recent, axis=0)
+        return np.concatenate((rotate_planar(mean[:2], place[2]) + place[:2], mean[2:3], [mean[3] + place[2]]))
+
+    def _follow(self, wrists: Array, root: Array, labels: Array) -> None:
+        self._since += 1
+        before = self.prop.pose.copy()
+        rest = 1 - float(smooth_step(self._since * DT / SETTLING))
+        hands = self._in_hands(wrists, root)
+        carried = hands + rest * self._offset
+        gap = self.goal - carried
+        gap[3] = wrap_angle(gap[3])
+        far = float(np.linalg.norm(gap[:3]))
+        speed = float(np.linalg.norm(carried[:2] - before[:2])) / DT if not self._draw else 0.0
+        self._waited = self._waited + 1 if speed < 0.1 else 0
+        start = DRAW_FROM + (DRAW_FURTHER - DRAW_FROM) * float(np.clip(self._waited * DT / WAITING - 1, 0, 1))
+        near = self._since * DT > LEAST_HELD and speed < SLOW and far < start
+        drawing = near if not self._draw else far < 2 * DRAW_FURTHER
+        self._draw = float(np.clip(self._draw + (DT if drawing else -DT) / DRAW_TIME, 0, 1))
+        carried = carried + float(smooth_step(self._draw)) * gap
+        self._stay_above(carried)
+        self.prop.pose[:] = carried
+        if self._draw >= 1:
+            self._drawn += 1
+            there = float(np.linalg.norm(self.goal[:3] - carried[:3])) < PLACED
+            waited = self._drawn * DT > PATIENCE
+            if (there and labels.max() < 0.5) or waited:
+                self._put_down(wrists)
+
+    def _stay_above(self, pose: Array) -> None:
+        """Raise the box ``pose`` (4,) in place, not faster than a hand would, out of what it would sink into."""
+        half = float(self.prop.size[2]) / 2
+        ground = self._support(pose, max(pose[2], float(self.prop.pose[2])) - half)
+        need = max(0.0, ground + half - pose[2])
+        self._lifted += float(np.clip(need - self._lifted, -_SINK * DT, _RISE * DT))
+        pose[2] += max(self._lifted, min(need, 0.02))
+
+    def _support(self, pose: Array, bottom: float, deepest: float | None = None) -> float:
+        """Height of what is under the box at ``pose`` (4,) whose underside is at ``bottom``; looks no further than needed."""
+        under = rotate_planar(_UNDER * self.prop.size[:2], np.float64(pose[3])) + pose[:2]
+        stop = max(0.0, float(pose[2] - self.prop.size[2] / 2) - 0.01) if deepest is None else deepest
+        z = np.full(len(under), bottom + 0.12)
+        falling = np.arange(len(under))
+        for _ in range(24):
+            distance = self.solids.signed_distance(np.column_stack((under[falling], z[falling])).astype(np.float32), 1.0)
+            step = distance.astype(np.float64)
+            moving = step > 0.002
+            z[falling[moving]] -= step[moving]
+            falling = falling[moving & (z[falling] > stop)]
+            if not len(falling):
+                break
+        # A place whose probe began inside a solid has nothing to say: that is a wall beside the box.
+        z[z >= bottom + 0.12 - 1e-9] = 0
+        return max(0.0, float(z.max()))
+
+    def _put_down(self, wrists: Array) -> None:
+        error = lambda pose: 100 * float(np.linalg.norm(pose[:3] - self.goal[:3]))  # noqa: E731
+        turn = lambda pose: float(np.degrees(abs(wrap_angle(pose[3] - self.goal[3]))))  # noqa: E731
+        raw = self._pose_of(wrists)
+        self.errors |= {
+            "position_error_cm": error(self.prop.pose),
+            "rotation_error_deg": turn(self.prop.pose),
+            "network_position_error_cm": error(raw),
+            "network_rotation_error_deg": turn(raw),
+        }
+        self.prop.pose[3] = wrap_angle(self.prop.pose[3])
+        self.hold.release(self.grasps())
+        self.state = "placed"
+
+    def _drop(self) -> None:
+        """Let the box fall upright onto what is under it."""
+        self._fall += _GRAVITY * DT
+        pose, half = self.prop.pose, float(self.prop.size[2]) / 2
+        ground = self._support(pose, pose[2] - half, pose[2] - half - self._fall * DT - 0.01)
+        pose[2] = max(pose[2] - self._fall * DT, ground + half)
+        if pose[2] <= ground + half + 1e-6:
+            self.state = "placed"
+
+    def _measure_grasp(self, pose: Pose) -> None:
+        places = self.grasps()
+        for name, wrists in (("hand", pose.arms()[1]), ("network_hand", pose.wrists)):
+            axes = [np.arctan2(*(p[1] - p[0])[[1, 0]]) for p in (places, wrists)]
+            self.errors[f"{name}_error_cm"] = 100 * float(np.linalg.norm(wrists - places, axis=1).mean())
+            self.errors[f"{name}_rotation_deg"] = float(np.degrees(abs(wrap_angle(axes[1] - axes[0]))))

@@ -1,0 +1,160 @@
+"""Doors at run time: a hand takes the handle, the leaf swings with it about its hinge, and stays open."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..conventions import DT, HAND_CONTACTS
+from ..rotations import Array, heading_to_direction, wrap_angle
+from ..sensors.query import DistanceQuery
+from .foot_lock import smooth_step
+from .props import WIDE_OPEN, Leaf, Passage
+from .reaching import ARM, Hold, Pose
+
+LET_GO_PUSH, LET_GO_PULL = np.radians(70), np.radians(80)  # angles of the leaf at which the hand lets go
+FASTEST, EASE = 2.5, 0.5  # radians a second of the leaf; share of the way to the hand's angle in a frame
+OUT_OF_REACH, OUT_FRAMES = ARM + 0.05, 5  # metres from shoulder to grip, and for how many frames, until the hand lets go
+SETTLING = 0.5  # seconds in which the leaf takes up the difference between the handle and the hand that took it
+BODY, PASSED = 0.25, 0.25  # metres that a leaf keeps off the root; metres beyond the opening at which it is passed
+SWING_SPEED, SWING_GAIN = 1.3, 3.0  # radians a second, and a second, of a leaf that swings on by itself
+WIDEST = np.radians(125)
+_CLEAR = 0.02  # metres between an open leaf and what stands behind it
+
+
+class Opening:
+    """One leaf and the hand that opens it; one call a frame.
+
+    ``state`` is "reach", "held", "released" (the leaf swings on) or "free".
+    """
+
+    def __init__(self, leaf: Leaf, way: Passage, solids: DistanceQuery, ik: bool = True) -> None:
+        """Prepare to open ``leaf``, which is moved in place, among ``solids`` (its own wall may be part of them)."""
+        self.prop, self.way, self.ik = leaf, way, ik
+        self.state = "reach"
+        self.hold = Hold([way.hand])
+        self.errors: dict[str, float] = {}
+        self.widest = _widest(leaf, solids)
+        self._speed, self._since, self._offset, self._out = 0.0, 0, 0.0, 0
+        handle = np.asarray(leaf.handle, dtype=np.float64)
+        self._grip_angle = float(np.arctan2(handle[1] + way.side * leaf.thickness / 2, handle[0]))
+
+    @property
+    def active(self) -> bool:
+        """Whether it still has to be called."""
+        return self.state != "free" or self.hold.busy
+
+    @property
+    def angle(self) -> float:
+        """How far the leaf is open, radians."""
+        return self.prop.angle
+
+    def holds(self, hand: int) -> float:
+        """How far a hand is led by it, 0..1."""
+        return self.hold.weight if hand == self.way.hand else 0.0
+
+    def touches(self, hand: int) -> bool:
+        """Whether a hand is meant to touch the prop, and so is not kept off it."""
+        return hand == self.way.hand and (self.state in ("reach", "held") or self.hold.busy)
+
+    def grip(self) -> Array:
+        """World place (3,) of the handle now."""
+        return self.prop.grip(self.way.side)
+
+    def let_go(self) -> None:
+        """End it at any time: the hand returns; a leaf that had begun to open swings on."""
+        if self.state in ("reach", "held"):
+            self.hold.release(self.grip()[None])
+            self.state = "released" if self.state == "held" else "free"
+
+    def apply(self, pose: Pose, root: Array, contacts: Array) -> None:
+        """Turn the leaf by one frame and correct ``pose`` in place; ``root`` (3,), network ``contacts`` (5,)."""
+        hand = self.way.hand
+        wrist = pose.wrists[hand]
+        grasping = False
+        if self.state == "reach":
+            self.hold.approach(np.array([np.linalg.norm(wrist - self.grip())]), contacts[[HAND_CONTACTS[hand]]])
+            if self.hold.weight >= 1:
+                grasping, self.state, self._since = True, "held", 0
+                self._offset = self.angle - self._angle_of(wrist)
+        elif self.state == "held":
+            self._since += 1
+            rest = 1 - float(smooth_step(self._since * DT / SETTLING))
+            wanted = self._angle_of(wrist) + rest * self._offset
+            self._turn(max(wanted, self._pushed(root)))
+            shoulder = pose.arms()[0][hand]
+            self._out = self._out + 1 if np.linalg.norm(self.grip() - shoulder) > OUT_OF_REACH else 0
+            enough = self.angle > (LET_GO_PUSH if self.way.push else LET_GO_PULL)
+            if enough or self._out >= OUT_FRAMES or self.passed(root):
+                self.hold.release(self.grip()[None])
+                self.state = "released"
+        elif self.state == "released":
+            self._swing(root)
+        self.hold.apply(pose if self.ik else Pose(pose.hips, pose.local, pose.wrists), self.grip()[None])
+        if grasping:
+            self.errors["hand_error_cm"] = 100 * float(np.linalg.norm(pose.arms()[1][hand] - self.grip()))
+            self.errors["network_hand_error_cm"] = 100 * float(np.linalg.norm(wrist - self.grip()))
+
+    def passed(self, root: Array) -> bool:
+        """Whether the body is through the opening."""
+        return float((np.asarray(root[:2]) - self.way.middle) @ heading_to_direction(np.array(self.way.heading))) > PASSED
+
+    # --- the leaf --------------------------------------------------------------------------------------------------
+
+    def _angle_of(self, point: Array) -> float:
+        """How far the leaf is open when its handle is where a ray from the hinge through ``point`` (3,) leads, radians."""
+        leaf = self.prop
+        local = leaf.to_local(point, leaf.pose_at(0.0))
+        return float(leaf.swing * wrap_angle(np.arctan2(local[1], local[0]) - self._grip_angle))
+
+    def _turn(self, wanted: float) -> None:
+        """Turn the leaf towards an angle: never back, never too fast."""
+        step = float(np.clip(EASE * (min(wanted, self.widest) - self.angle), 0, FASTEST * DT))
+        self._speed = step / DT
+        self._set(self.angle + step)
+
+    def _swing(self, root: Array) -> None:
+        """Let the leaf swing on by itself, damped, to where it rests or to where the body is in its way."""
+        goal = min(max(WIDE_OPEN, self._pushed(root)), self.widest, self._blocked(root))
+        pushed = self._pushed(root) > self.angle
+        wanted = float(np.clip(SWING_GAIN * (goal - self.angle), 0, FASTEST if pushed else SWING_SPEED))
+        self._speed += float(np.clip(wanted - self._speed, -8 * DT, 4 * DT))
+        self._set(min(self.angle + self._speed * DT, max(goal, self.angle)))
+        if self._pushed(root) <= self.angle and goal - self.angle < 1e-3 and goal >= min(WIDE_OPEN, self.widest) - 1e-3:
+            self._speed = 0.0
+            if self.passed(root):
+                self.state = "free"
+
+    def _set(self, angle: float) -> None:
+        self.prop.pose[3] = self.prop.closed + self.prop.swing * angle
+
+    def _body(self, root: Array) -> tuple[float, float]:
+        """Distance of the root from the hinge and the angle of the leaf at which it would lie on it."""
+        local = self.prop.to_local(np.append(np.asarray(root[:2], dtype=np.float64), 0.0), self.prop.pose_at(0.0))
+        return float(np.hypot(local[0], local[1])), float(self.prop.swing * wrap_angle(np.arctan2(local[1], local[0])))
+
+    def _pushed(self, root: Array) -> float:
+        """How far the leaf is open so that a body on its closing side has room; 0 where that asks for nothing."""
+        away, beside = self._body(root)
+        if away > self.prop.width + BODY or away < 1e-3 or beside > self.angle:
+            return 0.0
+        return beside + float(np.arcsin(min(1.0, BODY / away)))
+
+    def _blocked(self, root: Array) -> float:
+        """How far the leaf may swing until it meets a body that stands in its way."""
+        away, beside = self._body(root)
+        if away > self.prop.width + BODY or away < 1e-3 or beside <= self.angle:
+            return WIDEST
+        return max(self.angle, beside - float(np.arcsin(min(1.0, BODY / away))))
+
+
+def _widest(leaf: Leaf, solids: DistanceQuery) -> float:
+    """How far the leaf can open before its outer half meets what stands about, radians."""
+    along = np.linspace(0.5, 1.0, 5) * leaf.width
+    points = np.array([(x, 0.0, z) for x in along for z in (0.1, 0.5, 1.0, 1.5, 1.9)])
+    widest = 0.0
+    for angle in np.radians(np.arange(10, 126, 5)):
+        world = leaf.to_world(points, leaf.pose_at(float(angle))).astype(np.float32)
+        if float(solids.signed_distance(world, 0.2).min()) < _CLEAR:
+            break
+        widest = float(angle)
+    return max(widest, leaf.angle)

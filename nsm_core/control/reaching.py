@@ -1,0 +1,136 @@
+"""Hands that are led onto things: where wrists are, and a body that reaches a little further than its arms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..conventions import DT
+from ..limbs import SOFT_REACH, chain_frames, mul, place_limbs, rotate
+from ..rotations import Array, quat_conjugate, quat_from_rotvec
+from ..skeleton import ARMS, FEET, INDEX, OFFSETS
+from .foot_lock import smooth_step
+
+ARM = float(np.linalg.norm(OFFSETS[list(ARMS[0][1:])], axis=-1).sum())  # from shoulder to wrist, metres
+TAKE_TIME, LET_GO_TIME = 0.3, 0.4  # seconds in which a hand is drawn onto its place, and given back
+# A hand may be drawn from this near, metres: where it has stayed this near for DWELL frames or is at its place, or says it holds.
+NEAR, NEAR_IN_CONTACT, THERE, DWELL = 0.25, 0.35, 0.07, 8
+GONE = 0.5  # metres from which on a hand that was being drawn is given up
+MOST_LEAN, LEAN_SPEED = np.radians(25), np.radians(75)  # of the trunk; radians a second
+MOST_SHIFT, SHIFT_SPEED = 0.08, 0.3  # of the hips, metres; m/s
+_CHEST = INDEX["Chest"]
+_LEGS = tuple(leg[:3] for leg in FEET)
+
+
+@dataclass
+class Pose:
+    """One frame: ``hips`` (3,) and ``local`` rotations (23, 4), float64; ``wrists`` (2, 3) are the network's, world."""
+
+    hips: Array
+    local: Array
+    wrists: Array
+
+    def arms(self) -> tuple[Array, Array]:
+        """Shoulders and wrists (2, 3), right and left, world, of the pose as it is now."""
+        position, rotation = chain_frames(self.hips, self.local, tuple(arm[0] for arm in ARMS))
+        shoulder = position
+        for k in (0, 1):
+            rotation = mul(rotation, self.local[[arm[k] for arm in ARMS]])
+            position = position + rotate(rotation, OFFSETS[[arm[k + 1] for arm in ARMS]].astype(np.float64))
+        return shoulder, position
+
+
+class Hold:
+    """How far hands (n,) are led onto their places: 0 free, 1 there; what is left of it when let go fades."""
+
+    def __init__(self, hands: list[int]) -> None:
+        self.hands = hands
+        self.weight = 0.0
+        self.near = 0  # frames that the hands have been near their places
+        self._left = np.zeros((len(hands), 3))  # from the pose's own wrists to where they were held at release
+        self._fade = 0.0
+        self._from: tuple[Array, float] | None = None  # where they were held, and how firmly, until that is known
+        self._lean, self._shift = np.zeros(3), np.zeros(3)
+
+    @property
+    def busy(self) -> bool:
+        """Whether anything is still added to the pose."""
+        return self.weight > 0 or self._fade > 0 or bool(self._lean.any() or self._shift.any())
+
+    def approach(self, distances: Array, labels: Array) -> None:
+        """Judge whether the hands are to be drawn: ``distances`` (n,) metres to their places, contact ``labels`` (n,)."""
+        far = float(distances.max())
+        self.near = self.near + 1 if far < NEAR else 0
+        drawn = self.near > DWELL or far < THERE or bool((labels > 0.5).all() and far < NEAR_IN_CONTACT)
+        if drawn or (self.weight > 0 and far < GONE):
+            self.weight = min(1.0, self.weight + DT / TAKE_TIME)
+        else:
+            self.weight = max(0.0, self.weight - DT / LET_GO_TIME)
+
+    def release(self, places: Array) -> None:
+        """Let go of ``places`` (n, 3); the hands return to where the pose has them."""
+        self._from, self._fade = (places.copy(), float(smooth_step(self.weight))), 1.0
+        self.weight = 0.0
+
+    def apply(self, pose: Pose, places: Array) -> None:
+        """Lead the hands of ``pose`` in place to ``places`` (n, 3), as far as they are held."""
+        if not self.busy:
+            return
+        now = pose.arms()[1][self.hands]
+        if self._from is not None:
+            self._left, self._from = self._from[1] * (self._from[0] - now), None
+        self._fade = max(0.0, self._fade - DT / LET_GO_TIME)
+        held = float(smooth_step(self.weight))
+        targets = now + held * (places - now) + float(smooth_step(self._fade)) * self._left
+        self._reach_out(pose, targets)
+        pose.local = place_limbs(pose.hips, pose.local, tuple(ARMS[h] for h in self.hands), targets)
+
+    def _reach_out(self, pose: Pose, targets: Array) -> None:
+        """Lean the trunk and then shift the hips, smoothly and a little, towards what the arms do not reach."""
+        active = self.weight > 0 or self._fade > 0
+        shoulders, _ = pose.arms()
+        pivot, parent = (a[0] for a in chain_frames(pose.hips, pose.local, (_CHEST,)))
+        lever = shoulders.mean(0) - pivot
+        lack = _lack(targets - shoulders[self.hands]) if active else np.zeros(3)
+        wanted = np.cross(lever, lack) / (lever @ lever)
+        angle = float(np.linalg.norm(wanted))
+        wanted *= min(1.0, MOST_LEAN / max(angle, 1e-9))
+        self._lean = _follow(self._lean, wanted, LEAN_SPEED * DT)
+        if self._lean.any():
+            turn = mul(mul(quat_conjugate(parent), quat_from_rotvec(self._lean)), parent)
+            pose.local = pose.local.copy()
+            pose.local[_CHEST] = mul(turn, pose.local[_CHEST])
+            shoulders, _ = pose.arms()
+        lack = _lack(targets - shoulders[self.hands]) if active else np.zeros(3)
+        lack *= min(1.0, MOST_SHIFT / max(float(np.linalg.norm(lack)), 1e-9))
+        lack[2] = min(lack[2], 0.0)  # legs can bend, not grow
+        self._shift = _follow(self._shift, lack, SHIFT_SPEED * DT)
+        if self._shift.any():
+            ankles, feet = _ankles(pose)
+            pose.hips = pose.hips + self._shift
+            pose.local = place_limbs(pose.hips, pose.local, _LEGS, ankles, feet)
+
+
+def _lack(ways: Array) -> Array:
+    """What the longest of the ways (n, 3) from shoulder to target goes beyond the arm, (3,)."""
+    length = np.linalg.norm(ways, axis=1)
+    worst = int(length.argmax())
+    return ways[worst] * (max(0.0, length[worst] - SOFT_REACH * ARM) / max(length[worst], 1e-9))
+
+
+def _follow(now: Array, wanted: Array, step: float) -> Array:
+    """Move ``now`` towards ``wanted`` by an eased step of at most ``step``."""
+    change = 0.35 * (wanted - now)
+    size = float(np.linalg.norm(change))
+    now = now + change * min(1.0, step / max(size, 1e-9))
+    return now if np.abs(now).max() > 1e-4 or np.abs(wanted).max() > 1e-4 else np.zeros(3)
+
+
+def _ankles(pose: Pose) -> tuple[Array, Array]:
+    """Ankles (2, 3) and their world rotations (2, 4) as they are now."""
+    position, rotation = chain_frames(pose.hips, pose.local, tuple(leg[0] for leg in _LEGS))
+    for k in (0, 1):
+        rotation = mul(rotation, pose.local[[leg[k] for leg in _LEGS]])
+        position = position + rotate(rotation, OFFSETS[[leg[k + 1] for leg in _LEGS]].astype(np.float64))
+    return position, mul(rotation, pose.local[[leg[2] for leg in _LEGS]])

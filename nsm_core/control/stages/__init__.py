@@ -1,0 +1,78 @@
+"""What each goal action makes of a goal: stages that command the network and judge how far it has come."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...errors import GoalError
+from ...rotations import Array, wrap_angle
+from ..goals import Goal, Moment
+from ..grasp import Carrying
+from ..opening import Opening
+from ..planning import FloorPlan
+from ..scene import Scene
+from .approach import Command, Ground
+from .carrying import Carry, choose_side, standing_place
+from .climbing import Climb, foot_of
+from .doors import Pass, beyond
+from .places import EXECUTED, Go, Sit, Stage, Stay, before_seat
+
+Grasp = Carrying | Opening
+
+
+def begin(goal: Goal, ground: Ground, moment: Moment, grasps: list[Grasp], scene: Scene, ik: bool = True) -> Stage:
+    """Make the stage of a goal for a character as it is now.
+
+    ``grasps`` are those still at work; ``scene`` what a box may rest on and a leaf may meet; ``ik`` see ``Carrying``.
+    """
+    if goal.action == "idle":
+        return Stay(goal, moment)
+    if goal.action == "sit":
+        return Sit(goal, ground)
+    if goal.action == "carry":
+        held = next((g for g in grasps if isinstance(g, Carrying) and g.prop is goal.prop and g.state == "held"), None)
+        return Carry(goal, ground, moment, scene.but(goal.prop), held, ik)
+    if goal.action == "open":
+        return Pass(goal, ground, moment, scene.environment, ik)
+    return Climb(goal, ground) if goal.action == "climb" else Go(goal, ground)
+
+
+def standing_places(goal: Goal, here: Array, plan: FloorPlan | None, poses: dict[str, Array]) -> list[Array]:
+    """Floor places (2,) between which ways must lead to perform a goal from ``here`` (2,), in order.
+
+    An empty list: it is done on the spot.  After a None no way is asked for, as through a door or up a step.  ``poses`` (4,)
+    of boxes that earlier goals have moved, by name, are read and kept up to date.
+    """
+    if goal.action == "idle":
+        return []
+    if goal.action == "sit":
+        return [before_seat(goal)]
+    if goal.action == "climb":
+        return [foot_of(goal), None, goal.position[:2].astype(np.float64)]  # type: ignore[list-item]
+    if goal.action == "open":
+        reach, end = beyond(goal, here)
+        return [reach, None, end]  # type: ignore[list-item]
+    if goal.action == "carry":
+        box = goal.prop
+        facing, stand = choose_side(box, plan, here, poses.get(box.name, box.pose))  # type: ignore[union-attr, arg-type]
+        poses[box.name] = np.append(goal.position, wrap_angle(goal.heading - facing))  # type: ignore[union-attr]
+        return [stand, standing_place(box, facing, goal.position, goal.heading)]  # type: ignore[arg-type]
+    return [goal.position[:2].astype(np.float64)]
+
+
+def check_reachable(goals: list[Goal], plan: FloorPlan, start: Array) -> None:
+    """Raise GoalError that names the first goal to which no way leads from the place before it; ``start`` (2,)."""
+    here, poses = np.asarray(start, dtype=np.float64), {}
+    for goal in goals:
+        try:
+            asked = True
+            for place in standing_places(goal, here, plan, poses):
+                if place is not None and asked and np.linalg.norm(place - here) > 0.3:
+                    plan.find(here, place)
+                asked = place is not None
+                here = here if place is None else place
+        except GoalError as error:
+            raise GoalError(f"'{goal.name}' cannot be reached. {error}") from error
+
+
+__all__ = ["EXECUTED", "Command", "Grasp", "Ground", "Stage", "begin", "check_reachable", "standing_places"]

@@ -1,0 +1,107 @@
+"""Carry: walk to a box, take it, bring it, set it down, and stand free of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...conventions import IDLE
+from ...errors import GoalError
+from ...rotations import Array, heading_to_direction, wrap_angle
+from ...sensors.query import DistanceQuery
+from ..goals import Goal, Moment
+from ..grasp import Carrying
+from ..planning import FloorPlan
+from ..props import WIDEST_BOX, Box
+from .approach import CARRYING, Approach, Command, Ground
+from .places import EXECUTED, Stage
+
+FETCH, BRING = 2.5, 2.2  # metres from which the box, and its place, are commanded themselves
+ROOM = 0.2  # metres of room that a standing place should have
+FACINGS = (0.0, np.pi / 2, np.pi, -np.pi / 2)
+
+
+class Carry(Stage):
+    """Fetch, bring, release: each part is commanded as in the training data and begins by what the hands report."""
+
+    def __init__(
+        self, goal: Goal, ground: Ground, moment: Moment, solids: DistanceQuery, held: Carrying | None = None, ik: bool = True
+    ) -> None:
+        """``solids``: what a box may rest on; ``held``: the hands that hold the same box already."""
+        super().__init__(goal)
+        self.ground, box = ground, goal.prop
+        self.part, self._count = 0, ground.pause()
+        if held is not None:
+            self.grasp = held
+            held.send(self._goal_pose(held.facing))
+            self._bring()
+            return
+        facing, stand = choose_side(box, ground.plan, moment.root[:2].astype(np.float64))
+        heading = float(box.pose[3] + facing)
+        self.grasp = Carrying(box, facing, self._goal_pose(facing), solids, ik)
+        final = Command("carry", box.pose[:3].astype(np.float32), heading, thing=box)
+        self.approach = Approach(ground, stand, heading, final, FETCH)
+
+    def _goal_pose(self, facing: float) -> Array:
+        return np.append(self.goal.position.astype(np.float64), wrap_angle(self.goal.heading - facing))
+
+    def _bring(self) -> None:
+        box, heading = self.goal.prop, self.goal.heading
+        self.part, self._count = 1, self.ground.pause()
+        stand = standing_place(box, self.grasp.facing, self.goal.position, heading)
+        final = Command("idle+carry", self.goal.position, heading, thing=box)
+        self.approach = Approach(self.ground, stand, heading, final, BRING, CARRYING, thing=box, anyway=True)
+
+    def update(self, moment: Moment) -> Command:
+        state, box = self.grasp.state, self.goal.prop
+        if self.part == 0 and state == "held":
+            self._count -= 1
+            if self._count <= 0:
+                self._bring()
+        elif self.part == 1 and state == "placed":
+            self._count -= 1
+            if self._count <= 0:
+                self.part = 2
+                self._rest = Command("idle", np.append(moment.root[:2], 0).astype(np.float32), float(moment.heading))
+        elif self.part == 0 and state == "reach" and self.approach.given and self.approach.final.position is not None:
+            # A box that something has moved is reached for where it is.
+            self.approach.final.position[:] = box.pose[:3]
+        return self._rest if self.part == 2 else self.approach.update(moment, self.arrived)
+
+    def arrived(self, moment: Moment) -> bool:
+        return self.part == 2 and float(moment.style[IDLE]) > EXECUTED and moment.speed < 0.15
+
+    def target(self) -> tuple[Array | None, float, int]:
+        return self.grasp.goal[:3], float(self.grasp.goal[3]), 3
+
+    def end(self, reached: bool, again: bool = False) -> None:
+        if not reached and not (again and self.grasp.state == "held"):
+            self.grasp.let_go()
+
+
+def standing_place(box: Box, facing: float, centre: Array, heading: float) -> Array:
+    """Where (2,) a carrier of ``heading`` and ``facing`` (in the box's frame) stands with the box centred at ``centre``."""
+    return np.asarray(centre, dtype=np.float64)[:2] - box.stand_off(facing) * heading_to_direction(np.array(heading))
+
+
+def choose_side(box: Box, plan: FloorPlan | None, start: Array, pose: Array | None = None) -> tuple[float, Array]:
+    """Choose from which side a box is taken: the carrier's heading in its frame and the standing place (2,).
+
+    The nearest side with room to stand to which a way leads; GoalError where there is none.
+    """
+    pose = box.pose if pose is None else pose
+    sides = []
+    for facing in FACINGS:
+        stand = standing_place(box, facing, pose, float(pose[3] + facing))
+        room = ROOM if plan is None else float(plan.clearance(stand[None])[0])
+        wide = max(0.0, box.across(facing)[0] - WIDEST_BOX)
+        price = float(np.linalg.norm(stand - start)) + 6 * max(0.0, ROOM - room) + 10 * wide
+        sides.append((price, facing, stand))
+    problem: GoalError | None = None
+    for _, facing, stand in sorted(sides, key=lambda s: s[0]):
+        try:
+            if plan is not None and np.linalg.norm(stand - start) > 0.3:
+                plan.find(start, stand)
+            return facing, stand
+        except GoalError as error:
+            problem = problem or error
+    raise problem or GoalError("The box has no side to stand at.")

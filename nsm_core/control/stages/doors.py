@@ -1,0 +1,75 @@
+"""Open: walk to the handle, take it, swing the leaf, pass through."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...rotations import Array, heading_to_direction
+from ...sensors.query import DistanceQuery
+from ..goals import Goal, Moment
+from ..opening import Opening
+from ..props import OPENED, Passage, passage
+from .approach import REACH, Approach, Command, Ground
+from .places import Stage
+
+HANDLE = 2.5  # metres from which the handle itself is commanded
+STUCK = 75  # frames of standing still with a leaf half open, after which it is let go
+ARRIVED = 0.35  # metres to the place beyond that count as there
+
+
+class Pass(Stage):
+    """Reach, pull (only where the leaf comes towards one), pass; an open door is walked through."""
+
+    def __init__(self, goal: Goal, ground: Ground, moment: Moment, solids: DistanceQuery, ik: bool = True) -> None:
+        super().__init__(goal)
+        leaf = goal.prop
+        self.ground, self._count = ground, ground.pause()
+        self._stuck = 0
+        self.way: Passage = passage(leaf, moment.root[:2].astype(np.float64))
+        self.grasp = Opening(leaf, self.way, solids, ik)
+        heading = self.way.heading
+        beyond = np.append(self.way.beyond, 0).astype(np.float32)
+        if leaf.angle > OPENED - 0.2:
+            self.grasp.state = "free"
+            self.part = 2
+            self.approach = Approach(ground, self.way.beyond, heading, Command("idle", beyond, heading), REACH, anyway=True)
+            return
+        final = Command("open", leaf.grip(self.way.side).astype(np.float32), heading, thing=leaf)
+        self.approach = Approach(ground, self.way.reach, heading, final, HANDLE)
+
+    def update(self, moment: Moment) -> Command:
+        leaf, way, grasp = self.goal.prop, self.way, self.grasp
+        if self.part == 0 and grasp.state in ("held", "released"):
+            self._count -= 1
+            if self._count <= 0:
+                self._next(1 if not way.push and leaf.angle < OPENED else 2)
+        elif self.part == 1 and leaf.angle < OPENED and grasp.state == "held":
+            self._stuck = self._stuck + 1 if moment.speed < 0.05 else 0
+            if self._stuck > STUCK:
+                grasp.let_go()  # the leaf swings on alone
+        elif self.part == 1 and (leaf.angle >= OPENED or (grasp.state == "free")):
+            self._next(2)
+        return self.approach.update(moment, self.arrived)
+
+    def _next(self, part: int) -> None:
+        self.part, way = part, self.way
+        action, place = ("idle+open", way.back) if part == 1 else ("walk+open", way.beyond)
+        final = Command(action, np.append(place, 0).astype(np.float32), way.heading, thing=self.goal.prop)
+        self.approach = Approach(self.ground, place, way.heading, final, ready=lambda moment: True, anyway=True)
+
+    def arrived(self, moment: Moment) -> bool:
+        far = float(np.linalg.norm(moment.root[:2] - self.way.beyond))
+        ahead = float((moment.root[:2] - self.way.middle) @ heading_to_direction(np.array(self.way.heading)))
+        return self.part == 2 and (far < ARRIVED or ahead > 1.0 > far) and moment.speed < 0.15
+
+    def target(self) -> tuple[Array | None, float, int]:
+        return np.append(self.way.beyond, 0.0), self.way.heading, 2
+
+    def end(self, reached: bool, again: bool = False) -> None:
+        self.grasp.let_go()
+
+
+def beyond(goal: Goal, coming_from: Array) -> tuple[Array, Array]:
+    """Where (2,) one stands to take the handle and where one ends, coming from (2,)."""
+    way = passage(goal.prop, coming_from)  # type: ignore[arg-type]
+    return way.reach, way.beyond
