@@ -7,6 +7,7 @@ return plain floats in the units of their names.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,16 +50,37 @@ CAPSULES: tuple[tuple[str, str, float, float], ...] = (
 _SAMPLE = 0.05  # metres between the spheres that stand for a capsule
 
 
-def foot_sliding(positions: Array, fps: float = FPS, while_moving: bool = False, weighted: bool = False) -> float:
+def over_ground(positions: Array, ground: Callable[[Array], Array] | None = None) -> Array:
+    """World joint positions (T, 23, 3) with the heights of ankles and toes told from the ground under each of them.
+
+    ``ground`` gives heights (N,) in metres at floor points (N, 2); None is the floor at 0.
+    """
+    if ground is None:
+        return positions
+    joints, out = ANKLES + TOES, np.array(positions)
+    under = np.asarray(ground(positions[:, joints, :2].reshape(-1, 2)), dtype=np.float64)
+    out[:, joints, 2] -= under.reshape(-1, len(joints))
+    return out
+
+
+def foot_sliding(
+    positions: Array,
+    fps: float = FPS,
+    while_moving: bool = False,
+    weighted: bool = False,
+    ground: Callable[[Array], Array] | None = None,
+) -> float:
     """Mean horizontal speed, cm/s, of ankles and toes that are low (papers/000 section 7.1).
 
     A joint is low where it is less than 2.5 cm above its height over the floor with a flat sole (ankle 8.5 cm, toe 2.5 cm) in
     both frames of a step.  ``while_moving`` counts only frames in which the hips move faster than 0.3 m/s.  0 without such frames.
     A toe that swings through 2 cm over the floor counts in full, so captured walks lie at 5 to 30 cm/s; ``weighted`` lets a
-    joint count by 2 - 2^(height / 2.5 cm), as later works do, which leaves mostly what truly stands.
+    joint count by 2 - 2^(height / 2.5 cm), as later works do, which leaves mostly what truly stands.  ``ground`` as in
+    ``over_ground``.
     """
     if len(positions) < 2:
         return 0.0
+    positions = over_ground(positions, ground)
     joints = positions[:, ANKLES + TOES]
     height = joints[..., 2] - np.array([ANKLE_HEIGHT] * 2 + [TOE_HEIGHT] * 2)
     height = np.maximum(height[1:], height[:-1])
@@ -204,9 +226,10 @@ def jumps(hips_position: Array, local_rotations: Array) -> dict[str, float]:
     }
 
 
-def below_floor(hips_position: Array, local_rotations: Array) -> dict[str, float]:
-    """Share of frames in which a sole reaches more than 1 cm under the floor, and the deepest, cm."""
+def below_floor(hips_position: Array, local_rotations: Array, ground: Callable[[Array], Array] | None = None) -> dict[str, float]:
+    """Share of frames in which a sole reaches more than 1 cm under the floor (or ``ground``), and the deepest, cm."""
     positions, rotations = forward_kinematics(hips_position, local_rotations)
+    positions = over_ground(positions, ground)
     depth = sole_depth(positions[:, TOES], rotations[:, ANKLES]).max(-1)
     return {"below_floor_share": float((depth > BELOW).mean()), "below_floor_cm": float(100 * depth.max(initial=0.0))}
 
@@ -225,6 +248,7 @@ def travel_report(
     query: DistanceQuery | None = None,
     shortest_path: float | None = None,
     fps: float = FPS,
+    ground: Callable[[Array], Array] | None = None,
 ) -> dict[str, float]:
     """Measure a whole take; every value is a float that JSON can hold.
 
@@ -233,22 +257,23 @@ def travel_report(
         action: (T, 7) labels; adds ``action_flips`` and ``sit_count``.
         query: solids of the scene without the floor; adds ``penetration_cm``, ``penetration_mean_cm``, ``penetration_share``.
         shortest_path: metres of the shortest free way, else the straight line, for ``path_ratio``.
+        ground: heights of what feet step on, as in ``over_ground``; None is the floor.
     """
     positions, _ = forward_kinematics(hips_position, local_rotations)
-    speed = hips_speed(positions, fps)
+    speed, feet = hips_speed(positions, fps), over_ground(positions, ground)
     report = {
         "seconds": len(positions) / fps,
         "moving_seconds": float((speed > MOVING).sum() / fps),
-        "foot_sliding_cm_s": foot_sliding(positions, fps),
-        "slide_moving_cm_s": foot_sliding(positions, fps, while_moving=True),
-        "slide_moving_weighted_cm_s": foot_sliding(positions, fps, while_moving=True, weighted=True),
-        "planted_share": planted_share(positions, fps),
+        "foot_sliding_cm_s": foot_sliding(feet, fps),
+        "slide_moving_cm_s": foot_sliding(feet, fps, while_moving=True),
+        "slide_moving_weighted_cm_s": foot_sliding(feet, fps, while_moving=True, weighted=True),
+        "planted_share": planted_share(feet, fps),
         "top_speed_m_s": float(speed.max(initial=0.0)),
         "path_ratio": path_ratio(positions, shortest_path, fps),
         "jerk_m_s3": jerk(positions, fps),
         **backward_bend(hips_position, local_rotations),
         **jumps(hips_position, local_rotations),
-        **below_floor(hips_position, local_rotations),
+        **below_floor(hips_position, local_rotations, ground),
     }
     if action is not None:
         flips, sits = action_changes(action, fps)

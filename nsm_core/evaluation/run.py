@@ -1,27 +1,50 @@
-"""Print the figures of the shipped network: one command, fixed seeds, a table and a JSON file."""
+"""Print the figures of the shipped network: one command, fixed seeds, tables and a JSON file."""
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import multiprocessing
 import os
+import time
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-
-from ..control.goals import Goal
 from ..control.stepping import Blending
-from ..control.take import TakeRequest, TakeRunner
-from ..conventions import FPS, STYLES
+from ..dataset.pool import Pool
 from ..errors import OutputError
+from ..features import INPUT
 from ..inference import Model, load_model
-from ..rotations import heading_to_direction
-from ..sensors.query import Cuboids
-from .sitting import SEATS, Trial, run_trial, summarise, trials
+from ..rotations import Array
+from .parts import ABLATIONS, PARTS, Figures, Row, travel_rows
+from .rollout import Report
 
 _model: Model | None = None
+
+
+class Blind:
+    """A network that gets nothing from one of its sensors, as if there were nothing to sense."""
+
+    def __init__(self, model: Model, sensor: str) -> None:
+        """``sensor`` is "environment" or "interaction"."""
+        self.model, self.backend, self.config, self.metadata = model, model.backend, model.config, model.metadata
+        self.slice = INPUT.slices[sensor]
+
+    def predict(self, x: Array, gating: Array) -> tuple[Array, Array]:
+        """Predict as ``inference.Model`` says, the sensor's part of the input at zero."""
+        x = x.copy()
+        x[:, self.slice] = 0
+        return self.model.predict(x, gating)
+
+
+def without(model: Model, ablation: str | None) -> tuple[Model, dict[str, object]]:
+    """The network and the options of a take for one of ``ABLATIONS``; None leaves all as it is."""
+    if ablation == "no bi-directional control":
+        return model, {"blending": Blending(False, False)}
+    return (model, {}) if ablation is None else (Blind(model, ablation.split()[0]), {})
 
 
 def _prepare(weights: str | None) -> None:
@@ -29,112 +52,140 @@ def _prepare(weights: str | None) -> None:
     _model = load_model(weights, backend="numpy")
 
 
-def _sit(job: tuple[Trial, bool]) -> dict[str, float]:
-    trial, bidirectional = job
+def _one(job: tuple[str, str | None, Any]) -> Report:
+    """Run one trial; what breaks off is a figure too."""
+    part, ablation, trial = job
     assert _model is not None
-    _, report = run_trial(_model, trial, blending=Blending(bidirectional, bidirectional))
-    return report
+    model, more = without(_model, ablation)
+    try:
+        return PARTS[part].run(model, trial, **more)[1]
+    except Exception as error:  # any: a fault in one trial must not cost the others
+        return {"failed": 1.0, "reached": 0.0, "error": f"{type(error).__name__}: {error}"}  # type: ignore[dict-item]
 
 
-def _respond(direction: int) -> float:
-    """Seconds from the order to walk in one of four directions until the walk label passes 0.9."""
-    assert _model is not None
-    heading = direction * np.pi / 2
-    target = np.append(8 * heading_to_direction(np.array(heading)), 0)
-    runner = TakeRunner(_model, TakeRequest(np.zeros(2), 0.0, [Goal("walk", "place", target, heading, 0.0)], Cuboids(), contact_ik=False))
-    while runner.step() and runner.frames < 8 * FPS:
-        d = runner.director
-        if d.index == 0 and runner.state.style_past[0, -1, STYLES.index("walk")] > 0.9:
-            return (runner.frames - d.results[0].start_frame) / FPS
-    return float("nan")
-
-
-def evaluate(
-    weights: str | None = None, starts: int = 10, seats: int = len(SEATS), workers: int = 2, ablation: bool = True
-) -> dict[str, dict]:
-    """Run all trials; returns summaries by name, and every trial's figures under ``trials``."""
-    chosen = trials(starts, seats)
-    jobs = [(t, True) for t in chosen] + ([(t, False) for t in chosen] if ablation else [])
+def pool_of_workers(weights: str | None, workers: int) -> ProcessPoolExecutor:
+    """Processes that each hold the network."""
     # One thread a process: the matrices of one character are too small to share.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    context = multiprocessing.get_context("spawn")
-    reports: list[dict[str, float]] = []
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare, initargs=(weights,)) as pool:
-        for n, report in enumerate(pool.map(_sit, jobs), 1):
+    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_prepare, initargs=(weights,))
+
+
+def evaluate(
+    weights: str | None = None,
+    only: Sequence[str] = tuple(PARTS),
+    starts: int = 10,
+    workers: int = 2,
+    ablations: bool = True,
+    assets: str | None = None,
+    quiet: bool = False,
+) -> dict[str, Any]:
+    """Run the trials of the parts ``only``: summaries by part (and "part, ablation"), every trial's figures under ``trials``."""
+    pool = Pool.load(assets).held_back() if assets else None
+    jobs: list[tuple[str, str | None, Any]] = []
+    for name in only:
+        chosen = PARTS[name].trials(starts, pool)
+        for ablation in (None, *(PARTS[name].ablations if ablations else ())):
+            jobs += [(name, ablation, t) for t in chosen]
+    reports: list[Report] = []
+    began = time.perf_counter()
+    with pool_of_workers(weights, workers) as processes:
+        for n, report in enumerate(processes.map(_one, jobs), 1):
             reports.append(report)
-            print(f"\rtrial {n} of {len(jobs)}", end="", flush=True)
+            if not quiet:
+                print(f"\rtrial {n} of {len(jobs)}, {time.perf_counter() - began:.0f} s", end="", flush=True)
+    if not quiet:
         print()
-        responses = list(pool.map(_respond, range(4)))
-    main, other = reports[: len(chosen)], reports[len(chosen) :]
-    result: dict[str, dict] = {"sit": summarise(main)}
-    if other:
-        result["sit, no bi-directional"] = summarise(other)
-    result["idle to walk"] = {"seconds_mean": float(np.mean(responses))}
-    result["trials"] = {f"{t.piece.kind} {t.seat}, start {n % starts}": r for n, (t, r) in enumerate(zip(chosen, main, strict=True))}
+    result: dict[str, Any] = {}
+    for name, ablation in dict.fromkeys((p, a) for p, a, _ in jobs):
+        mine = [r for (p, a, _), r in zip(jobs, reports, strict=True) if (p, a) == (name, ablation)]
+        result[name if ablation is None else f"{name}, {ablation}"] = PARTS[name].summarise(mine)
+    result["trials"] = [
+        {"part": p, "ablation": a, "setting": t.setting, "name": t.name, **r} for (p, a, t), r in zip(jobs, reports, strict=True)
+    ]
     return result
 
 
-def table(result: dict[str, dict]) -> str:
-    """The figures as text: ours, the paper's, the aim."""
-    sit = result["sit"]
-    rows = [
-        ("reached, network alone within 10 cm and 10 deg", f"{sit['within_10cm_10deg_alone']:.0%}", "", "80 %"),
-        ("reached, with contact IK within 3 cm and 3 deg", f"{sit['within_3cm_3deg_ik']:.0%}", "", "80 %"),
-        ("sit PE cm, network alone (median)", f"{sit['network_pe_cm_median']:.2f}", "2.93", ""),
-        ("sit RE deg, network alone (median)", f"{sit['network_re_deg_median']:.2f}", "0.92", ""),
-        ("sit PE cm, with contact IK (median)", f"{sit['pe_cm_median']:.2f}", "", ""),
-        ("sit RE deg, with contact IK (median)", f"{sit['re_deg_median']:.2f}", "", ""),
-        ("seconds to sit (median)", f"{sit['seconds_median']:.2f}", "4.92", ""),
-        ("planted share (median / worst)", f"{sit['planted_share_median']:.2f} / {sit['planted_share_worst']:.2f}", "", "0.6"),
-        (
-            "slide while moving cm/s, with IK (median / worst)",
-            f"{sit['slide_moving_cm_s_median']:.1f} / {sit['slide_moving_cm_s_worst']:.1f}",
-            "",
-            "15",
-        ),
-        ("slide while moving cm/s, network alone", f"{sit['network_slide_moving_cm_s_median']:.1f}", "", ""),
-        ("foot sliding cm/s (median)", f"{sit['foot_sliding_cm_s_median']:.1f}", "", ""),
-        ("top speed of the hips m/s (worst)", f"{sit['top_speed_m_s_worst']:.2f}", "", "2.2"),
-        ("times seated per take (worst)", f"{sit['sit_count_worst']:.0f}", "", "1"),
-        (
-            "knee / elbow bent backward deg (worst)",
-            f"{sit['knee_backward_deg_worst']:.1f} / {sit['elbow_backward_deg_worst']:.1f}",
-            "",
-            "0",
-        ),
-        ("largest turn of a joint per frame deg (worst)", f"{sit['turn_per_frame_deg_worst']:.0f}", "", ""),
-        ("deepest penetration cm (median / worst)", f"{sit['penetration_cm_median']:.1f} / {sit['penetration_cm_worst']:.1f}", "", ""),
-        ("share of frames deeper than 3 cm (median)", f"{sit['penetration_share_median']:.2f}", "", ""),
-        ("idle to walk s", f"{result['idle to walk']['seconds_mean']:.2f}", "1.49", ""),
-        ("ms per frame, one thread", f"{sit['ms_per_frame_median']:.1f}", "", "33.3"),
+def tables(result: dict[str, Any]) -> str:
+    """One table a part: ours, the paper's, the aim; then the messages of trials that broke off."""
+    lines: list[str] = []
+    for name, part in PARTS.items():
+        if name not in result:
+            continue
+        summary = Figures(result[name])
+        rows = part.rows(summary) + (travel_rows(summary) if part.travels else [])
+        for ablation in ABLATIONS:
+            rows += _ablation_rows(name, ablation, Figures(result.get(f"{name}, {ablation}", {})))
+        lines += ["", f"| {summary['trials']:.0f} trials: {part.title} | ours | paper | aim |", "|---|---|---|---|"]
+        lines += ["| " + " | ".join(r) + " |" for r in rows]
+    messages: dict[str, int] = {}
+    for trial in result.get("trials", ()):
+        if trial.get("error"):
+            key = f"{trial['part']}{', ' + trial['ablation'] if trial['ablation'] else ''}: {trial['error']}"
+            messages[key] = messages.get(key, 0) + 1
+    lines += ["", *(f"broke off {count} x {message}" for message, count in messages.items())] if messages else []
+    return "\n".join(lines).strip("\n")
+
+
+# The paper's table of ablations (PE cm, RE deg); its sensor ablations are networks trained without the sensor.
+_PAPER = {
+    ("sit", "no bi-directional control"): ("4.27", "1.58"),
+    ("carry", "no bi-directional control"): ("3.41", "1.73"),
+    ("sit", "interaction sensor zeroed"): ("3.72 (retrained)", "1.11 (retrained)"),
+    ("carry", "interaction sensor zeroed"): ("6.09 (retrained)", "2.26 (retrained)"),
+    ("sit", "environment sensor zeroed"): ("3.05 (retrained)", "0.94 (retrained)"),
+    ("carry", "environment sensor zeroed"): ("8.52 (retrained)", "2.27 (retrained)"),
+}
+
+
+def _ablation_rows(part: str, ablation: str, s: Figures) -> list[Row]:
+    if not s:
+        return []
+    pe, re = _PAPER.get((part, ablation), ("", ""))
+    hand = "hand_" if part == "carry" else ""
+    note = "" if ablation.startswith("no ") else " at run time, not retrained"
+    return [
+        (f"{ablation}{note}: PE cm, network alone", f"{s[f'network_{hand}pe_cm_mean']:.2f}", pe, ""),
+        (f"{ablation}{note}: RE deg, network alone", f"{s[f'network_{hand}re_deg_mean']:.2f}", re, ""),
+        (f"{ablation}{note}: reached", f"{s['reached']:.0%}", "", ""),
     ]
-    if "sit, no bi-directional" in result:
-        other = result["sit, no bi-directional"]
-        rows.append(("sit PE cm without bi-directional control", f"{other['network_pe_cm_median']:.2f}", "4.27", ""))
-        rows.append(("sit RE deg without bi-directional control", f"{other['network_re_deg_median']:.2f}", "1.58", ""))
-        rows.append(("reached alone without bi-directional control", f"{other['within_10cm_10deg_alone']:.0%}", "", ""))
-    lines = [f"| {sit['trials']:.0f} trials on seats not seen in training | ours | paper | aim |", "|---|---|---|---|"]
-    return "\n".join(lines + ["| " + " | ".join(r) + " |" for r in rows])
+
+
+def write(result: dict[str, Any], path: Path) -> None:
+    """Write figures as JSON; OutputError where that fails."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(_plain(result), indent=1, allow_nan=False))
+    except OSError as error:
+        raise OutputError(f"Cannot write {path} ({error.strerror or error}); choose a folder you may write to.") from error
+    print(f"Wrote {path}.")
+
+
+def _plain(value: Any) -> Any:
+    """What JSON can hold: None for what is not a number."""
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_plain(v) for v in value]
+    return value if not isinstance(value, float) or math.isfinite(value) else None
 
 
 def main(arguments: list[str]) -> int:
     """Entry of ``dev.py evaluate``."""
-    parser = argparse.ArgumentParser(prog="evaluate", description="Measure the network on fixed sitting trials.")
+    parser = argparse.ArgumentParser(prog="evaluate", description="Measure the network on fixed trials.")
     parser.add_argument("--weights", default=None, help="weights file (default: the shipped one)")
-    parser.add_argument("--starts", type=int, default=10)
-    parser.add_argument("--seats", type=int, default=len(SEATS))
+    parser.add_argument("--only", default=",".join(PARTS), help="parts to run, with commas: " + ", ".join(PARTS))
+    parser.add_argument("--starts", type=int, default=10, help="starts for each object")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--no-ablation", action="store_true", help="skip the runs without bi-directional control")
+    parser.add_argument("--assets", default=None, help="folder of meshes whose held-back part serves as seats, tables and boxes")
+    parser.add_argument("--no-ablation", action="store_true", help="skip the runs without parts of the method")
     parser.add_argument("--out", default="out/evaluation.json")
     a = parser.parse_args(arguments)
-    result = evaluate(a.weights, a.starts, a.seats, a.workers, not a.no_ablation)
-    print(table(result))
-    path = Path(a.out)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(result, indent=1))
-    except OSError as error:
-        raise OutputError(f"Cannot write {path} ({error.strerror or error}); choose a folder you may write to.") from error
-    print(f"Wrote {path}.")
+    only = [name.strip() for name in a.only.split(",") if name.strip()]
+    unknown = [name for name in only if name not in PARTS]
+    if unknown:
+        parser.error(f"there is no part {', '.join(unknown)}; choose from {', '.join(PARTS)}")
+    result = evaluate(a.weights, only, a.starts, a.workers, not a.no_ablation, a.assets)
+    print(tables(result))
+    write(result, Path(a.out))
     return 0
