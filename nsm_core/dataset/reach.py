@@ -1,0 +1,69 @@
+"""Bring the trunk to where hands and feet can reach their places: the root's part of full-body IK."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..limbs import SOFT_REACH
+from ..rotations import Array, quat_from_rotvec, quat_mul
+from ..skeleton import ARMS, FEET, HIPS, INDEX, OFFSETS, forward_kinematics, local_from_world
+
+_SPINE = tuple(INDEX[name] for name in ("Chest", "Chest2", "Chest3"))
+_LEGS = {j for leg in FEET for j in leg}
+_ABOVE = [j for j in range(len(INDEX)) if j != HIPS and j not in _SPINE and j not in _LEGS]
+_MOST_LEAN, _MOST_SHIFT = np.radians(50), 0.5  # of the spine; of the hips, metres
+_ROUNDS = 6
+
+
+def within_reach(
+    hips: Array, rotations: Array, before: Array, hands: Array, used: list[int], ankles: Array, free: bool
+) -> tuple[Array, Array]:
+    """Lean the spine, and shift the hips where they are ``free``, until hands and feet can reach their places.
+
+    ``before`` (N, J, 3) joints of the original pose: a limb that was stretched further there may be so again.
+    """
+    rotations, start = rotations.copy(), hips
+    legs, arms = [leg[:3] for leg in FEET], [ARMS[s] for s in used]
+    lean = np.zeros((len(hips), 3))
+    upright = rotations.copy()
+    for _ in range(_ROUNDS):
+        joints = forward_kinematics(hips, rotations)[0]
+        short = _shortfall(joints, before, arms, hands)
+        pivot = joints[:, _SPINE[0]]
+        lever = joints[:, [arm[0] for arm in arms]].mean(axis=1) - pivot if arms else np.zeros_like(pivot)
+        lean += np.cross(lever, short) / np.maximum((lever**2).sum(-1, keepdims=True), 1e-6)
+        size = np.linalg.norm(lean, axis=-1, keepdims=True)
+        lean *= np.minimum(1, _MOST_LEAN / np.maximum(size, 1e-9))
+        rotations = _leant(hips, upright, lean) if (size > 1e-9).any() else rotations
+        if not free:
+            continue
+        joints = forward_kinematics(hips, rotations)[0]
+        shift = hips - start + _shortfall(joints, before, arms, hands) + _shortfall(joints, before, legs, ankles)
+        hips = start + shift * np.minimum(1, _MOST_SHIFT / np.maximum(np.linalg.norm(shift, axis=-1, keepdims=True), 1e-9))
+    return hips, rotations
+
+
+def _shortfall(joints: Array, before: Array, chains: list[tuple[int, int, int]], targets: Array) -> Array:
+    """Vector (N, 3) by which the start of the limb that misses its target (N, L, 3) most has to come nearer."""
+    worst, most = np.zeros((len(joints), 3)), np.zeros((len(joints), 1))
+    for (start, middle, end), target in zip(chains, np.moveaxis(targets, 1, 0), strict=True):
+        length = SOFT_REACH * float(np.linalg.norm(OFFSETS[[middle, end]], axis=-1).sum())
+        allowed = np.maximum(length, np.linalg.norm(before[:, end] - before[:, start], axis=-1, keepdims=True) + 1e-4)
+        way = target - joints[:, start]
+        distance = np.linalg.norm(way, axis=-1, keepdims=True)
+        over = np.maximum(distance - allowed, 0)
+        worst = np.where(over > most, way / np.maximum(distance, 1e-9) * over, worst)
+        most = np.maximum(over, most)
+    return worst
+
+
+def _leant(hips: Array, rotations: Array, lean: Array) -> Array:
+    """Local rotations of a pose whose spine is bent by the rotation vectors ``lean`` (N, 3), world, in equal shares."""
+    world = forward_kinematics(hips, rotations)[1]
+    for n, joint in enumerate(_SPINE):
+        part = quat_from_rotvec(lean * (n + 1) / len(_SPINE))
+        world[:, joint] = quat_mul(part, world[:, joint])
+    whole = quat_from_rotvec(lean)
+    for j in _ABOVE:
+        world[:, j] = quat_mul(whole, world[:, j])
+    return local_from_world(world)
