@@ -1,4 +1,4 @@
-"""Command line of the core: python -m nsm_core train | evaluate | bench | compose [arguments]."""
+"""Command line of the core: python -m nsm_core train | evaluate | bench | annotate | compose [arguments]."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ COMMANDS = {
     "train": ("nsm_core.training.run", "train the network from a capture folder"),
     "evaluate": ("nsm_core.evaluation.run", "print the tables of figures and write them as JSON"),
     "bench": ("nsm_core.bench", "measure the speed of the network"),
+    "annotate": ("nsm_core.dataset.annotate", "propose labels, contacts, phases and goals of captures"),
     "compose": ("nsm_core.dataset.compose", "stitch performances for training from captures"),
 }
 
