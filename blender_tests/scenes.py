@@ -44,7 +44,7 @@ def empty(name: str, location: tuple[float, float, float], turn: float = 0.0) ->
     return made
 
 
-def mesh_of_boxes(name: str, boxes: list[tuple[tuple[float, float, float], tuple[float, float, float]]], location=(0.0, 0.0, 0.0), turn=0.0):
+def mesh_of_boxes(name: str, boxes: list[tuple[tuple[float, ...], tuple[float, ...]]], location=(0.0, 0.0, 0.0), turn=0.0):
     """Put an object of several boxes, corners in its own frame, into the scene; its origin is at ``location``, turned about Z."""
     quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     vertices, faces = [], []

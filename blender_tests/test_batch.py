@@ -61,6 +61,18 @@ class TestJobFile:
         ]  # fmt: skip
         assert one.outputs == {"out": tmp_path / "a/sit.blend", "report": tmp_path / "sit.json"}
 
+    def test_every_action(self, tmp_path):
+        goals = (
+            '[{ object = "Box", action = "carry", to = "Table" }, { object = "Door", action = "open" }, '
+            '{ object = "Step", action = "climb" }, { location = [1, 2, 0], action = "run" }, { action = "idle", hold = 3.0 }]'
+        )
+        one = read_job(write_job(tmp_path, 'scene = "a.blend"\n' + take(goals=goals))).takes[0]
+        assert one.error is None
+        assert [(g.action, g.object, g.to, g.location, g.hold) for g in one.goals] == [
+            ("carry", "Box", "Table", None, 2.0), ("open", "Door", None, None, 2.0), ("climb", "Step", None, None, 2.0),
+            ("run", None, None, (1.0, 2.0, 0.0), 2.0), ("idle", None, None, None, 3.0),
+        ]  # fmt: skip
+
     @pytest.mark.parametrize(
         ("text", "words"),
         [
@@ -96,6 +108,11 @@ class TestJobFile:
             (take(goals='[{ object = "Chair", action = "sit", hold = -2 }]'), "'hold' is -2"),
             (take(goals='[{ object = "Chair", action = "idle" }]'), "'idle' stands where"),
             (take(goals='[{ object = "Chair", action = "sit", wait = 2 }]'), "'wait' in goal 1"),
+            (take(goals='[{ object = "Box", action = "carry" }]'), "'to' is missing in goal 1 of take 'one'"),
+            (take(goals='[{ object = "Chair", action = "sit", to = "Table" }]'), "'to' says where a box is carried"),
+            (take(goals='[{ action = "open" }]'), "'object' is missing in goal 1"),
+            (take(goals='[{ action = "run" }]'), "'run' needs an 'object' or a 'location'"),
+            (take(goals='[{ object = "Step", action = "climb", location = [1, 2, 0] }]'), "'climb' needs its 'object' alone"),
             ("[[take]]\ngoals = []\n", "'name' is missing in take 'take 1'"),
             (take('out = "a.blend"\nsheet = "a.blend"'), "'sheet' is the same file as 'out' of take 'one'"),
         ],
@@ -118,6 +135,8 @@ class TestFailures:
             (take('report = "one.json"\nseed = "x"'), "'seed'"),
             (take('report = "one.json"\nout = "room.blend/x/sit.blend"'), "'out'"),
             (take('report = "one.json"\ncharacter = "Chair"'), "Chair is not an armature"),
+            (take('report = "one.json"', goals='[{ object = "Chair", action = "carry", to = "Moon" }]'), "correct 'to'"),
+            (take('report = "one.json"', goals='[{ object = "Chair", action = "open" }]'), "Chair measures"),
         ],
     )
     def test_the_reason_is_in_report_and_output(self, tmp_path, body, words):

@@ -6,13 +6,14 @@ import types
 
 import bpy
 import pytest
-from scenes import empty, furnish
+from scenes import door, empty, furnish
 
 import nsm_blender
 from nsm_blender import panels, running
+from nsm_blender.actions import BY_KEY
 from nsm_blender.operators.generate import spec_of
 from nsm_blender.properties import show_results
-from nsm_blender.report import result_lines
+from nsm_blender.report import goal_line, result_lines
 from nsm_core.skeleton import JOINTS
 
 ICONS = set(bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys())
@@ -93,6 +94,9 @@ def test_generate_says_why_it_is_disabled(settings):
     chair, settings.goals[0].object = settings.goals[0].object, None
     assert "A goal to sit has no object" in reason()
     settings.goals[0].object = chair
+    settings.goals[0].action = "carry"
+    assert "A goal to carry Chair has no destination" in reason()
+    settings.goals[0].action = "sit"
     settings.character.data.bones["LeftKnee"].name = "Knie"
     assert "lacks the bone LeftKnee;" in reason()
     settings.character.data.bones["Knie"].name = "LeftKnee"
@@ -157,6 +161,30 @@ def test_only_armatures_and_things_with_a_place_are_offered(settings):
     assert _is_goal(settings, empty("Mark", (0, 0, 0)))
 
 
+def test_a_carry_row_shows_where_it_goes(settings):
+    row = settings.goals.add()
+    row.object, row.action = empty("Box", (0, 0, 0)), "carry"
+    assert "No destination" in drawn() and "To" in drawn()
+    row.destination = empty("Table", (1, 0, 0))
+    assert "to Table" in drawn() and "No destination" not in drawn()
+    assert spec_of(bpy.context.scene).goals[0].to == row.destination
+    row.action = "sit"
+    assert "to Table" not in drawn() and spec_of(bpy.context.scene).goals[0].to is None
+
+
+def test_a_door_row_can_be_turned_to_the_other_side(settings):
+    assert not bpy.ops.nsm.door_swing.poll()
+    bpy.ops.nsm.add_character()
+    leaf, row = door((2.0, 2.0, 0.0)), settings.goals.add()
+    row.object, row.action = leaf, "open"
+    assert "Swing to the Other Side" in drawn()
+    assert bpy.ops.nsm.door_swing() == {"FINISHED"}
+    assert bpy.data.objects["NSM Hinge Door"]["nsm_swing"] == -1
+    bpy.ops.nsm.door_swing()
+    assert bpy.data.objects["NSM Hinge Door"]["nsm_swing"] == 1
+    assert bpy.ops.nsm.goal_points() == {"FINISHED"} and "NSM Handle Door" in bpy.data.objects
+
+
 def test_goal_points_operator_makes_empties(settings):
     bpy.ops.nsm.add_character()
     chair, _ = furnish(position=(2, 0))
@@ -176,7 +204,9 @@ def test_panel_draws_every_state(settings):
     settings.goals.add().object = chair
     settings.goals.add().action = "walk"
     settings.goals.add().action = "idle"
-    for index in range(3):
+    for action in ("run", "carry", "open", "climb"):
+        settings.goals.add().action = action
+    for index in range(len(settings.goals)):
         settings.active_goal = index
         drawn()
     show_results(settings, [("Chair: sat down after 4.1 s, 1.2 cm and 0.5° off.", True), ("Sofa: not reached.", False)])
@@ -192,6 +222,12 @@ def test_result_lines_tell_the_frames_and_where_the_scene_cuts_them_off():
     report = {"frames": 550, "goals": []}
     assert result_lines(report, 10, 600) == [("Keys on frames 10 to 559.", True)]
     assert "ends at 250" in result_lines(report, 1, 250)[0][0]
+
+
+def test_result_lines_name_what_was_done():
+    done = {"object": "X", "reached": True, "seconds": 4.0, "position_error_cm": 1.0, "rotation_error_deg": 1.0}
+    said = [goal_line({**done, "action": action})[3:].split(" after")[0] for action in BY_KEY]
+    assert said == ["sat down", "arrived", "stands", "arrived", "set down", "passed", "climbed"]
 
 
 def test_time_left():

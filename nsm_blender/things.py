@@ -107,6 +107,8 @@ def key_thing(
     rows = moving_rows(poses)
     if not len(rows):
         return None
+    if _rides(target):
+        rows = np.arange(len(poses))  # keys must hold it where it stands
     frames = frame_start + rows
     location, rotation, scale = _channel_values(thing, poses[rows], frames, scene)
 
@@ -181,11 +183,7 @@ def _channel_values(thing: Thing, poses: Array, frames: Array, scene: bpy.types.
 def _parent_spaces(thing: Thing, frames: Array, scene: bpy.types.Scene) -> list[Matrix]:
     """For each frame the matrix from the world to the object's own channels: its parents as they are then."""
     target = thing.object
-    ancestors, ancestor = [], target.parent
-    while ancestor is not None:
-        ancestors.append(ancestor)
-        ancestor = ancestor.parent
-    if not any(a.animation_data or a.constraints or a.type == "ARMATURE" for a in ancestors):
+    if not _rides(target):
         return [thing.space] * len(frames)
     kept, spaces = (scene.frame_current, scene.frame_subframe), []
     for frame in frames:
@@ -193,6 +191,16 @@ def _parent_spaces(thing: Thing, frames: Array, scene: bpy.types.Scene) -> list[
         spaces.append(_space(target))
     scene.frame_set(kept[0], subframe=kept[1])
     return spaces
+
+
+def _rides(target: bpy.types.Object) -> bool:
+    """Whether an object hangs on something that may move during the take."""
+    ancestor = target.parent
+    while ancestor is not None:
+        if ancestor.animation_data or ancestor.constraints or ancestor.type == "ARMATURE":
+            return True
+        ancestor = ancestor.parent
+    return False
 
 
 def _space(target: bpy.types.Object) -> Matrix:
