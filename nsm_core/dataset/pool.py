@@ -114,7 +114,8 @@ class Pool:
                 pool.rejected.append((name, group, str(error)))
         pool.entries = split(pool.entries, held_back)
         held = first_names([d.name for d in pool.doors], held_back)
-        pool.doors = [replace(d, held=d.name in held) for d in pool.doors]
+        twins = [d.measures for d in pool.doors if d.name in held]
+        pool.doors = [replace(d, held=d.measures in twins) for d in pool.doors]
         if cache is not None:
             _write_cache(Path(cache), stamp, pool)
         return pool
@@ -196,12 +197,17 @@ def scaled(piece: Furniture, factors: Array, kind: str | None = None) -> Furnitu
 
 
 def split(entries: Iterable[Entry], held_back: float) -> list[Entry]:
-    """Hold back at least the share ``held_back`` of every class and kind, by the hash of the names."""
+    """Hold back at least the share ``held_back`` of every class and kind, by the hash of the names, and what has the same shape."""
     entries = list(entries)
     held: set[str] = set()
     for key in {(e.group, e.piece.kind) for e in entries}:
         held |= first_names([e.name for e in entries if (e.group, e.piece.kind) == key], held_back)
-    return [replace(e, held=e.name in held) for e in entries]
+    shapes = {_shape(e.piece) for e in entries if e.name in held}
+    return [replace(e, held=_shape(e.piece) in shapes) for e in entries]
+
+
+def _shape(piece: Furniture) -> bytes:
+    return np.round(np.concatenate((piece.mins, piece.maxs)), 2).tobytes()
 
 
 def first_names(names: list[str], share: float) -> set[str]:
@@ -226,7 +232,7 @@ def _convert(parts: list, path: Path, row: dict[str, str]) -> Furniture:
     return piece
 
 
-_VERSION = 2  # of the conversion; another number makes all caches stale
+_VERSION = 3  # of the conversion; another number makes all caches stale
 
 
 def _write_cache(path: Path, stamp: str, pool: Pool) -> None:

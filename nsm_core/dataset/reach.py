@@ -29,6 +29,8 @@ def within_reach(
     for _ in range(_ROUNDS):
         joints = forward_kinematics(hips, rotations)[0]
         short = _shortfall(joints, before, arms, hands)
+        if not short.any() and not (free and _shortfall(joints, before, legs, ankles).any()):
+            break
         pivot = joints[:, _SPINE[0]]
         lever = joints[:, [arm[0] for arm in arms]].mean(axis=1) - pivot if arms else np.zeros_like(pivot)
         lean += np.cross(lever, short) / np.maximum((lever**2).sum(-1, keepdims=True), 1e-6)
