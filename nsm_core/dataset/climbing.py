@@ -11,7 +11,7 @@ from ..conventions import CLIMB, FPS
 from ..furniture import Furniture
 from ..rotations import Array, heading_to_direction, rotate_planar
 from ..skeleton import FEET, forward_kinematics
-from .footholds import HEEL, OFF_EDGE, OVER_EDGE, TIPS, Ascent, Block, Hold, climb, find_holds, pose_holds, shift_off_edges
+from .footholds import HEEL, OFF_EDGE, OVER_EDGE, TIPS, Ascent, Block, Hold, climb, find_holds, place_feet, pose_holds, shift_off_edges
 from .library import gaussian_smooth
 from .motion import Motion
 from .session import Segment, Session
@@ -89,7 +89,7 @@ class Climb:
         lean = most * np.exp(-0.5 * ((t - middle) / (0.6 * width)) ** 2)
         span = (self.start, self.end)
         motion.hips, motion.rotations = climb(
-            motion.hips, motion.rotations, motion.feet, self.block, holds, top, span, ascents, lean
+            motion.hips, motion.rotations, motion.feet, self.block, holds, top, place_feet(holds, top, self.block), span, ascents, lean
         )
         at = slice(self.stand, self.stand + 8)
         place = np.append(motion.hips[at, :2].mean(0), 0.0 if self.down is None else self.block.height).astype(np.float32)
@@ -229,7 +229,8 @@ def _put(session: Session, piece: Furniture, holds: list[Hold], facing: float, o
         else:
             # Edge between the feet; and the last of them short of the far edge.
             low, high = max(floor + OFF_EDGE, at.max() + TIPS - depth - OVER_EDGE), beyond + 0.01
-        edge = (low + high) / 2 if low > high else rng.uniform(low, high)
+        # The foot on the floor is the nearer one: its leg follows over the edge.
+        edge = (low + high) / 2 if low > high else low + (high - low) * rng.uniform(0.0, 0.5)
         middle = tape.roots[-1] + ahead * (edge + depth / 2) + across * (float((centre - tape.roots[-1]) @ across) + lateral)
         block = Block(middle, heading, half, float(piece.size[2]))
         shifts = np.linalg.norm(shift_off_edges(holds, ~before & (not over), block), axis=1)

@@ -9,12 +9,14 @@ import numpy as np
 from ..control.foot_lock import ANKLES, HEEL_FROM_ANKLE, LEGS, TOE_OFFSET, TOES, foot_heading, intervals, smooth_step
 from ..limbs import leg_reach, mul, place_limbs, rotate
 from ..rotations import Array, heading_to_direction, quat_from_axis_angle, rotate_planar
-from ..skeleton import END_SITES, HIPS, INDEX, TOE_HEIGHT, forward_kinematics
+from ..skeleton import END_SITES, FEET, HIPS, INDEX, OFFSETS, TOE_HEIGHT, forward_kinematics
 
 # The sole from the toe joint, metres: back to the heel, ahead to the tips, and half its width.
 HEEL, TIPS, HALF_WIDTH = 0.18, 0.07, 0.045
 OFF_EDGE = 0.04  # metres that a foot on the floor keeps from the sides of the block
 OVER_EDGE = 0.03  # metres by which a foot on top may stick out
+TO_THE_EDGE = 0.1  # metres that the last foot on top comes nearer to the edge at most
+HIGHEST_LIFT = 0.5  # metres that a swing is raised at most
 MAX_FLEXION = np.radians(32)  # how far a shin leans forward over its flat foot
 CLEARANCE = 0.035  # metres between a swinging sole and the block
 # When in a swing the level changes, shares of its duration.
@@ -85,6 +87,23 @@ def shift_off_edges(holds: list[Hold], on_top: Array, block: Block) -> Array:
     return rotate_planar(local, np.full(len(holds), block.heading))
 
 
+def place_feet(holds: list[Hold], on_top: Array, block: Block) -> Array:
+    """Shifts (N, 2) of ``shift_off_edges``; the foot that is the last on top comes nearer to the edge it steps down from."""
+    shifts = shift_off_edges(holds, on_top, block)
+    last = np.flatnonzero(on_top)[-1:]
+    if len(last) and last[0] + 1 < len(holds):
+        k = int(last[0])
+        here, there = (block.local(holds[j].place + shifts[j]) for j in (k, k + 1))
+        axis = int((np.abs(there) - block.half).argmax())
+        toward = np.zeros(2)
+        toward[axis] = np.sign(there[axis])
+        ahead = heading_to_direction(np.array(holds[k].heading - block.heading))
+        reach = max(TIPS * ahead @ toward, -HEEL * ahead @ toward) + HALF_WIDTH * abs(ahead[1 - axis])
+        gap = block.half[axis] + OVER_EDGE - (here @ toward + reach)
+        shifts[k] += rotate_planar(np.clip(gap, 0, TO_THE_EDGE) * toward, np.float64(block.heading))
+    return shifts
+
+
 @dataclass(frozen=True)
 class Ascent:
     """What happens to the height of the hips: from frame ``first`` to ``last`` it changes by ``by`` metres."""
@@ -95,100 +114,124 @@ class Ascent:
 
 
 def climb(
-    hips: Array, rotations: Array, on: Array, block: Block, holds: list[Hold], on_top: Array, span: tuple[int, int],
+    hips: Array, rotations: Array, on: Array, block: Block, holds: list[Hold], on_top: Array, shifts: Array, span: tuple[int, int],
     ascents: list[Ascent], lean: Array,
 ) -> tuple[Array, Array]:
     """Fit a level motion (T, ...) with locked feet to a block; return new hips and local rotations.
 
-    ``on`` (T, 2) contacts; ``holds`` all holds of the motion and whether each is ``on_top``; holds that begin within the frames
-    ``span`` are moved off the block's edges.  ``lean`` (T,) radians bends the spine forward.
+    ``on`` (T, 2) contacts; ``holds`` all holds of the motion, whether each is ``on_top``, and ``shifts`` (N, 2) of those that
+    begin within the frames ``span``.  ``lean`` (T,) radians bends the spine forward.
     """  # fmt: skip
     within = np.array([span[0] <= h.first < span[1] for h in holds])
-    shifts = np.where(within[:, None], shift_off_edges(holds, on_top, block), 0)
+    shifts = np.where(within[:, None], shifts, 0)
     first = min(h.first for h, w in zip(holds, within, strict=True) if w)
     last = span[1]
     rotations = _leaned(rotations, lean)
     positions, world = forward_kinematics(hips.astype(np.float64), rotations.astype(np.float64))
     feet, toes = world[:, ANKLES], positions[:, TOES].copy()
-    moved = np.zeros_like(toes)
+    moved, gaps = np.zeros_like(toes), []
     for side in (0, 1):
         mine = [k for k, h in enumerate(holds) if h.side == side]
+        offsets = {k: np.append(shifts[k], block.height * on_top[k]) for k in mine}
         for k in mine:
-            h = holds[k]
-            moved[h.first : h.last, side, :2] = shifts[k]
-            moved[h.first : h.last, side, 2] = block.height * on_top[k]
+            moved[holds[k].first : holds[k].last, side] = offsets[k]
         for a, b in zip(mine[:-1], mine[1:], strict=True):
-            ha, hb = holds[a], holds[b]
-            gap = slice(ha.last, hb.first)
-            before, after = np.append(shifts[a], block.height * on_top[a]), np.append(shifts[b], block.height * on_top[b])
-            if within[b] or within[a] or before.any() or after.any():
-                moved[gap, side] = _swing(toes[ha.last - 1 : hb.first + 1, side], feet[gap, side], before, after, block)
-                last = max(last, hb.first)
-    span_ = slice(max(first - 30, 0), min(last + 15, len(hips)))
-    toes += moved
-    targets = toes - rotate(feet, TOE_OFFSET)
+            begin, end = holds[a].last, holds[b].first
+            if end > begin and (within[b] or within[a] or offsets[a].any() or offsets[b].any()):
+                weight = smooth_step(np.arange(1, end - begin + 1) / (end - begin + 1))[:, None]
+                moved[begin:end, side] = offsets[a] + weight * (offsets[b] - offsets[a])
+                gaps.append((side, begin, end, offsets[a], offsets[b]))
+                last = max(last, end)
     out = hips.astype(np.float64)
     out[:, :2] += _smooth(moved[..., :2].mean(1), 4)
     t = np.arange(len(hips))
-    for a in ascents:
-        x = np.clip((t - a.first) / max(a.last - a.first, 1), 0, 1)
-        out[:, 2] += a.by * x**3 * (10 - 15 * x + 6 * x * x)
-    ground = np.sort(moved[..., 2], axis=1)
-    out[:, 2] -= _lowering(out, positions, targets, on, ground.min(1))
-    result = rotations.astype(np.float64)
-    result[span_] = place_limbs(out[span_], result[span_], LEGS, targets[span_], feet[span_])
-    feet[span_] = mul(feet[span_], _heels_up(out[span_], result[span_]))
-    targets = toes - rotate(feet, TOE_OFFSET)
-    result[span_] = place_limbs(out[span_], result[span_], LEGS, targets[span_], feet[span_])
+    for rise in ascents:
+        x = np.clip((t - rise.first) / max(rise.last - rise.first, 1), 0, 1)
+        out[:, 2] += rise.by * x**3 * (10 - 15 * x + 6 * x * x)
+    out[:, 2] -= _lowering(out, positions, toes + moved - rotate(feet, TOE_OFFSET), on)
+    hip = positions[:, [leg[0] for leg in LEGS]] + (out - positions[:, HIPS])[:, None]
+    across = hip[:, 1] - hip[:, 0]
+    ahead = np.stack((across[:, 1], -across[:, 0], np.zeros(len(t))), axis=-1)
+    for side, begin, end, before, after in gaps:
+        gap = slice(begin, end)
+        path = toes[begin - 1 : end + 1, side]
+        moved[gap, side] = _swing(path, feet[gap, side], before, after, block, hip[gap, side], ahead[gap])
+    toes += moved
+    result, changed = rotations.astype(np.float64), slice(max(first - 30, 0), min(last + 15, len(hips)))
+    for _ in range(2):
+        targets = toes - rotate(feet, TOE_OFFSET)
+        result[changed] = place_limbs(out[changed], result[changed], LEGS, targets[changed], feet[changed])
+        feet[changed] = mul(feet[changed], _heels_up(result[changed]))
     return out.astype(hips.dtype), result.astype(rotations.dtype)
 
 
-def _swing(toe: Array, feet: Array, before: Array, after: Array, block: Block) -> Array:
+def _swing(toe: Array, feet: Array, before: Array, after: Array, block: Block, hip: Array, ahead: Array) -> Array:
     """Offsets (n, 3) of a swing of n frames between the offsets of two holds, high enough over the block.
 
     ``toe`` (n + 2, 3) as it swung over the level floor, with the last frame of the hold before and the first of that after;
-    ``feet`` (n, 4) its rotations.  The lowest and plainest of a family of paths is taken.
+    ``feet`` (n, 4) its rotations; ``hip`` (n, 3) the joint of the leg and ``ahead`` (n, 3) where the body faces.  Of a family of
+    paths the lowest and calmest is taken that keeps sole and shin off the block.
     """
     n = len(feet)
-    if n == 0:
-        return np.zeros((0, 3))
     u = (np.arange(n) + 1) / (n + 1)
-    chord = (toe[-1] - toe[0])[:2]
-    p = np.clip((toe[1:-1, :2] - toe[0, :2]) @ chord / max(float(chord @ chord), 1e-6), 0, 1)
-    heel, tip = rotate(feet, _HEEL_FROM_TOE), rotate(feet, _TIP)
     drop = before[2] - after[2]
     way = np.linspace(toe[0, :2] + before[:2], toe[-1, :2] + after[:2], 20)
-    # A step beside the block only keeps out of it.
-    margin = 0.02 if drop or before[2] or block.holds(way, 0.0).any() else -0.01
-    best, found = np.inf, None
-    delays = (1.0, 1.5, 2.2) if np.linalg.norm(chord) > 0.15 else (1.0,)
-    for delay in delays:
-        # Later (up) or earlier (down) along the way than it was walked.
-        q = p**delay if drop <= 0 else 1 - (1 - p) ** delay
-        flat = before + smooth_step(u)[:, None] * (after - before)
-        flat[:, :2] += (q - p)[:, None] * chord
-        for start, end in CHANGES if drop else CHANGES[:1]:
-            for skew in (0.5, 0.7, 1.0, 1.4):
-                bump = np.sin(np.pi * u**skew) ** 1.5
-                offset = flat.copy()
-                offset[:, 2] = before[2] - drop * smooth_step((u - start) / (end - start))
-                at = toe[1:-1] + offset
-                lack = np.zeros(n)
-                for point, thick in ((at + heel, 0.0), (at, TOE_HEIGHT), (at + tip, TOE_HEIGHT), (at + heel / 2, 0.03)):
-                    over = block.holds(point[:, :2], margin)
-                    lack = np.maximum(lack, np.where(over, block.height + CLEARANCE - (point[:, 2] - thick), 0))
-                # The frames next to a hold are the hold's affair.
-                lack[: max(1, n // 8)] = lack[-max(1, n // 8) :] = 0.0
-                apex = float(np.max(lack / np.maximum(bump, 0.15), initial=0.0))
-                offset[:, 2] += min(apex, 0.45) * bump
-                hurry = np.abs(np.diff(offset[:, 2], prepend=before[2], append=after[2])).max()
-                cost = offset[:, 2].mean() + 2 * max(hurry - 0.04, 0.0) + max(apex - 0.45, 0.0) + 0.03 * (delay - 1) + 0.01 * abs(skew - 1)
-                if cost < best:
-                    best, found = cost, offset
-    return found
+    crossing = drop or before[2] or block.holds(way, 0.0).any()
+    chord = (toe[-1] - toe[0])[:2]
+    p = np.clip((toe[1:-1, :2] - toe[0, :2]) @ chord / max(float(chord @ chord), 1e-6), 0, 1)
+    delay = np.array((1.0, 1.4, 2.0) if crossing and np.linalg.norm(chord) > 0.15 else (1.0,))[:, None]
+    # Later (up) or earlier (down) along the way than it was walked.
+    q = p**delay if drop <= 0 else 1 - (1 - p) ** delay
+    flat = before[:2] + smooth_step(u)[:, None] * (after - before)[:2] + (q - p)[..., None] * chord
+    change = np.array(CHANGES if drop else CHANGES[:1])[..., None]
+    level = before[2] - drop * smooth_step((u - change[:, 0]) / (change[:, 1] - change[:, 0]))
+    skew = np.array((0.5, 0.7, 1.0, 1.4))[:, None]
+    bump = np.sin(np.pi * u**skew) ** 1.5
+    # Axes: delay, change, skew, extra height, frame.  A step beside the block only keeps out of it.
+    margin, lack = 0.02 if crossing else -0.01, np.zeros((len(delay), len(change), n))
+    heel, tip = rotate(feet, _HEEL_FROM_TOE), rotate(feet, _TIP)
+    for point, thick in ((heel, 0.0), (0 * heel, TOE_HEIGHT), (tip, TOE_HEIGHT), (heel / 2, 0.03)):
+        over = block.holds(toe[1:-1, :2] + flat + point[:, :2], margin)[:, None]
+        low = block.height + CLEARANCE - (toe[1:-1, 2] + level + point[:, 2] - thick)
+        lack = np.maximum(lack, np.where(over, low, 0))
+    # The frames next to a hold are the hold's affair.
+    edge = max(1, n // 8)
+    lack[..., :edge] = lack[..., -edge:] = 0.0
+    apex = np.max(lack[:, :, None] / np.maximum(bump, 0.15), axis=-1, initial=0.0)
+    extra = np.array((0.0, 0.05, 0.12) if crossing else (0.0,))
+    height = np.minimum(apex[..., None] + extra, HIGHEST_LIFT)
+    z = level[:, None, None] + height[..., None] * bump[:, None]
+    hurry = np.abs(np.diff(z, axis=-1, prepend=before[2], append=after[2])).max(-1)
+    cost = z.mean(-1) + 2 * np.maximum(hurry - 0.04, 0) + np.maximum(apex - HIGHEST_LIFT, 0)[..., None]
+    cost = cost + 0.03 * (delay - 1)[..., None, None] + 0.01 * np.abs(skew - 1)
+    if crossing:
+        at = toe[1:-1] - rotate(feet, TOE_OFFSET)
+        ankle = np.concatenate((np.broadcast_to((at[:, :2] + flat)[:, None, None, None], z.shape + (2,)), (at[:, 2] + z)[..., None]), -1)
+        cost = cost + 4 * _shin_depth(hip, ankle, ahead, block).max(-1)
+    d, c, s, e = np.unravel_index(int(cost.argmin()), cost.shape)
+    return np.concatenate((flat[d], z[d, c, s, e][:, None]), axis=1)
 
 
-def _lowering(hips: Array, before: Array, targets: Array, on: Array, ground: Array) -> Array:
+def _shin_depth(hip: Array, ankle: Array, ahead: Array, block: Block) -> Array:
+    """How deep (..., n) the shin is in the block, metres, with the knee bent ``ahead`` (n, 3); hip (n, 3), ankle (..., n, 3)."""
+    thigh, shin = (float(np.linalg.norm(OFFSETS[j])) for j in FEET[0][1:3])
+    way = ankle - hip
+    length = np.linalg.norm(way, axis=-1, keepdims=True)
+    unit, span = way / length, np.clip(length, 0.15, 0.999 * (thigh + shin))
+    bend = ahead - unit * (unit * ahead).sum(-1, keepdims=True)
+    bend /= np.maximum(np.linalg.norm(bend, axis=-1, keepdims=True), 1e-6)
+    cosine = np.clip((thigh**2 + span**2 - shin**2) / (2 * thigh * span), -1, 1)
+    knee = hip + thigh * (cosine * unit + np.sqrt(1 - cosine**2) * bend)
+    foot = hip + span * unit
+    depth = np.zeros(ankle.shape[:-1])
+    for share in (0.0, 0.3, 0.6, 0.85):
+        point = knee + share * (foot - knee)
+        beside = (np.abs(block.local(point[..., :2])) - block.half).max(-1)
+        depth = np.maximum(depth, 0.045 - np.maximum(beside, point[..., 2] - block.height))
+    return depth
+
+
+def _lowering(hips: Array, before: Array, targets: Array, on: Array) -> Array:
     """Metres (T,) by which the hips come down so that standing feet are within reach of the legs."""
     offset = before[:, [leg[0] for leg in LEGS]] - before[:, [HIPS]]
     hip = hips[:, None] + offset
@@ -204,7 +247,7 @@ def _lowering(hips: Array, before: Array, targets: Array, on: Array, ground: Arr
     return _smooth(widest[:, None], half)[:, 0]
 
 
-def _heels_up(hips: Array, rotations: Array) -> Array:
+def _heels_up(rotations: Array) -> Array:
     """Turns (T, 2, 4) of the feet, in their frames, that raise heels where a shin leans further over its foot than ankles bend."""
     ankle = rotations[:, ANKLES]
     # The ankle's own bend about the foot's side axis: toes up is positive.
