@@ -11,13 +11,14 @@ import pytest
 
 from nsm_core import furniture
 from nsm_core.conventions import CARRY, GOAL_ACTIONS, IDLE, SIT, WALK
+from nsm_core.dataset import coverage
 from nsm_core.dataset.compose import Composer, load
 from nsm_core.dataset.export import Dataset, export
 from nsm_core.dataset.scene import furnish
 from nsm_core.dataset.session import Session
 from nsm_core.dataset.stitching import BLEND_FRAMES, soften_seam
 from nsm_core.dataset.take import Take, annotate, goal_tables, phase_of, styles_of
-from nsm_core.errors import CaptureError, SkeletonError
+from nsm_core.errors import CaptureError, OutputError, SkeletonError
 from nsm_core.evaluation.metrics import penetration_depths
 from nsm_core.rotations import quat_conjugate, quat_mul, quat_to_rotvec, rotate_planar, wrap_angle
 from nsm_core.sensors.cylinder import environment_sensor
@@ -280,3 +281,20 @@ def test_hips_stay_under_a_walkers_speed(takes):
         assert np.linalg.norm(np.diff(take.hips[:, :2], axis=0), axis=1).max() * 30 < 2.2
         positions, _ = forward_kinematics(take.hips, take.rotations)
         assert np.abs(positions[:, HIPS] - take.hips).max() < 1e-6
+
+
+def test_coverage_counts_goals_by_kind_and_draws_them(tmp_path_factory, folder, data, tmp_path):
+    where = captures.data_folder(tmp_path_factory)
+    meta = json.loads((where / "data.json").read_text())
+    found = coverage.approaches(data)
+    asked = 0
+    for seed in meta["takes"]:
+        take = Composer(captures.source(folder)).compose(int(seed))
+        asked += sum(c.action == "sit" for c in take.commands)
+    assert len(found["sit"].distance) == asked > 0
+    assert (found["sit"].distance < 6).all() and (found["sit"].bearing <= 180).all() and (found["sit"].height > 0.3).all()
+    text = coverage.report(where)
+    assert f"in {len(meta['takes'])} takes" in text and f"sit: {asked} goals" in text
+    assert coverage.picture(where, tmp_path / "coverage.png").stat().st_size > 20_000
+    with pytest.raises(OutputError, match="choose a folder you may write to"):
+        coverage.picture(where, tmp_path / "nowhere" / "coverage.png")

@@ -179,7 +179,7 @@ def _provenance(session: Session, i: Array) -> list[tuple[str, int, int]]:
 
 def main(arguments: list[str]) -> int:
     """Entry of ``python -m nsm_core compose``: write training data and say what it covers."""
-    from .coverage import report  # both need this module
+    from .coverage import picture, report  # these need this module
     from .export import export
 
     parser = argparse.ArgumentParser(prog="compose", description="Stitch goal-directed performances from a capture folder.")
@@ -196,4 +196,5 @@ def main(arguments: list[str]) -> int:
     folder = export(a.captures, a.out, a.minutes, a.seed, meshes=a.objects, progress=show)
     print()
     print(report(folder))
+    print(f"Wrote {picture(folder, folder / 'coverage.png')}.")
     return 0
