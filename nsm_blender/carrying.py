@@ -9,8 +9,9 @@ import numpy as np
 
 from nsm_core.control.goals import Goal
 from nsm_core.control.props import BODY_TO_BOX, HEAVIEST_SIDE, WIDEST_BOX, Box, sense
+from nsm_core.control.stages.carrying import choose_side
 from nsm_core.errors import GeometryError, GoalError
-from nsm_core.rotations import Array, direction_to_heading, heading_to_direction, rotate_planar, wrap_angle
+from nsm_core.rotations import Array, rotate_planar, wrap_angle
 
 from .bodies import Body, place_of
 from .colliders import BVHQuery
@@ -52,7 +53,7 @@ def carry_goal(
         raise GoalError(f"{target.name} cannot be set down on itself; choose another destination.")
     if to.name in around.left:
         raise GoalError(f"{to.name} is moved earlier in the take; choose a destination that stands still.")
-    depth = box.across(likely_facing(box, pose, here, around))
+    facing_in_box = _side(target, box, pose, here, around)
     if point is not None or _is_place(to):
         base, facing = place_of(point or to, frame)
         if not -0.05 <= base[2] <= HIGHEST_TOP:
@@ -62,9 +63,9 @@ def carry_goal(
             )
         spot = Spot(base.astype(np.float64), facing)
     else:
-        spot = spot_on_top(target, to, box, depth, pose[:2], around)
+        spot = spot_on_top(target, to, box, box.across(facing_in_box), pose[:2], around)
     centre = spot.base + (0, 0, box.size[2] / 2)
-    around.left[target.name] = box, np.append(centre, spot.facing)
+    around.left[target.name] = box, np.append(centre, wrap_angle(spot.facing - facing_in_box))
     return Goal("carry", name, centre, spot.facing, hold, prop=box)
 
 
@@ -79,16 +80,12 @@ def read_box(target: bpy.types.Object, frame: WorldFrame) -> Box:
     return Box(target.name, query, sense(query, -size / 2, size / 2), pose, size=size)
 
 
-def likely_facing(box: Box, pose: Array, here: Array, around: Surroundings) -> float:
-    """Heading in the box's frame (a multiple of 90 degrees) from which someone coming from ``here`` (2,) will lift it."""
-    towards = direction_to_heading(np.asarray(pose[:2] - here, dtype=np.float64))
-    facings = sorted(np.arange(4) * np.pi / 2, key=lambda f: abs(wrap_angle(pose[3] + f - towards)))
-    plan = around.plan(here, pose[:2])
-    for facing in facings:
-        stand = pose[:2] - box.stand_off(facing) * heading_to_direction(pose[3] + facing)
-        if plan.clearance(stand[None])[0] > _STANDING:
-            return float(facing)
-    return float(facings[0])
+def _side(target: bpy.types.Object, box: Box, pose: Array, here: Array, around: Surroundings) -> float:
+    """Heading in the box's frame of who lifts it, coming from ``here`` (2,)."""
+    try:
+        return choose_side(box, around.plan(here, pose[:2]), np.asarray(here, dtype=np.float64), pose)[0]
+    except GoalError as error:
+        raise GoalError(f"{target.name} cannot be reached. {error}") from error
 
 
 def spot_on_top(

@@ -25,6 +25,7 @@ HANDLE_HEIGHT, HANDLE_FROM_EDGE = 1.0, 0.06  # where there is no handle to be se
 _HANDLE_HEIGHTS = (0.75, 1.3)  # between which a handle is looked for
 _HANDLE_WITHIN = 0.3  # of the free edge
 _STICKS_OUT = 0.02  # from the board, at least
+_ALONG_LEVER = 0.04  # from its end at the free edge, a lever is held at most
 _HAND = 0.04  # from the board to where a hand holds the handle
 _NEAR_EDGE = 0.1  # an origin this near to a vertical edge is the hinge
 _REACH = 0.5  # metres around the leaf in which its frame is looked for
@@ -92,7 +93,7 @@ def read_leaf(target: bpy.types.Object, hinge: bpy.types.Object | None, handle: 
     volume = sense(query, vertices.min(0), vertices.max(0))
     pose = np.append(body.to_core(np.append(pivot, 0.0)), heading)
     return Leaf(
-        target.name, query, volume, pose, width=width, handle=place, thickness=float(np.clip(thickness, 0.08, 0.25)),
+        target.name, query, volume, pose, width=width, handle=place, thickness=float(np.clip(thickness, 0.09, 0.2)),
         swing=swing, closed=heading,
     )  # fmt: skip
 
@@ -166,7 +167,9 @@ def _handle(board: _Board, flip: bool) -> tuple[Array, float]:
         low, high = v[there].min(0), v[there].max(0)
         if high[2] - low[2] < 0.4 and high[0] - low[0] < 0.25:
             reach = max(board.faces[0] - low[1], high[1] - board.faces[1], _HAND)
-            return (low + high) / 2, board.thickness + 2 * min(reach, 0.08)
+            place, held = (low + high) / 2, min((high[0] - low[0]) / 2, _ALONG_LEVER)
+            place[0] = low[0] + held if flip else high[0] - held
+            return place, board.thickness + 2 * min(reach, 0.08)
     inwards = HANDLE_FROM_EDGE if flip else -HANDLE_FROM_EDGE
     return np.array((edge + inwards, board.middle, HANDLE_HEIGHT)), board.thickness + 2 * _HAND
 

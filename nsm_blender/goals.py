@@ -9,8 +9,9 @@ import numpy as np
 
 from nsm_core.control.goals import Goal
 from nsm_core.control.props import Box, Leaf, passage
+from nsm_core.control.stages.carrying import standing_place
 from nsm_core.errors import GeometryError, GoalError
-from nsm_core.rotations import Array, direction_to_heading, heading_to_direction
+from nsm_core.rotations import Array, direction_to_heading
 from nsm_core.seats import find_seat
 from nsm_core.skeleton import HIP_OVER_SEAT
 
@@ -86,14 +87,14 @@ def resolve(
     return _walk(spec, scene, frame, before)
 
 
-def place_after(goal: Goal, before: tuple[Array, float]) -> tuple[Array, float]:
-    """Ground point (2,) and heading where a goal leaves the character that came from ``before``."""
+def place_after(goal: Goal, before: tuple[Array, float], around: Surroundings) -> tuple[Array, float]:
+    """Ground point (2,) and heading where a goal, resolved last in ``around``, leaves the character that came from ``before``."""
     if isinstance(goal.prop, Leaf):
         way = passage(goal.prop, np.asarray(before[0], dtype=np.float64))
         return way.beyond.astype(np.float32), way.heading
     if isinstance(goal.prop, Box):
-        way = goal.position[:2] - goal.prop.stand_off(0.0) * heading_to_direction(np.array(goal.heading))
-        return way.astype(np.float32), goal.heading
+        facing = goal.heading - around.left[goal.name][1][3]
+        return standing_place(goal.prop, facing, goal.position, goal.heading).astype(np.float32), goal.heading
     return goal.position[:2], goal.heading
 
 

@@ -170,7 +170,7 @@ def resolve_goals(
     before = start
     for spec in specs:
         goals.append(resolve(spec, scene, frame, before, around))
-        before = place_after(goals[-1], before)
+        before = place_after(goals[-1], before, around)
     return goals
 
 
