@@ -85,7 +85,7 @@ class Carrying:
         if self.state == "reach":
             distances = np.linalg.norm(pose.wrists - self.grasps(), axis=1)
             self.hold.approach(distances, contacts[HAND_CONTACTS])
-            if self.hold.weight >= 1:
+            if self.hold.complete(self.ik):
                 grasping, self.state, self._since = True, "held", 0
                 self._recent = []
                 self._offset = self.prop.pose - self._in_hands(pose.wrists, root)

@@ -73,7 +73,7 @@ class Opening:
         grasping = False
         if self.state == "reach":
             self.hold.approach(np.array([np.linalg.norm(wrist - self.grip())]), contacts[[HAND_CONTACTS[hand]]])
-            if self.hold.weight >= 1:
+            if self.hold.complete(self.ik):
                 grasping, self.state, self._since = True, "held", 0
                 self._offset = self.angle - self._angle_of(wrist)
         elif self.state == "held":

@@ -16,6 +16,7 @@ ARM = float(np.linalg.norm(OFFSETS[list(ARMS[0][1:])], axis=-1).sum())  # from s
 TAKE_TIME, LET_GO_TIME = 0.3, 0.4  # seconds in which a hand is drawn onto its place, and given back
 # A hand may be drawn from this near, metres: where it has stayed this near for DWELL frames or is at its place, or says it holds.
 NEAR, NEAR_IN_CONTACT, THERE, DWELL = 0.25, 0.35, 0.07, 8
+TOUCH, WAIT = 0.005, 15  # metres that an arm may lack to hold; frames after which it holds all the same
 GONE = 0.5  # metres from which on a hand that was being drawn is given up
 MOST_LEAN, LEAN_SPEED = np.radians(25), np.radians(75)  # of the trunk; radians a second
 MOST_SHIFT, SHIFT_SPEED = 0.08, 0.3  # of the hips, metres; m/s
@@ -52,6 +53,7 @@ class Hold:
         self._fade = 0.0
         self._from: tuple[Array, float] | None = None  # where they were held, and how firmly, until that is known
         self._lean, self._shift = np.zeros(3), np.zeros(3)
+        self._waited, self._missing = 0, np.inf  # frames held so far in vain; metres that the arms lack
 
     @property
     def busy(self) -> bool:
@@ -67,6 +69,11 @@ class Hold:
             self.weight = min(1.0, self.weight + DT / TAKE_TIME)
         else:
             self.weight = max(0.0, self.weight - DT / LET_GO_TIME)
+
+    def complete(self, ik: bool) -> bool:
+        """Whether the hands are where they hold; those that do not quite get there are waited for, but not for long."""
+        self._waited = self._waited + 1 if self.weight >= 1 else 0
+        return self.weight >= 1 and (not ik or self._missing < TOUCH or self._waited > WAIT)
 
     def release(self, places: Array) -> None:
         """Let go of ``places`` (n, 3); the hands return to where the pose has them."""
@@ -85,6 +92,9 @@ class Hold:
         targets = now + held * (places - now) + float(smooth_step(self._fade)) * self._left
         self._reach_out(pose, targets)
         pose.local = place_limbs(pose.hips, pose.local, tuple(ARMS[h] for h in self.hands), targets)
+        if self.weight >= 1:
+            shoulders = pose.arms()[0][self.hands]
+            self._missing = float(np.linalg.norm(targets - shoulders, axis=1).max()) - ARM
 
     def _reach_out(self, pose: Pose, targets: Array) -> None:
         """Lean the trunk and then shift the hips, smoothly and a little, towards what the arms do not reach."""

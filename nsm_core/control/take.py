@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..conventions import CONTACTS, FOOT_CONTACTS, FPS, SIT
+from ..conventions import CONTACTS, FOOT_CONTACTS, FPS
 from ..errors import GoalError
 from ..features import Surroundings, build_inputs, no_object, read_outputs
 from ..inference import Model
@@ -21,22 +21,19 @@ from ..sensors.cylinder import DIAMETER, SPHERE_RADIUS, environment_sensor
 from ..sensors.query import DistanceQuery
 from ..series import State, standing_state
 from ..skeleton import ARMS, FEET, HIPS, J, forward_kinematics, local_from_world, root_of
-from .contact_ik import ContactIK
 from .director import Director, check_reachable, rotation_error
+from .finishing import Finishing
 from .goals import Goal, GoalResult, Moment
-from .hands import HandClearance
 from .planning import FloorPlan
 from .props import Box, Prop
-from .reaching import Pose
 from .scene import Scene
 from .stepping import Blending, advance
-from .trunk import TrunkClearance
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
 _LEGS = tuple(leg[:3] for leg in FEET)
 _MARGIN = 4.0  # metres of floor planned on around start and goals
 _SENSOR_REACH = DIAMETER / 2 + SPHERE_RADIUS
-WRISTS = [arm[2] for arm in ARMS]
+_WRISTS = [arm[2] for arm in ARMS]
 
 
 @dataclass
@@ -100,8 +97,7 @@ class TakeRunner:
         self.plan = FloorPlan(request.environment, (places.min(0) - _MARGIN, places.max(0) + _MARGIN))
         check_reachable(goals, self.plan, root[:2])
         self.director = Director(goals, self.plan, root, rng, request.time_limit, self.scene, request.contact_ik)
-        self._ik = ContactIK() if request.contact_ik else None
-        self._trunk, self._hands = TrunkClearance(request.environment), HandClearance(request.environment)
+        self._finishing = Finishing(self.scene, request.contact_ik)
         self._ms = dict.fromkeys(STAGES, 0.0)
         self._frames: list[tuple[Array, ...]] = []
         self._poses: dict[str, list[Array]] = {name: [] for name in self.props}
@@ -140,7 +136,7 @@ class TakeRunner:
             return False
         state = self.state
         t0 = time.perf_counter()
-        position, heading, action, sensed = self.director.update(self._moment())
+        position, heading, action, sensed = self.director.update(self._moment(self._frames[-1][4]))
         self._measure()
         state.goal_position, state.goal_heading, state.goal_action = position[None], heading[None], action[None]
         t1 = time.perf_counter()
@@ -186,32 +182,18 @@ class TakeRunner:
             {name: np.stack(poses) for name, poses in self._poses.items()},
         )
 
-    def _moment(self) -> Moment:
+    def _moment(self, contacts: Array) -> Moment:
         s = self.state
         speed = float(np.linalg.norm(s.root_past[0, -1, :2] - s.root_past[0, -7, :2]) * FPS / 6)
-        wrists = s.joint_position[0, WRISTS].astype(np.float64)
-        return Moment(s.root[0], s.joint_position[0, HIPS], float(s.root[0, 2]), speed, s.style_past[0, -1], wrists, self._frames[-1][4])
+        wrists = s.joint_position[0, _WRISTS].astype(np.float64)
+        return Moment(s.root[0], s.joint_position[0, HIPS], float(s.root[0, 2]), speed, s.style_past[0, -1], wrists, contacts)
 
     def _keep(self, contact: Array, experts: Array) -> None:
         """Turn the state into a pose, correct its contacts and store both."""
         s, d = self.state, self.director
         hips, rotations = pose_of(s)
-        kept_hips, kept = hips, rotations
-        if self._ik is not None:
-            goal = d.goals[d.index] if 0 <= d.index < len(d.goals) else None
-            seat = (goal.position, goal.heading) if goal is not None and goal.action == "sit" else None
-            kept_hips, kept = self._ik.apply(hips, rotations, contact, seat, float(s.root[0, 2]))
-            self._trunk.query = self.scene.but(*(g.prop for g in d.grasps))
-            kept = self._trunk.apply(kept_hips, kept, float(s.style_past[0, -1, SIT]))
-        if d.grasps:
-            pose = Pose(kept_hips.astype(np.float64), kept.astype(np.float64), s.joint_position[0, WRISTS].astype(np.float64))
-            for grasp in d.grasps:
-                grasp.apply(pose, s.root[0].astype(np.float64), contact)
-            kept_hips, kept = pose.hips.astype(hips.dtype), pose.local.astype(rotations.dtype)
-        if self._ik is not None:
-            held = tuple(max((g.holds(side) for g in d.grasps), default=0.0) for side in (0, 1))
-            queries = tuple(self.scene.but(*(g.prop for g in d.grasps if g.touches(side))) for side in (0, 1))
-            kept = self._hands.apply(kept_hips, kept, held, queries if d.grasps else (self.scene.but(),) * 2)
+        goal = d.goals[d.index] if 0 <= d.index < len(d.goals) else None
+        kept_hips, kept = self._finishing.apply(hips, rotations, self._moment(contact), goal, d.grasps)
         for name, pose in self.prop_poses().items():
             self._poses[name].append(pose)
         self._frames.append((kept_hips, kept, hips, rotations, contact.copy(), s.root[0].copy(), s.style_past[0, -1].copy(), experts))

@@ -1,0 +1,49 @@
+"""From the network's pose to the one that is kept: feet, hips, trunk and hands meet the scene, and props follow the hands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..conventions import SIT
+from ..rotations import Array
+from .contact_ik import ContactIK
+from .goals import Goal, Moment
+from .hands import HandClearance
+from .reaching import Pose
+from .scene import Scene
+from .stages import Grasp
+from .trunk import TrunkClearance
+
+
+class Finishing:
+    """Corrects one character's poses, one call a frame; with ``ik`` False only props move."""
+
+    def __init__(self, scene: Scene, ik: bool = True) -> None:
+        self.scene, self.ik = scene, ik
+        self._contact = ContactIK()
+        self._trunk, self._hands = TrunkClearance(scene.environment), HandClearance(scene.environment)
+
+    def apply(self, hips: Array, rotations: Array, moment: Moment, goal: Goal | None, grasps: Sequence[Grasp]) -> tuple[Array, Array]:
+        """Return new hips (3,) and local rotations (23, 4) and move the props in hand.
+
+        ``hips``, ``rotations`` and ``moment`` are the network's of this frame, ``goal`` the present one, ``grasps`` the hands at
+        work on props.
+        """
+        kept_hips, kept = hips, rotations
+        if self.ik:
+            seat = (goal.position, goal.heading) if goal is not None and goal.action == "sit" else None
+            kept_hips, kept = self._contact.apply(hips, rotations, moment.contacts, seat, moment.heading)
+            self._trunk.query = self.scene.but(*(g.prop for g in grasps))
+            kept = self._trunk.apply(kept_hips, kept, float(moment.style[SIT]))
+        if grasps:
+            pose = Pose(kept_hips.astype(np.float64), kept.astype(np.float64), moment.wrists)
+            for grasp in grasps:
+                grasp.apply(pose, moment.root.astype(np.float64), moment.contacts)
+            kept_hips, kept = pose.hips.astype(hips.dtype), pose.local.astype(rotations.dtype)
+        if self.ik:
+            held = tuple(max((g.holds(side) for g in grasps), default=0.0) for side in (0, 1))
+            right, left = (self.scene.but(*(g.prop for g in grasps if g.touches(side))) for side in (0, 1))
+            kept = self._hands.apply(kept_hips, kept, held, (right, left) if grasps else (right, right))
+        return kept_hips, kept
