@@ -1,4 +1,4 @@
-"""Command line of the core: python -m nsm_core train | evaluate | bench | annotate | compose [arguments]."""
+"""Command line of the core: python -m nsm_core train | evaluate | bench | annotate | pool | compose [arguments]."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ COMMANDS = {
     "evaluate": ("nsm_core.evaluation.run", "print the tables of figures and write them as JSON"),
     "bench": ("nsm_core.bench", "measure the speed of the network"),
     "annotate": ("nsm_core.dataset.annotate", "propose labels, contacts, phases and goals of captures"),
+    "pool": ("nsm_core.dataset.pool", "convert a folder of furniture meshes to the object pool"),
     "compose": ("nsm_core.dataset.compose", "stitch performances for training from captures"),
 }
 
