@@ -11,7 +11,22 @@ from ..conventions import CLIMB, FPS
 from ..furniture import Furniture
 from ..rotations import Array, heading_to_direction, rotate_planar
 from ..skeleton import FEET, forward_kinematics
-from .footholds import HEEL, OFF_EDGE, OVER_EDGE, TIPS, Ascent, Block, Hold, climb, find_holds, place_feet, pose_holds, shift_off_edges
+from .footholds import (
+    HEEL,
+    OFF_EDGE,
+    OVER_EDGE,
+    TIPS,
+    Ascent,
+    Block,
+    Hold,
+    climb,
+    draw_near,
+    find_holds,
+    place_feet,
+    pose_holds,
+    shift_off_edges,
+    short_of_edge,
+)
 from .library import gaussian_smooth
 from .motion import Motion
 from .session import Segment, Session
@@ -20,8 +35,10 @@ from .take import Command, Thing
 NAME = "climb"
 WALLS = 0.25  # share of low walls
 FARTHEST_SHIFT = 0.14  # metres that a foothold is moved at most
-BEHIND = (0.3, 0.95)  # metres behind a low wall where one stands
-LEAVES = 3  # ways down that are tried
+BEHIND = (0.2, 0.95)  # metres behind a low wall where one stands
+SLACK = 0.12  # metres that the stride over a low wall is longer than it need be
+MARGIN = 90  # frames before and after an episode in which feet still come back to their own places
+LEAVES = 6  # ways down that are tried
 TOP_SPEED = 0.6  # m/s: mean speed at which hips rise or sink at most
 
 
@@ -38,6 +55,10 @@ class Crossing:
     landing: int
     follows: int
     both: int
+
+    def less(self, frames: int) -> Crossing:
+        """The same, counted from another frame."""
+        return Crossing(self.lift - frames, self.landing - frames, self.follows - frames, self.both - frames)
 
 
 @dataclass
@@ -71,35 +92,35 @@ class Climb:
 
     def finish(self, motion: Motion) -> None:
         """Move the feet off the edges, raise them and the hips, and say where the climb ends."""
-        positions, world = forward_kinematics(motion.hips, motion.rotations)
-        holds = pose_holds(positions, world, motion.feet)
-        top = np.zeros(len(holds), bool) if self.down is None else self._on_top(holds)
-        ascents = []
-        if self.down is not None:
-            h, a, b = self.block.height, self.up, self.down
-            ascents.append(Ascent(a.landing - 2, a.both + 4, h))
-            ascents.append(Ascent(b.lift + 0.2 * (b.landing - b.lift), b.landing + 4, -h))
+        first, last = max(self.start - MARGIN, 0), min(self.end + MARGIN, len(motion))
+        span = slice(first, last)
+        positions, world = forward_kinematics(motion.hips[span], motion.rotations[span])
+        holds = pose_holds(positions, world, motion.feet[span])
+        h, a, b = self.block.height, self.up.less(first), self.down and self.down.less(first)
+        top = np.zeros(len(holds), bool)
+        if b is None:
+            ascents = [Ascent(a.lift, a.landing, 0.12 * h), Ascent(a.follows + 2, a.both + 6, -0.12 * h)]
         else:
-            a, by = self.up, 0.12 * self.block.height
-            ascents += [Ascent(a.lift, a.landing, by), Ascent(a.follows + 2, a.both + 6, -by)]
-        lean = np.zeros(len(motion))
-        t = np.arange(len(motion))
-        most = np.radians(np.interp(self.block.height, (0.15, 0.3, 0.6), (0, 5, 17)))
-        middle, width = (self.up.landing + self.up.follows) / 2, max((self.up.both - self.up.lift) / 2, 8)
-        lean = most * np.exp(-0.5 * ((t - middle) / (0.6 * width)) ** 2)
-        span = (self.start, self.end)
-        motion.hips, motion.rotations = climb(
-            motion.hips, motion.rotations, motion.feet, self.block, holds, top, place_feet(holds, top, self.block), span, ascents, lean
+            top = np.array([a.landing - 2 <= x.first < b.landing - 2 for x in holds])
+            ascents = [Ascent(a.landing - 2, a.both + 4, h), Ascent(b.lift + 0.2 * (b.landing - b.lift), b.landing + 4, -h)]
+        most = np.radians(np.interp(h, (0.15, 0.3, 0.6), (0, 5, 17)))
+        away = (np.arange(last - first) - (a.landing + a.follows) / 2) / (0.3 * max(a.both - a.lift, 16))
+        lean = most * np.exp(-0.5 * away**2)
+        shifts = place_feet(holds, top, self.block)
+        if b is None:
+            # With the feet close to the wall the hips stay high, and the knees before it.
+            lead = next(k for k, x in enumerate(holds) if x.first >= a.landing - 2)
+            other = [k for k in range(lead) if holds[k].side != holds[lead].side]
+            draw_near(holds, shifts, [*other[-1:], lead], self.block)
+        within = (self.start - first, self.end - first)
+        motion.hips[span], motion.rotations[span] = climb(
+            motion.hips[span], motion.rotations[span], motion.feet[span], self.block, holds, top, shifts, within, ascents, lean
         )
         at = slice(self.stand, self.stand + 8)
         place = np.append(motion.hips[at, :2].mean(0), 0.0 if self.down is None else self.block.height).astype(np.float32)
         frame, heading = motion.commands[self.mark].frame, float(np.mean(motion.headings[at]))
         motion.commands[self.mark] = Command(frame, "idle+walk", place, heading, len(motion.things))
         motion.things.append(Thing.standing(self.piece, self.block.position, self.block.heading))
-
-    def _on_top(self, holds: list[Hold]) -> Array:
-        low, high = self.up.landing - 2, self.down.landing - 2
-        return np.array([low <= h.first < high for h in holds])
 
 
 def _ramp(motion: Motion, c: Crossing) -> None:
@@ -111,7 +132,7 @@ def lay(session: Session) -> Climb | None:
     rng, tape = session.rng, session.tape
     over = rng.random() < WALLS
     piece = session.draw("low_wall" if over else "step")
-    if piece.size[2] > 0.45 and rng.random() < 0.5:
+    if piece.size[2] > (0.4 if over else 0.45) and rng.random() < 0.6:
         piece = session.draw("low_wall" if over else "step")
     place = session.free_place(1.5, 3.6, 0.5 + 0.5 * float(piece.size[1]))
     if place is None:
@@ -185,7 +206,9 @@ def _way_down(session: Session, climb: Climb, before: int) -> Crossing | None:
         return None
     on_top = np.array([climb.up.landing - 2 <= h.first < holds[off[0]].first for h in holds])
     shifts = np.linalg.norm(shift_off_edges(holds, on_top, block), axis=1)
-    if shifts.max() > FARTHEST_SHIFT:
+    # From a high top one steps down from its edge.
+    short = float(np.interp(block.height, (0.15, 0.3, 0.5), (0.3, 0.12, 0.03)))
+    if shifts.max() > FARTHEST_SHIFT or short_of_edge(holds, on_top, block) > short:
         return None
     return _crossing(holds, off[0])
 
@@ -235,6 +258,11 @@ def _put(session: Session, piece: Furniture, holds: list[Hold], facing: float, o
         block = Block(middle, heading, half, float(piece.size[2]))
         shifts = np.linalg.norm(shift_off_edges(holds, ~before & (not over), block), axis=1)
         cost = float(shifts.max()) + 0.02 * rng.random()
+        if over:
+            # A long stride brings the hips down, and the knee behind into the wall.
+            cost += 0.5 * max(high - low - SLACK, 0.0)
+            if high - low > SLACK + float(np.interp(block.height, (0.2, 0.5), (0.4, 0.05))):
+                continue
         if shifts.max() < FARTHEST_SHIFT and (best is None or cost < best[0]):
             best = cost, block, k
     return None if best is None else best[1:]

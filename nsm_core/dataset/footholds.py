@@ -8,14 +8,15 @@ import numpy as np
 
 from ..control.foot_lock import ANKLES, HEEL_FROM_ANKLE, LEGS, TOE_OFFSET, TOES, foot_heading, intervals, smooth_step
 from ..limbs import leg_reach, mul, place_limbs, rotate
-from ..rotations import Array, heading_to_direction, quat_from_axis_angle, rotate_planar
+from ..rotations import Array, heading_to_direction, quat_conjugate, quat_from_axis_angle, rotate_planar
 from ..skeleton import END_SITES, FEET, HIPS, INDEX, OFFSETS, TOE_HEIGHT, forward_kinematics
 
 # The sole from the toe joint, metres: back to the heel, ahead to the tips, and half its width.
 HEEL, TIPS, HALF_WIDTH = 0.18, 0.07, 0.045
 OFF_EDGE = 0.04  # metres that a foot on the floor keeps from the sides of the block
 OVER_EDGE = 0.03  # metres by which a foot on top may stick out
-TO_THE_EDGE = 0.1  # metres that the last foot on top comes nearer to the edge at most
+TO_THE_EDGE = 0.12  # metres that the last foot on top comes nearer to the edge at most
+SHRINKS = 2  # rounds in which the hips give way to a knee in the block
 HIGHEST_LIFT = 0.5  # metres that a swing is raised at most
 MAX_FLEXION = np.radians(32)  # how far a shin leans forward over its flat foot
 CLEARANCE = 0.035  # metres between a swinging sole and the block
@@ -90,6 +91,30 @@ def shift_off_edges(holds: list[Hold], on_top: Array, block: Block) -> Array:
 def place_feet(holds: list[Hold], on_top: Array, block: Block) -> Array:
     """Shifts (N, 2) of ``shift_off_edges``; the foot that is the last on top comes nearer to the edge it steps down from."""
     shifts = shift_off_edges(holds, on_top, block)
+    k, toward, gap = _short_of_edge(holds, on_top, shifts, block)
+    if k >= 0:
+        shifts[k] += rotate_planar(np.clip(gap, 0, TO_THE_EDGE) * toward, np.float64(block.heading))
+    return shifts
+
+
+def draw_near(holds: list[Hold], shifts: Array, chosen: list[int], block: Block) -> None:
+    """Let ``chosen`` holds beside the block come as near to it as feet stand, in place; their legs then need to reach less far."""
+    for k in chosen:
+        at = block.local(holds[k].place + shifts[k])
+        ahead = heading_to_direction(np.array(holds[k].heading - block.heading))
+        ends = np.stack((at - HEEL * ahead, at + TIPS * ahead))
+        gaps = np.maximum(ends.min(0) - block.half, -ends.max(0) - block.half) - HALF_WIDTH * np.abs(ahead[::-1])
+        toward = np.zeros(2)
+        toward[gaps.argmax()] = -np.sign(at[gaps.argmax()])
+        shifts[k] += rotate_planar(np.clip(gaps.max() - OFF_EDGE, 0, TO_THE_EDGE) * toward, np.float64(block.heading))
+
+
+def short_of_edge(holds: list[Hold], on_top: Array, block: Block) -> float:
+    """Metres by which the last foot on top falls short of the edge it steps down from, at best."""
+    return _short_of_edge(holds, on_top, shift_off_edges(holds, on_top, block), block)[2] - TO_THE_EDGE
+
+
+def _short_of_edge(holds: list[Hold], on_top: Array, shifts: Array, block: Block) -> tuple[int, Array, float]:
     last = np.flatnonzero(on_top)[-1:]
     if len(last) and last[0] + 1 < len(holds):
         k = int(last[0])
@@ -100,8 +125,8 @@ def place_feet(holds: list[Hold], on_top: Array, block: Block) -> Array:
         ahead = heading_to_direction(np.array(holds[k].heading - block.heading))
         reach = max(TIPS * ahead @ toward, -HEEL * ahead @ toward) + HALF_WIDTH * abs(ahead[1 - axis])
         gap = block.half[axis] + OVER_EDGE - (here @ toward + reach)
-        shifts[k] += rotate_planar(np.clip(gap, 0, TO_THE_EDGE) * toward, np.float64(block.heading))
-    return shifts
+        return k, toward, float(gap)
+    return -1, np.zeros(2), 0.0
 
 
 @dataclass(frozen=True)
@@ -148,21 +173,57 @@ def climb(
     for rise in ascents:
         x = np.clip((t - rise.first) / max(rise.last - rise.first, 1), 0, 1)
         out[:, 2] += rise.by * x**3 * (10 - 15 * x + 6 * x * x)
-    out[:, 2] -= _lowering(out, positions, toes + moved - rotate(feet, TOE_OFFSET), on)
-    hip = positions[:, [leg[0] for leg in LEGS]] + (out - positions[:, HIPS])[:, None]
-    across = hip[:, 1] - hip[:, 0]
-    ahead = np.stack((across[:, 1], -across[:, 0], np.zeros(len(t))), axis=-1)
-    for side, begin, end, before, after in gaps:
-        gap = slice(begin, end)
-        path = toes[begin - 1 : end + 1, side]
-        moved[gap, side] = _swing(path, feet[gap, side], before, after, block, hip[gap, side], ahead[gap])
-    toes += moved
-    result, changed = rotations.astype(np.float64), slice(max(first - 30, 0), min(last + 15, len(hips)))
-    for _ in range(2):
-        targets = toes - rotate(feet, TOE_OFFSET)
-        result[changed] = place_limbs(out[changed], result[changed], LEGS, targets[changed], feet[changed])
-        feet[changed] = mul(feet[changed], _heels_up(result[changed]))
-    return out.astype(hips.dtype), result.astype(rotations.dtype)
+    changed = slice(max(first - 30, 0), min(last + 15, len(hips)))
+    flat, result = feet, rotations
+    for attempt in range(1 + SHRINKS):
+        stood = out.copy()
+        stood[:, 2] -= _lowering(out, positions, toes + moved - rotate(flat, TOE_OFFSET), on)
+        hip = positions[:, [leg[0] for leg in LEGS]] + (stood - positions[:, HIPS])[:, None]
+        across = hip[:, 1] - hip[:, 0]
+        ahead = np.stack((across[:, 1], -across[:, 0], np.zeros(len(t))), axis=-1)
+        for side, begin, end, before, after in gaps:
+            gap = slice(begin, end)
+            path = toes[begin - 1 : end + 1, side]
+            moved[gap, side] = _swing(path, flat[gap, side], before, after, block, hip[gap, side], ahead[gap])
+        raised, feet, result = toes + moved, flat.copy(), rotations.astype(np.float64)
+        for _ in range(2):
+            targets = raised - rotate(feet, TOE_OFFSET)
+            result[changed] = place_limbs(stood[changed], result[changed], LEGS, targets[changed], feet[changed])
+            up = _heels_up(result[changed])
+            feet[changed] = mul(feet[changed], up)
+            # Toes stay flat where the heel comes up.
+            result[changed, TOES[0] : TOES[0] + 1] = mul(quat_conjugate(up[:, :1]), result[changed, TOES[0] : TOES[0] + 1])
+            result[changed, TOES[1] : TOES[1] + 1] = mul(quat_conjugate(up[:, 1:]), result[changed, TOES[1] : TOES[1] + 1])
+        back = _shrink_back(stood[changed], result[changed], block)
+        if attempt == SHRINKS or np.abs(back).max() < 0.01:
+            break
+        out[changed, :2] += back
+    return stood.astype(hips.dtype), result.astype(rotations.dtype)
+
+
+def _shrink_back(hips: Array, rotations: Array, block: Block) -> Array:
+    """How far (T, 2) hips go back, smoothly, so that knees and shins keep out of the sides of the block."""
+    positions, _ = forward_kinematics(hips, rotations)
+    need, t = np.zeros((len(hips), 2)), np.arange(len(hips))
+    for start, knee, ankle in LEGS:
+        for a, b, share in ((knee, start, 0.3), (knee, start, 0.0), (ankle, knee, 0.7), (ankle, knee, 0.4)):
+            point = positions[:, a] + share * (positions[:, b] - positions[:, a])
+            local, foot = block.local(point[:, :2]), block.local(positions[:, ankle, :2])
+            # Back to the side on which the foot is; a foot on top has none.
+            off = np.abs(foot) - block.half
+            beside = block.half + 0.05 - np.where(off.max(1, keepdims=True) > 0, np.sign(foot) * local, np.abs(local))
+            axis = np.where(off.max(1) > 0, off.argmax(1), beside.argmin(1))
+            inside = (np.abs(local) < block.half + 0.05).all(1) | (off.max(1) > 0) & (beside > 0).all(1)
+            depth = np.minimum(beside[t, axis], 2 * (block.height + 0.02 - point[:, 2])).clip(0, 0.15) * inside
+            out = np.zeros_like(local)
+            out[t, axis] = 1.4 * depth * np.where(off.max(1) > 0, np.sign(foot[t, axis]), np.sign(local[t, axis]))
+            need = np.where(np.abs(out) > np.abs(need), out, need)
+    return rotate_planar(_smooth(_widest(need.clip(0), 6) - _widest((-need).clip(0), 6), 8), np.full(len(need), block.heading))
+
+
+def _widest(values: Array, half: int) -> Array:
+    """Greatest of (T, n) within ``half`` frames to each side."""
+    return np.lib.stride_tricks.sliding_window_view(np.pad(values, ((half, half), (0, 0)), mode="edge"), 2 * half + 1, axis=0).max(-1)
 
 
 def _swing(toe: Array, feet: Array, before: Array, after: Array, block: Block, hip: Array, ahead: Array) -> Array:
@@ -242,9 +303,7 @@ def _lowering(hips: Array, before: Array, targets: Array, on: Array) -> Array:
     need = np.clip(np.where(on > 0.5, down, 0), 0, None).max(-1)
     if not need.any():
         return need
-    half = 5
-    widest = np.lib.stride_tricks.sliding_window_view(np.pad(need, half, mode="edge"), 2 * half + 1).max(-1)
-    return _smooth(widest[:, None], half)[:, 0]
+    return _smooth(_widest(need[:, None], 5), 5)[:, 0]
 
 
 def _heels_up(rotations: Array) -> Array:
