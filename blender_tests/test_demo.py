@@ -15,6 +15,10 @@ from mathutils import Vector
 from nsm_blender import demo
 from nsm_blender.channels import channels_of
 from nsm_blender.keying import read_pose
+from nsm_blender.takes import TakeSpec, prepare
+from nsm_core.control.planning import FloorPlan
+from nsm_core.control.props import passage
+from nsm_core.control.stages import check_reachable
 from nsm_core.skeleton import JOINTS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -68,3 +72,29 @@ def test_the_demo_reaches_both_seats_and_leaves_its_files(tmp_path, capsys):
     channels = channels_of(character)
     assert channels.action.name == "Demo" and {f.group.name for f in channels.bag.fcurves} == set(JOINTS)
     assert len(channels.bag.fcurves[0].keyframe_points) == report["frames"]
+
+
+def test_the_house_has_a_place_for_every_action_and_ways_between_them():
+    house, character = demo.build_scene(all_actions=True)
+    scene = bpy.context.scene
+    specs = demo.goals_in(house, hold=0.5)
+    assert [s.action for s in specs] == ["sit", "open", "carry", "climb", "run"] and specs[0].hold == 0.5
+    assert {s.object.name for s in specs if s.object} | {"Sideboard"} <= set(house.objects)
+    request, frame, things = prepare(TakeSpec(character, specs), scene)
+    _, open_, carry, climb, _ = request.goals
+    assert set(things) == {"Door", "Box"}
+    leaf = open_.prop
+    np.testing.assert_allclose(leaf.pose[:2], bpy.data.objects["Door"].location[:2], atol=1e-4)  # the hinge is found
+    assert leaf.width == pytest.approx(0.86, abs=0.02) and leaf.handle[2] == pytest.approx(1.02, abs=0.02)
+    way = passage(leaf, request.goals[0].position[:2])
+    assert way.push and way.heading == pytest.approx(np.pi / 2, abs=1e-5)
+    assert carry.position[2] == pytest.approx(0.82 + 0.125, abs=0.01) and climb.position[2] == pytest.approx(0.3, abs=0.01)
+    places = np.array([request.start_position, *[g.position[:2] for g in request.goals]])
+    check_reachable(request.goals, FloorPlan(request.environment, (places.min(0) - 4, places.max(0) + 4)), request.start_position)
+    # Opened wide, the leaf meets no furniture and no wall but at its hinge.
+    door = things["Door"]
+    corners = np.array([c for c in bpy.data.objects["Door"].bound_box if c[0] > 0.3])
+    for angle in (0.4, 1.0, 1.5):
+        matrix = np.array(door.world_at(leaf.pose_at(angle)))
+        points = corners @ matrix[:3, :3].T + matrix[:3, 3]
+        assert request.environment.signed_distance(points.astype(np.float32), 0.05).min() > 0.01

@@ -22,6 +22,7 @@ from .tops import Level, find_levels, occupy, occupy_rectangle, places_near_edge
 HIGHEST_TOP = 1.3  # metres over the floor from which, and onto which, a standing person lifts a box
 MARGIN = 0.03  # from the edge of a top to the near face of the box, metres
 _REACH = 0.3  # how far from the edge a box may be set where its front is taken
+_BESIDE = 0.2  # metres of the top that look natural on either side of the box
 _BEHIND = 0.45  # metres behind the standing place that one needs to get there
 _STANDING, _COMING = 0.12, 0.24  # clearance of the standing place and of the place behind it, metres
 
@@ -127,10 +128,11 @@ def _nearest(level: Level, across: tuple[float, float], body: Body, coming_from:
     candidates = []
     for quarter in range(4):
         turn = quarter * np.pi / 2
-        for x, y, gap in places_near_edge(level.seen_from(quarter), *across, MARGIN, _REACH):
+        for x, y, gap, beside in places_near_edge(level.seen_from(quarter), *across, MARGIN, _REACH):
             view = np.array(((x, y + across[1] / 2), (x, y - BODY_TO_BOX), (x, y - BODY_TO_BOX - _BEHIND)))
             base, stand, behind = body.to_core(np.insert(rotate_planar(view, np.float64(turn)), 2, 0.0, axis=1)).astype(np.float64)
-            candidates.append((stand, behind, base, body.yaw + turn + np.pi, gap))
+            awkward = 2 * gap + 4 * max(0.0, _BESIDE - beside)
+            candidates.append((stand, behind, base, body.yaw + turn + np.pi, awkward))
     if not candidates:
         return None
     stands, behinds = (np.array([c[k][:2] for c in candidates]) for k in (0, 1))
@@ -138,7 +140,7 @@ def _nearest(level: Level, across: tuple[float, float], body: Body, coming_from:
     free = (plan.clearance(stands) > _STANDING) & (plan.clearance(behinds) > _COMING)
     # Middles of edges look natural, so a little of the way is worth it.
     middle = np.array([np.linalg.norm(c[2][:2] - body.origin) for c in candidates])
-    cost = np.linalg.norm(stands - coming_from, axis=1) + 2 * np.array([c[4] for c in candidates]) + 0.3 * middle
+    cost = np.linalg.norm(stands - coming_from, axis=1) + np.array([c[4] for c in candidates]) + 0.3 * middle
     refused: set[float] = set()
     for k in np.argsort(cost):
         _, behind, base, facing, _ = candidates[k]

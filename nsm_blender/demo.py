@@ -11,6 +11,7 @@ import json
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from nsm_core.errors import NsmError, OutputError
 from . import render, takes
 from .character import add_character
 from .goals import GoalSpec
+from .house import House, build_house
 from .report import goal_line
 from .room import Room, build_room
 
@@ -33,7 +35,7 @@ FPS = 30
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the demo and return the exit code: 0 when the character reached both seats, else 1."""
+    """Run the demo and return the exit code: 0 when the character reached all its goals, else 1."""
     options = _parser().parse_args(arguments)
     try:
         return run(options)
@@ -48,10 +50,11 @@ def run(options: argparse.Namespace) -> int:
     out = Path(options.out).absolute()
     for name in ("demo.blend", "demo.png", "demo.mp4", "demo.json"):
         render.require_writable(out / name, Path(name).suffix)
-    room, character = build_scene(options.second_seat)
+    room, character = build_scene(options.second_seat, options.all_actions)
     scene = bpy.context.scene
-    print(f"Room with {len(room.objects)} objects; {character.name} goes to {' and then to '.join(room.seats)}.", flush=True)
-    goals = [GoalSpec("sit", bpy.data.objects[name], hold=options.hold) for name in room.seats]
+    goals = goals_in(room, options.hold)
+    plan = ", ".join(f"{goal.action} {goal.label}" for goal in goals)
+    print(f"Room with {len(room.objects)} objects; {character.name} is to {plan}.", flush=True)
     spec = takes.TakeSpec(character, goals, name="Demo", start_frame=1, seed=options.seed, contact_ik=not options.no_contact_ik)
     take = _generate(spec, scene)
     scene.frame_start, scene.frame_end = take.keyed.frame_start, take.keyed.frame_end
@@ -71,12 +74,22 @@ def run(options: argparse.Namespace) -> int:
     return 0 if all(goal["reached"] for goal in take.report["goals"]) else 1
 
 
-def build_scene(second_seat: str = "armchair") -> tuple[Room, bpy.types.Object]:
-    """Replace the open file by the demo's room with the character in it; returns room and armature."""
+def goals_in(room: Room, hold: float = 2.0) -> list[GoalSpec]:
+    """What the character does in a room: the goals that come with it, or to sit on each seat for ``hold`` seconds."""
+    if isinstance(room, House):
+        return [replace(goal, hold=hold) if goal.action == "sit" else goal for goal in room.goals]
+    return [GoalSpec("sit", bpy.data.objects[name], hold=hold) for name in room.seats]
+
+
+def build_scene(second_seat: str = "armchair", all_actions: bool = False) -> tuple[Room, bpy.types.Object]:
+    """Replace the open file by the demo's room with the character in it; returns room and armature.
+
+    ``all_actions`` builds two rooms with a door, a box and a podium instead of the room with two seats.
+    """
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     scene.render.fps, scene.render.fps_base = FPS, 1.0
-    room = build_room(second_seat=second_seat)
+    room = build_house() if all_actions else build_room(second_seat=second_seat)
     character = add_character((*room.start, 0.0))
     character.rotation_euler = (0, 0, room.start_heading)
     character.show_in_front = False
@@ -150,7 +163,7 @@ def _light_and_look(scene: bpy.types.Scene, room: Room) -> None:
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     direction = Vector(room.view).normalized()
     camera.data.lens = 32
-    camera.location = Vector((-0.1, 0.1, 0.7)) + direction * 8
+    camera.location = Vector(room.middle) + direction * room.distance
     camera.rotation_euler = direction.to_track_quat("Z", "Y").to_euler()
     sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
     sun.data.energy = 3.0
@@ -174,6 +187,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--hold", type=float, default=2.0, help="seconds to stay on each seat")
     parser.add_argument("--second-seat", default="armchair", choices=("armchair", "bench", "stool", "sofa"))
+    parser.add_argument("--all-actions", action="store_true", help="sit, open a door, carry a box, climb a podium and run")
     parser.add_argument("--no-contact-ik", action="store_true", help="show the network alone")
     parser.add_argument("--tiles", type=int, default=15, help="pictures on the contact sheet")
     parser.add_argument("--no-video", action="store_true")

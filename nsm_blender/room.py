@@ -34,6 +34,10 @@ PALETTE = {
     "Metal": ((0.075, 0.075, 0.08), 0.3),
     "China": ((0.87, 0.87, 0.85), 0.2),
     "Brick Red": ((0.43, 0.07, 0.05), 0.7),
+    "Door": ((0.80, 0.79, 0.75), 0.4),
+    "Brass": ((0.62, 0.42, 0.14), 0.3),
+    "Cardboard": ((0.50, 0.33, 0.18), 0.9),
+    "Tape": ((0.72, 0.58, 0.36), 0.5),
 }
 HALF_WIDTH, HALF_DEPTH, HEIGHT = 3.1, 2.6, 2.5  # metres
 
@@ -47,6 +51,8 @@ class Room:
     start_heading: float
     objects: list[str] = field(default_factory=list)
     view: tuple[float, float, float] = (0.62, -1.0, 0.62)  # from the room towards the camera, past its open sides
+    middle: tuple[float, float, float] = (-0.1, 0.1, 0.7)  # what the camera of the whole room looks at, metres
+    distance: float = 8.0  # of that camera, metres
 
 
 def build_room(seed: int = 7, second_seat: str = "armchair") -> Room:
@@ -56,7 +62,7 @@ def build_room(seed: int = 7, second_seat: str = "armchair") -> Room:
     """
     rng = np.random.default_rng(seed)
     room = Room(seats=["Chair", second_seat.capitalize()], start=(1.75, -1.35), start_heading=np.radians(-55))
-    made = [_floor(rng), *_walls()]
+    made = [floor(rng, (-HALF_WIDTH, -HALF_DEPTH), (HALF_WIDTH, HALF_DEPTH)), *_walls()]
     table = furniture.make("table", rng, width=1.35, depth=0.8, height=0.74, legs="posts")
     made.append(place(table, "Table", (0.1, -0.15), np.radians(8), "Oak", "Oak"))
     chair = furniture.make(
@@ -129,17 +135,17 @@ def _boxes(mins: Array, maxs: Array) -> tuple[Array, list[tuple[int, ...]]]:
     return vertices, [tuple(8 * k + i for i in quad) for k in range(len(mins)) for quad in quads]
 
 
-def _floor(rng: np.random.Generator) -> bpy.types.Object:
-    """Planks in three tones, along X; the surface lies at z = 0."""
+def floor(rng: np.random.Generator, low: tuple[float, float], high: tuple[float, float]) -> bpy.types.Object:
+    """Planks in three tones, along X, between two corners (2,), metres; the surface lies at z = 0."""
     vertices, faces, tones = [], [], []
     width = 0.13
-    for row in range(int(np.ceil(2 * HALF_DEPTH / width))):
-        y0 = -HALF_DEPTH + row * width
-        y1 = min(y0 + width, HALF_DEPTH)
-        x = -HALF_WIDTH - rng.uniform(0, 1.2)
-        while x < HALF_WIDTH:
+    for row in range(int(np.ceil((high[1] - low[1]) / width))):
+        y0 = low[1] + row * width
+        y1 = min(y0 + width, high[1])
+        x = low[0] - rng.uniform(0, 1.2)
+        while x < high[0]:
             end = x + rng.uniform(1.0, 1.8)
-            a, b = max(x, -HALF_WIDTH), min(end, HALF_WIDTH)
+            a, b = max(x, low[0]), min(end, high[0])
             if b > a:
                 faces.append(tuple(range(len(vertices), len(vertices) + 4)))
                 vertices += [(a, y0, 0), (b, y0, 0), (b, y1, 0), (a, y1, 0)]
@@ -151,9 +157,9 @@ def _floor(rng: np.random.Generator) -> bpy.types.Object:
         mesh.materials.append(palette()[name])
     mesh.polygons.foreach_set("material_index", np.array(tones, np.intc))
     mesh.update()
-    floor = _link(bpy.data.objects.new("Floor", mesh))
-    floor["nsm_collider"] = False  # one walks on it
-    return floor
+    made = _link(bpy.data.objects.new("Floor", mesh))
+    made["nsm_collider"] = False  # one walks on it
+    return made
 
 
 def _walls() -> list[bpy.types.Object]:

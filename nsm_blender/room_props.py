@@ -22,20 +22,25 @@ def dress(
 ) -> list[bpy.types.Object]:
     """Put plant, lamp, pictures and rug into the room and small things on table and cabinet; lengths in metres."""
     made = [
-        _rug(materials, (0.1, -0.15), (1.35, 0.95)),
-        _plant(materials, rng, (-half_width + 0.42, half_depth - 0.45)),
-        _lamp(materials, (half_width - 0.5, half_depth - 0.4)),
-        _vase(materials, rng, (0.32, -0.05, table_top)),
-        _bowl(materials, (-0.22, -0.16, table_top)),
-        *_books(materials, rng, (0.0, -0.42, table_top)),
-        _bowl(materials, (-0.75, half_depth - 0.24, cabinet_top)),
-        *_books(materials, rng, (0.0, half_depth - 0.22, cabinet_top)),
+        rug(materials, (0.1, -0.15), (1.35, 0.95)),
+        plant(materials, rng, (-half_width + 0.42, half_depth - 0.45)),
+        lamp(materials, (half_width - 0.5, half_depth - 0.4)),
+        vase(materials, rng, (0.32, -0.05, table_top)),
+        bowl(materials, (-0.22, -0.16, table_top)),
+        *books(materials, rng, (0.0, -0.42, table_top)),
+        bowl(materials, (-0.75, half_depth - 0.24, cabinet_top)),
+        *books(materials, rng, (0.0, half_depth - 0.22, cabinet_top)),
     ]
     for x, z, width, height, tone in PICTURES:
-        made += _picture(materials, x, half_depth, z, width, height, tone)
+        made += picture(materials, x, half_depth, z, width, height, tone)
+    return spare_shadows(made)
+
+
+def spare_shadows(made: list[bpy.types.Object]) -> list[bpy.types.Object]:
+    """Let small things cast no shadows: these are hardly seen, and a fifth of a picture's time without a graphics card."""
     for small in made:
         if small.name.split(".")[0] not in {"Plant", "Lamp"}:
-            small.display.show_shadows = False  # hardly seen, and a fifth of a picture's time without a graphics card
+            small.display.show_shadows = False
     return made
 
 
@@ -81,7 +86,8 @@ def _round(profile: list[tuple[float, float]], tone: int = 0, ring: int = 24, ca
     return loft([(z, 0, 0, r, r, r) for z, r in profile], tone, caps=caps, spacing=0.02, ring=ring)
 
 
-def _rug(materials: Materials, centre: tuple[float, float], half: tuple[float, float]) -> bpy.types.Object:
+def rug(materials: Materials, centre: tuple[float, float], half: tuple[float, float]) -> bpy.types.Object:
+    """An oval rug, its border in another tone; ``half`` its half axes, metres."""
     def oval(scale: float, height: float, tone: int) -> Part:
         a, b = half[0] * scale, half[1] * scale
         return loft([(0.0, 0, 0, a, b, b), (height, 0, 0, a, b, b)], tone, caps=(1e-4, 5e-4), roundness=(6, 6), ring=64)
@@ -89,7 +95,8 @@ def _rug(materials: Materials, centre: tuple[float, float], half: tuple[float, f
     return _object("Rug", [oval(1, 0.004, 0), oval(0.94, 0.005, 1)], [materials["Rug Border"], materials["Rug"]], (*centre, 0))
 
 
-def _plant(materials: Materials, rng: np.random.Generator, place: tuple[float, float]) -> bpy.types.Object:
+def plant(materials: Materials, rng: np.random.Generator, place: tuple[float, float]) -> bpy.types.Object:
+    """A plant with long leaves in a pot, knee-high to hip-high."""
     parts = [_round([(0.002, 0.12), (0.15, 0.155), (0.30, 0.175), (0.33, 0.185)]), _round([(0.325, 0.165), (0.332, 0.165)], 2)]
     for k in range(16):
         turn = k * 2.399 + rng.uniform(-0.2, 0.2)  # the golden angle spreads the leaves
@@ -114,7 +121,8 @@ def _leaf(turn: float, reach: float, rise: float, width: float) -> Part:
     return Part(vertices, faces, 1)
 
 
-def _lamp(materials: Materials, place: tuple[float, float]) -> bpy.types.Object:
+def lamp(materials: Materials, place: tuple[float, float]) -> bpy.types.Object:
+    """A standing lamp with a shade."""
     parts = [
         _round([(0.003, 0.15), (0.022, 0.15)], caps=(0.002, 0.008)),
         _round([(0.02, 0.012), (1.35, 0.012)], ring=12),
@@ -123,7 +131,8 @@ def _lamp(materials: Materials, place: tuple[float, float]) -> bpy.types.Object:
     return _object("Lamp", parts, [materials["Metal"], materials["Lamp Shade"]], (*place, 0))
 
 
-def _vase(materials: Materials, rng: np.random.Generator, place: tuple[float, float, float]) -> bpy.types.Object:
+def vase(materials: Materials, rng: np.random.Generator, place: tuple[float, float, float]) -> bpy.types.Object:
+    """A vase with five flowers."""
     parts = [_round([(0.002, 0.035), (0.05, 0.062), (0.11, 0.055), (0.16, 0.026), (0.19, 0.030)])]
     for k in range(5):
         turn, lean = k * 1.257 + rng.uniform(0, 0.5), rng.uniform(0.02, 0.07)
@@ -133,13 +142,15 @@ def _vase(materials: Materials, rng: np.random.Generator, place: tuple[float, fl
     return _object("Vase", parts, [materials["China"], materials["Leaf"], materials["Brick Red"]], place)
 
 
-def _bowl(materials: Materials, place: tuple[float, float, float]) -> bpy.types.Object:
+def bowl(materials: Materials, place: tuple[float, float, float]) -> bpy.types.Object:
+    """A bowl with three fruits."""
     parts = [_round([(0.002, 0.045), (0.02, 0.085), (0.055, 0.115)], caps=(0.001, -0.035))]
     parts += [ball((x, y, 0.062), 0.034, 1, ring=16) for x, y in ((0.035, 0.02), (-0.035, 0.025), (0.002, -0.042))]
     return _object("Bowl", parts, [materials["China"], materials["Mustard"]], place)
 
 
-def _books(materials: Materials, rng: np.random.Generator, place: tuple[float, float, float]) -> list[bpy.types.Object]:
+def books(materials: Materials, rng: np.random.Generator, place: tuple[float, float, float]) -> list[bpy.types.Object]:
+    """Three books on top of each other."""
     made, z = [], place[2]
     for k, tone in enumerate(("Rug Border", "Brick Red", "China")):
         size = np.array((0.22 - 0.02 * k, 0.15 - 0.015 * k, rng.uniform(0.018, 0.032)))
@@ -151,7 +162,8 @@ def _books(materials: Materials, rng: np.random.Generator, place: tuple[float, f
     return made
 
 
-def _picture(materials: Materials, x: float, wall: float, z: float, width: float, height: float, tone: str) -> list[bpy.types.Object]:
+def picture(materials: Materials, x: float, wall: float, z: float, width: float, height: float, tone: str) -> list[bpy.types.Object]:
+    """A framed picture on a wall at y ``wall`` that is seen from -Y; ``x``, ``z`` its middle, metres."""
     def panel(name: str, inset: float, depth: float, colour: str) -> bpy.types.Object:
         low = (x - width / 2 + inset, wall - depth, z - height / 2 + inset)
         return box(name, low, (x + width / 2 - inset, wall, z + height / 2 - inset), materials[colour])

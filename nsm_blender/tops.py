@@ -101,10 +101,11 @@ def occupy_rectangle(level: Level, centre: Array, size: Array, turn: float) -> N
     level.free &= ~(np.abs(own) <= np.asarray(size) / 2 + CELL).all(-1)
 
 
-def places_near_edge(level: Level, width: float, depth: float, margin: float, reach: float) -> Iterator[tuple[float, float, float]]:
-    """Yield the places of a ``width`` by ``depth`` thing behind the near edge: x of its middle, y of its near face, and the gap between.
+def places_near_edge(level: Level, width: float, depth: float, margin: float, reach: float) -> Iterator[tuple[float, float, float, float]]:
+    """Yield the places of a ``width`` by ``depth`` thing behind the near edge.
 
-    Metres, in the level's axes; the gap, from the edge to the near face, is at least ``margin`` and at most ``reach``.
+    Each is the x of its middle, the y of its near face, the gap between the edge and this face, and the top's width on the
+    narrower side of it; metres, in the level's axes.  The gap is at least ``margin`` and at most ``reach``.
     """
     nx, ny = int(np.ceil(width / CELL)) + 1, int(np.ceil(depth / CELL)) + 1
     if level.top.shape[0] < nx or level.top.shape[1] < ny:
@@ -122,7 +123,10 @@ def places_near_edge(level: Level, width: float, depth: float, margin: float, re
             continue
         gap = (first + int(rows[0]) - edge - 0.5) * CELL
         if gap <= reach:
-            yield float(level.corner[0] + (i + nx / 2) * CELL), float(level.corner[1] + (first + int(rows[0])) * CELL), gap
+            row = first + int(rows[0])
+            across = np.flatnonzero(level.top[:, row + ny // 2])
+            beside = min(i - int(across[0]), int(across[-1]) + 1 - i - nx) * CELL
+            yield float(level.corner[0] + (i + nx / 2) * CELL), float(level.corner[1] + row * CELL), gap, beside
 
 
 def standing_room(level: Level, from_edge: float) -> Array:
