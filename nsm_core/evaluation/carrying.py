@@ -48,7 +48,7 @@ class Trial:
     still: tuple[tuple[Furniture, Array, float], ...]
 
 
-def _crate(rng: np.random.Generator, pool: Pool | None) -> Furniture:
+def make_crate(rng: np.random.Generator, pool: Pool | None) -> Furniture:
     # The footprint is nearly square, so that a place on a table serves from whichever side the box is taken.
     side = rng.uniform(*SIDES)
     size = np.array((side + rng.uniform(-0.02, 0.02), side + rng.uniform(-0.02, 0.02), rng.uniform(*SIDES)))
@@ -58,7 +58,7 @@ def _crate(rng: np.random.Generator, pool: Pool | None) -> Furniture:
     return furniture.make("crate", rng, width=float(size[0]), depth=float(size[1]), height=float(size[2]))
 
 
-def _support(
+def support(
     rng: np.random.Generator, height: object, crate: Furniture, centre: Array, facing: float, pool: Pool | None
 ) -> tuple[float, list[tuple[Furniture, Array, float]]]:
     """A table under a box at ``centre`` (2,) that is reached by one who faces ``facing``: height of its top, and the table."""
@@ -87,18 +87,18 @@ def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = 
     for n in range(settings):
         name, source, destination = SETTINGS[n % len(SETTINGS)]
         rng = np.random.default_rng((SEED, 1, n))
-        crate = _crate(rng, pool)
+        crate = make_crate(rng, pool)
         turn = float(rng.uniform(-np.pi, np.pi))  # where one who lifts the box looks when it stands on a table
-        top, still = _support(rng, source, crate, np.zeros(2), turn, pool)
+        top, still = support(rng, source, crate, np.zeros(2), turn, pool)
         box = np.array((0, 0, top + crate.size[2] / 2, turn))
         # The destination lies behind the one who lifts, so that the way is a turn with the box and free of its table.
         way = turn + np.pi + float(rng.uniform(-0.7, 0.7))
         facing = way + float(rng.uniform(-0.5, 0.5))
         place = rng.uniform(2.4, 3.0) * heading_to_direction(np.array(way))
-        top, more = _support(rng, destination, crate, place, facing, pool)
+        top, more = support(rng, destination, crate, place, facing, pool)
         goal = np.array((*place, top + crate.size[2] / 2, facing))
         still = tuple(still + more)
-        free = rollout.clear_of(furniture.cuboids(still), [_box(crate, box)])
+        free = rollout.clear_of(furniture.cuboids(still), [box_at(crate, box)])
         rng = np.random.default_rng((SEED, 2, n))
         for _ in range(starts):
             start, heading = rollout.start_about(rng, np.zeros(2), free)
@@ -106,14 +106,14 @@ def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = 
     return result
 
 
-def _box(crate: Furniture, pose: Array) -> Box:
+def box_at(crate: Furniture, pose: Array) -> Box:
     """The crate as a box whose centre is at ``pose``."""
     return carried_box(crate, pose - np.append(rotate_planar(crate.centre, np.float64(pose[3])), 0.0))
 
 
 def request(trial: Trial, hold: float = 1.0, **more: object) -> TakeRequest:
     """Set up one trial's take."""
-    goal = Goal("carry", "Box", trial.goal[:3], trial.facing, hold, prop=_box(trial.crate, trial.box))
+    goal = Goal("carry", "Box", trial.goal[:3], trial.facing, hold, prop=box_at(trial.crate, trial.box))
     return TakeRequest(trial.start, trial.heading, [goal], furniture.cuboids(trial.still), **more)  # type: ignore[arg-type]
 
 

@@ -65,33 +65,30 @@ def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = 
     return result
 
 
-def way_over(trial: Trial) -> tuple[int, Array, float]:
-    """From which side it is climbed (quarter turns of the piece), where one stands at the end (3,), and the heading there.
+def climb_goal(piece: Furniture, place: Array, turn: float, coming_from: Array, hold: float = 1.0) -> Goal:
+    """The goal to climb ``piece``, which stands at ``place`` (2,) with heading ``turn``, for one who comes from ``coming_from`` (2,).
 
-    A step is climbed from the side nearest to the start, a low wall across, as in Blender.
+    A step is climbed from the side nearest to the start, a low wall across; the sensor looks at it from that side, as in Blender.
     """
-    half = trial.piece.size[:2] / 2
-    local = rotate_planar(trial.start, np.float64(-trial.turn))
-    wall = trial.piece.kind == "low_wall"
+    half = piece.size[:2] / 2
+    local = rotate_planar(np.asarray(coming_from, dtype=np.float64)[:2] - place, np.float64(-turn))
+    wall = piece.kind == "low_wall"
     outside = [-local[1] - half[1], local[0] - half[0], local[1] - half[1], -local[0] - half[0]]
     quarter = max((0, 2) if wall else range(4), key=lambda q: outside[q])
-    heading = trial.turn + quarter * np.pi / 2 + np.pi
-    place = np.zeros(3)
+    heading = turn + quarter * np.pi / 2 + np.pi
+    stand = np.append(place, 0.0 if wall else piece.size[2]).astype(np.float64)
     if wall:
-        place[:2] = (half[1] + BEHIND) * heading_to_direction(np.array(heading))
-    else:
-        place[2] = trial.piece.size[2]
-    return quarter, place, float(heading)
+        stand[:2] += (half[1] + BEHIND) * heading_to_direction(np.array(heading))
+    size = piece.size[[1, 0, 2]] if quarter % 2 else piece.size
+    centre = np.append(place + rotate_planar(piece.centre[:2], np.float64(turn)), piece.centre[2])
+    volume = interaction_sensor(furniture.cuboids([(piece, place, turn)]), centre, size, heading + np.pi)
+    return Goal("climb", piece.kind, stand, float(heading), hold, volume)
 
 
 def request(trial: Trial, hold: float = 1.0, **more: object) -> TakeRequest:
-    """Set up one trial's take; the sensor looks at the piece from the side that is climbed."""
+    """Set up one trial's take."""
     query = furniture.cuboids([(trial.piece, np.zeros(2), trial.turn)])
-    quarter, place, heading = way_over(trial)
-    size = trial.piece.size[[1, 0, 2]] if quarter % 2 else trial.piece.size
-    centre = np.append(rotate_planar(trial.piece.centre[:2], np.float64(trial.turn)), trial.piece.centre[2])
-    volume = interaction_sensor(query, centre, size, heading + np.pi)
-    goal = Goal("climb", trial.piece.kind, place, heading, hold, volume)
+    goal = climb_goal(trial.piece, np.zeros(2), trial.turn, trial.start, hold)
     return TakeRequest(trial.start, trial.heading, [goal], query, **more)  # type: ignore[arg-type]
 
 

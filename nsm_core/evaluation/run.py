@@ -7,6 +7,7 @@ import json
 import math
 import multiprocessing
 import os
+import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -14,13 +15,16 @@ from pathlib import Path
 from typing import Any
 
 from ..control.stepping import Blending
+from ..conventions import STYLES
 from ..dataset.pool import Pool
 from ..errors import OutputError
 from ..features import INPUT
 from ..inference import Model, load_model
 from ..rotations import Array
+from . import stress
+from .baseline import slide_of_data
 from .parts import ABLATIONS, PARTS, Figures, Row, travel_rows
-from .rollout import Report
+from .rollout import Report, slides
 
 _model: Model | None = None
 
@@ -63,6 +67,27 @@ def _one(job: tuple[str, str | None, Any]) -> Report:
         return {"failed": 1.0, "reached": 0.0, "error": f"{type(error).__name__}: {error}"}  # type: ignore[dict-item]
 
 
+def _stress(seed: int) -> stress.Outcome:
+    assert _model is not None
+    return stress.run_seed(_model, seed)
+
+
+def run_stress(weights: str | None, seconds: float, workers: int, quiet: bool = False) -> dict[str, Any]:
+    """Roll random goals out until ``seconds`` of motion are there; see ``stress.summarise``."""
+    outcomes: list[stress.Outcome] = []
+    with pool_of_workers(weights, workers) as processes:
+        # In batches, so that it ends soon after there is enough.
+        while sum(o.seconds for o in outcomes) < seconds and len(outcomes) < 100 + seconds:
+            first = len(outcomes)
+            for outcome in processes.map(_stress, range(first, first + 4 * workers)):
+                outcomes.append(outcome)
+                if not quiet:
+                    print(f"\r{sum(o.seconds for o in outcomes):.0f} of {seconds:.0f} s of random goals", end="", flush=True)
+    if not quiet:
+        print()
+    return stress.summarise(outcomes)
+
+
 def pool_of_workers(weights: str | None, workers: int) -> ProcessPoolExecutor:
     """Processes that each hold the network."""
     # One thread a process: the matrices of one character are too small to share.
@@ -81,6 +106,8 @@ def evaluate(
     quiet: bool = False,
 ) -> dict[str, Any]:
     """Run the trials of the parts ``only``: summaries by part (and "part, ablation"), every trial's figures under ``trials``."""
+    if not only:
+        return {"trials": []}
     pool = Pool.load(assets).held_back() if assets else None
     jobs: list[tuple[str, str | None, Any]] = []
     for name in only:
@@ -113,11 +140,15 @@ def tables(result: dict[str, Any]) -> str:
         if name not in result:
             continue
         summary = Figures(result[name])
-        rows = part.rows(summary) + (travel_rows(summary) if part.travels else [])
+        own = (result.get("data") or {}).get(_SLIDE_OF.get(name, name))
+        rows = part.rows(summary) + (travel_rows(summary, own) if part.travels else [])
         for ablation in ABLATIONS:
             rows += _ablation_rows(name, ablation, Figures(result.get(f"{name}, {ablation}", {})))
         lines += ["", f"| {summary['trials']:.0f} trials: {part.title} | ours | paper | aim |", "|---|---|---|---|"]
         lines += ["| " + " | ".join(r) + " |" for r in rows]
+    lines += ["", _slides(result)]
+    if "stress" in result:
+        lines += ["", stress.table(result["stress"])]
     messages: dict[str, int] = {}
     for trial in result.get("trials", ()):
         if trial.get("error"):
@@ -125,6 +156,23 @@ def tables(result: dict[str, Any]) -> str:
             messages[key] = messages.get(key, 0) + 1
     lines += ["", *(f"broke off {count} x {message}" for message, count in messages.items())] if messages else []
     return "\n".join(lines).strip("\n")
+
+
+_SLIDE_OF = {"table": "sit", "travel": "walk", "interrupt": "all"}  # which action of the data a part is compared with
+
+
+def _slides(result: dict[str, Any]) -> str:
+    """Foot slide by action over all trials of all parts, and the training data's own where it is known."""
+    trials = [t for t in result.get("trials", ()) if not t["ablation"]]
+    ours, data = slides(trials), result.get("data") or {}
+    if not ours and not data:
+        return ""
+    lines = ["| foot sliding cm/s, by action | ours | training data | aim |", "|---|---|---|---|"]
+    for name in (*STYLES, "all"):
+        if name in ours or name in data:
+            own, base = (f"{v:.1f}" if v is not None else "" for v in (ours.get(name), data.get(name)))
+            lines.append(f"| {name} | {own} | {base} | {f'{data[name] + 2:.1f}' if name in data else 'data + 2'} |")
+    return "\n".join(lines)
 
 
 # The paper's table of ablations (PE cm, RE deg); its sensor ablations are networks trained without the sensor.
@@ -174,18 +222,34 @@ def main(arguments: list[str]) -> int:
     """Entry of ``dev.py evaluate``."""
     parser = argparse.ArgumentParser(prog="evaluate", description="Measure the network on fixed trials.")
     parser.add_argument("--weights", default=None, help="weights file (default: the shipped one)")
-    parser.add_argument("--only", default=",".join(PARTS), help="parts to run, with commas: " + ", ".join(PARTS))
+    parser.add_argument("--only", default=",".join(PARTS), help="parts to run, with commas, or none: " + ", ".join(PARTS))
     parser.add_argument("--starts", type=int, default=10, help="starts for each object")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--assets", default=None, help="folder of meshes whose held-back part serves as seats, tables and boxes")
+    parser.add_argument("--stress", type=float, default=0.0, metavar="SECONDS", help="also roll out so much motion of random goals")
+    parser.add_argument("--data", default=None, help="folder of composed data whose own foot slide is printed beside ours")
+    parser.add_argument("--sheets", default=None, help="only draw contact sheets of every part's first trials into this folder")
     parser.add_argument("--no-ablation", action="store_true", help="skip the runs without parts of the method")
     parser.add_argument("--out", default="out/evaluation.json")
     a = parser.parse_args(arguments)
-    only = [name.strip() for name in a.only.split(",") if name.strip()]
+    only = [name.strip() for name in a.only.split(",") if name.strip() not in ("", "none")]
     unknown = [name for name in only if name not in PARTS]
     if unknown:
         parser.error(f"there is no part {', '.join(unknown)}; choose from {', '.join(PARTS)}")
+    if a.sheets:
+        from .sheets import draw  # needs matplotlib
+
+        draw(load_model(a.weights, backend="numpy"), a.sheets, only, Pool.load(a.assets).held_back() if a.assets else None)
+        return 0
     result = evaluate(a.weights, only, a.starts, a.workers, not a.no_ablation, a.assets)
+    if a.data:
+        result["data"] = slide_of_data(a.data)
+    if a.stress:
+        result["stress"] = run_stress(a.weights, a.stress, a.workers)
     print(tables(result))
     write(result, Path(a.out))
     return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -91,22 +91,27 @@ def trials_at_tables(starts: int = 10, settings: int = len(AT_TABLE), pool: Pool
     return result
 
 
+def sit_goal(piece: furniture.Furniture, place: Array, turn: float, known: bool = False, hold: float = 1.0) -> Goal:
+    """The goal to sit on ``piece``, which stands at ``place`` (2,) with heading ``turn``; ``known`` as in ``Trial``."""
+    angle = np.float64(turn)
+    seat = piece.seat if known and piece.seat is not None else find_seat(piece.vertices, piece.triangles)
+    centre = np.append(place + rotate_planar(piece.centre[:2], angle), piece.centre[2])
+    volume = interaction_sensor(furniture.cuboids([(piece, place, turn)]), centre, piece.size, turn)
+    hips = np.append(place + rotate_planar(seat.point[:2], angle), seat.point[2] + HIP_OVER_SEAT)
+    return Goal("sit", piece.kind, hips, seat.heading + turn, hold, volume)
+
+
 def request(
     trial: Trial, hold: float = 1.0, contact_ik: bool = True, place: Array | None = None, turn: float = 0.0, **more: object
 ) -> TakeRequest:
     """Set up one trial's take, the whole scene moved to ``place`` (2,) and turned by ``turn`` radians."""
-    piece = trial.piece
     place = np.zeros(2) if place is None else place
     angle = np.float64(turn)
-    seat = piece.seat if trial.known and piece.seat is not None else find_seat(piece.vertices, piece.triangles)
-    own = furniture.cuboids([(piece, place, turn)])
     others = [(f, place + rotate_planar(np.asarray(at)[:2], angle), heading + turn) for f, at, heading in trial.others]
-    centre = np.append(place + rotate_planar(piece.centre[:2], angle), piece.centre[2])
-    volume = interaction_sensor(own, centre, piece.size, turn)
-    hips = np.append(place + rotate_planar(seat.point[:2], angle), seat.point[2] + HIP_OVER_SEAT)
-    goal = Goal("sit", piece.kind, hips, seat.heading + turn, hold, volume)
-    query = furniture.cuboids([(piece, place, turn), *others]) if others else own
-    return TakeRequest(place + rotate_planar(trial.start, angle), trial.heading + turn, [goal], query, contact_ik=contact_ik, **more)  # type: ignore[arg-type]
+    query = furniture.cuboids([(trial.piece, place, turn), *others])
+    goal = sit_goal(trial.piece, place, turn, trial.known, hold)
+    start = place + rotate_planar(trial.start, angle)
+    return TakeRequest(start, trial.heading + turn, [goal], query, contact_ik=contact_ik, **more)  # type: ignore[arg-type]
 
 
 def run_trial(model: Model, trial: Trial, **more: object) -> tuple[TakeResult, Report]:
