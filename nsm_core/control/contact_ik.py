@@ -6,9 +6,11 @@ import numpy as np
 
 from ..conventions import FOOT_CONTACTS, FPS, HIP_CONTACT
 from ..limbs import chain_frames, leg_reach, mul, place_limbs, rotate
-from ..rotations import Array, heading_quat, wrap_angle
+from ..rotations import Array, heading_quat, heading_to_direction, wrap_angle
 from ..skeleton import ANKLE_HEIGHT, FEET, OFFSETS, TOE_HEIGHT
 from .foot_lock import LEGS, TOE_OFFSET, detect_foot_contacts, foot_heading, lock_feet, smooth_step, sole_depth
+from .footing import Footing
+from .terrain import Terrain
 
 __all__ = ["ContactIK", "detect_foot_contacts", "lock_feet"]
 
@@ -22,6 +24,10 @@ NEXT_SEAT = 0.05  # metres between goals of one and the same seat
 CLEARANCE, SLOW_FOOT, FAST_FOOT, LIFT_UP, LIFT_DOWN, LIFT_EASE = 0.028, 0.15, 0.5, 0.5, 0.35, 0.45
 MAX_DRAW, MAX_DRAW_TURN, HIP_PLAY, HIP_PLAY_TURN = 0.3, np.radians(45), 0.01, np.radians(1)
 PELVIS_SPEED_DOWN, PELVIS_SPEED_UP, SETTLE_SPEED, MAX_PELVIS_DROP = 0.5, 0.25, 0.15, 0.08
+SETTLE = 0.015  # metres by which a foot that stands is raised or lowered onto the floor
+# The same on top of things, where a network knows the height less well; the rise of a foot over an edge and of one that has
+# gone into a step (m/s); the drop of the pelvis per metre between the feet.
+HIGH_TOE, HIGH_SETTLE, HIGH_SETTLE_SPEED, EDGE_UP, EDGE_DOWN, EDGE_EASE, STEP_DROP = 0.14, 0.1, 0.4, 2.2, 1.0, 0.6, 0.3
 _HIP_OFFSETS = OFFSETS[[leg[0] for leg in LEGS]].astype(np.float64)
 
 
@@ -43,20 +49,27 @@ class _Foot:
             self.left, self.left_turn, self.fading = self.shift.copy(), self.turn, 0.0
         self.locked, self.hold = False, 0.0
 
-    def update(self, toe: Array, ankle_height: float, heading: float, label: float, dt: float) -> None:
-        """Choose ``shift``, ``turn`` and ``lift`` for a pose whose toe joint is at ``toe`` (3,), the foot turned to ``heading``."""
+    def update(
+        self, toe: Array, ankle_height: float, heading: float, label: float, dt: float, high: bool = False, over: float = -np.inf
+    ) -> None:
+        """Choose ``shift``, ``turn`` and ``lift`` for a pose whose toe joint is at ``toe`` (3,), the foot turned to ``heading``.
+
+        Heights are over the ground under the foot; ``high`` tells that this is not the floor, ``over`` by how much a
+        swinging foot must be raised to clear an edge, metres.
+        """
+        low, play, speed = (HIGH_TOE, HIGH_SETTLE, HIGH_SETTLE_SPEED) if high else (LOW_TOE, SETTLE, SETTLE_SPEED)
         if label < UNLOCK:
             self.refused = False
         glide = 0.0 if self.came is None else float(np.hypot(*(toe[:2] - self.came))) / dt
         self.came = toe[:2].copy()
-        if self.locked and (label < UNLOCK or toe[2] > LOW_TOE or (glide > TORN and label < SURE)):
+        if self.locked and (label < UNLOCK or toe[2] > low or (glide > TORN and label < SURE)):
             self.release()
         if not self.locked:
             self.fading = min(1.0, self.fading + dt / RELEASE_TIME)
             rest = 1 - float(smooth_step(self.fading))
             self.shift, self.turn = self.left * rest, self.left_turn * rest
             self.refused = self.refused and rest > 0
-            if label > LOCK and toe[2] < LOW_TOE and not self.refused and (glide < GLIDING or label > SURE):
+            if label > LOCK and toe[2] < low and not self.refused and (glide < GLIDING or label > SURE):
                 self.locked = True
                 self.anchor, self.anchor_heading = toe[:2] + self.shift[:2], heading + self.turn
         if self.locked:
@@ -71,11 +84,11 @@ class _Foot:
             self.turn = float(np.clip(turn, -MAX_PIVOT, MAX_PIVOT))  # past that the foot pivots on its ball
             self.anchor_heading += self.turn - turn
             self.shift[:2] = self.anchor - toe[:2]
-            settle = float(np.clip(TOE_HEIGHT - toe[2], -0.015, 0.015))
-            self.shift[2] += float(np.clip(settle - self.shift[2], -SETTLE_SPEED * dt, SETTLE_SPEED * dt))
-        self._clear_the_floor(toe, ankle_height, dt)
+            settle = float(np.clip(TOE_HEIGHT - toe[2], -play, play))
+            self.shift[2] += float(np.clip(settle - self.shift[2], -speed * dt, speed * dt))
+        self._clear_the_floor(toe, ankle_height, dt, over)
 
-    def _clear_the_floor(self, toe: Array, ankle_height: float, dt: float) -> None:
+    def _clear_the_floor(self, toe: Array, ankle_height: float, dt: float, over: float) -> None:
         """Raise a foot that swings low: the network's mean of many steps drags it where a body would lift it."""
         now = toe[:2] + self.shift[:2]
         speed = 0.0 if self.before is None else float(np.hypot(*(now - self.before))) / dt
@@ -84,8 +97,9 @@ class _Foot:
         if not self.locked:
             share = float(smooth_step(np.clip((speed - SLOW_FOOT) / (FAST_FOOT - SLOW_FOOT), 0, 1)))
             low = max(TOE_HEIGHT - toe[2], ANKLE_HEIGHT - ankle_height)
-            wanted = share * max(0.0, CLEARANCE + low - self.shift[2])
-        self.lift += float(np.clip(LIFT_EASE * (wanted - self.lift), -LIFT_DOWN * dt, LIFT_UP * dt))
+            wanted = share * max(0.0, CLEARANCE + low - self.shift[2], over - self.shift[2])
+        up, down, ease = (EDGE_UP, EDGE_DOWN, EDGE_EASE) if max(over, self.lift) > 2 * CLEARANCE else (LIFT_UP, LIFT_DOWN, LIFT_EASE)
+        self.lift += float(np.clip(ease * (wanted - self.lift), -down * dt, up * dt))
         self.lift = 0.0 if self.lift < 1e-5 else self.lift
 
 
@@ -98,13 +112,15 @@ class ContactIK:
     used for display alone: the corrections are kept as offsets from the pose that comes in.
     """
 
-    def __init__(self, fps: float = FPS) -> None:
-        self.dt = 1.0 / fps
+    def __init__(self, fps: float = FPS, terrain: Terrain | None = None) -> None:
+        """``terrain`` is what feet may stand on besides the floor."""
+        self.dt, self.terrain = 1.0 / fps, terrain
         self.reset()
 
     def reset(self) -> None:
         """Forget all locks, as for a new take or after a jump of the character."""
         self._feet = (_Foot(), _Foot())
+        self._footing, self._out = Footing(self.terrain), np.zeros(2)
         self._drop = 0.0
         self._seated, self._draw = False, 0.0
         self._goal: tuple[Array, float] | None = None
@@ -132,8 +148,12 @@ class ContactIK:
         toes, feet = self._feet_of(starts, parents, local)
         foot_headings = foot_heading(feet)
         ankle_heights = (toes - rotate(feet, TOE_OFFSET))[:, 2]
+        ground = self._look(toes, foot_headings, ankle_heights)
         for side, foot in enumerate(self._feet):
-            foot.update(toes[side], float(ankle_heights[side]), float(foot_headings[side]), float(contacts[FOOT_CONTACTS[side]]), self.dt)
+            over, high = float(self._footing.over[side]), ground[side] > 0
+            seen = toes[side] - (0, 0, ground[side])
+            label, ankle = float(contacts[FOOT_CONTACTS[side]]), float(ankle_heights[side] - ground[side])
+            foot.update(seen, ankle, float(foot_headings[side]), label, self.dt, high, over)
         self._draw_hips(hips, local, float(contacts[HIP_CONTACT]), hip_goal, heading)
         turn = np.array([foot.turn for foot in self._feet])
         if turn.any():
@@ -141,7 +161,7 @@ class ContactIK:
         raised = np.array([foot.lift for foot in self._feet])
         toes = toes + np.stack([foot.shift for foot in self._feet])
         toes[:, 2] += raised
-        lift = sole_depth(toes, feet)
+        lift = self._out_of_ground(toes, feet, ground)
         toes[:, 2] += lift
         targets = toes - rotate(feet, TOE_OFFSET)
         starts = hips + rotate(local[0], _HIP_OFFSETS)
@@ -162,6 +182,28 @@ class ContactIK:
             rotation = mul(rotation, local[[leg[k] for leg in FEET]])
             position = position + rotate(rotation, OFFSETS[FEET[0][k + 1]].astype(np.float64))
         return position, rotation
+
+    def _look(self, toes: Array, headings: Array, ankle_heights: Array) -> Array:
+        """Heights (2,) of the ground under the feet; feet that stand against a riser are brought back from it."""
+        footing = self._footing
+        if not footing.terrain:
+            return footing.ground
+        shifts = np.stack([foot.shift for foot in self._feet])
+        raised = shifts[:, 2] + [foot.lift for foot in self._feet]
+        footing.look(toes + shifts * (1, 1, 0), headings, ankle_heights, raised, self.locked, self.dt)
+        for side, foot in enumerate(self._feet):
+            if foot.locked and foot.hold < 1:
+                back = footing.back_off(side, foot.anchor, foot.anchor_heading)
+                foot.anchor -= min(back, 0.02) * heading_to_direction(np.array(foot.anchor_heading))
+        return footing.ground
+
+    def _out_of_ground(self, toes: Array, feet: Array, ground: Array) -> Array:
+        """Metres (2,) by which feet must be raised out of the ground: at once out of the floor, swiftly out of a step."""
+        if not self._footing.terrain:
+            return sole_depth(toes, feet)
+        deep = sole_depth(toes, feet, ground, self._footing.heel)
+        self._out += np.clip(deep - self._out, -EDGE_DOWN * self.dt, EDGE_UP * self.dt)
+        return np.maximum(sole_depth(toes, feet), np.minimum(self._out, np.maximum(deep, 0)))
 
     def _draw_hips(self, hips: Array, local: Array, label: float, goal: tuple[Array, float] | None, heading: float | None) -> None:
         """Move ``hips`` and turn ``local[0]`` in place toward the goal by the weight reached so far."""
@@ -189,16 +231,16 @@ class ContactIK:
         """Bring ``hips`` down in place, slowly and a little, where a locked foot is out of reach; let go what stays out."""
         away = starts - targets
         reach = leg_reach()
-        need = 0.0
+        need, most = 0.0, MAX_PELVIS_DROP + STEP_DROP * abs(float(np.diff(self._footing.ground)[0]))
         for foot, (x, y, z) in zip(self._feet, away, strict=True):
             if not foot.locked:
                 continue
             down = z - np.sqrt(max(reach * reach - x * x - y * y, 0.0))
-            if np.sqrt(x * x + y * y + (z - MAX_PELVIS_DROP) ** 2) > reach + MAX_SHORTFALL:
+            if np.sqrt(x * x + y * y + (z - most) ** 2) > reach + MAX_SHORTFALL:
                 foot.refused = True  # the foot goes home before it may hold again
                 foot.release()
             elif np.abs(foot.shift).max() > 0.003:  # a leg that is straight of itself needs no help
-                need = max(need, min(down, MAX_PELVIS_DROP))
+                need = max(need, min(down, most))
         step = float(np.clip(need - self._drop, -PELVIS_SPEED_UP * self.dt, PELVIS_SPEED_DOWN * self.dt))
         self._drop = max(0.0, self._drop + step) if self._drop + step > 1e-5 else 0.0
         hips[2] -= self._drop

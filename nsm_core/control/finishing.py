@@ -14,15 +14,16 @@ from .hands import HandClearance
 from .reaching import Pose
 from .scene import Scene
 from .stages import Grasp
+from .terrain import Terrain
 from .trunk import TrunkClearance
 
 
 class Finishing:
     """Corrects one character's poses, one call a frame; with ``ik`` False only props move."""
 
-    def __init__(self, scene: Scene, ik: bool = True) -> None:
+    def __init__(self, scene: Scene, ik: bool = True, terrain: Terrain | None = None) -> None:
         self.scene, self.ik = scene, ik
-        self._contact = ContactIK()
+        self._contact = ContactIK(terrain=terrain)
         self._trunk, self._hands = TrunkClearance(scene.environment), HandClearance(scene.environment)
 
     def apply(self, hips: Array, rotations: Array, moment: Moment, goal: Goal | None, grasps: Sequence[Grasp]) -> tuple[Array, Array]:

@@ -97,10 +97,14 @@ def _press_down(toe_height: Array, feet: Array, on: Array, height: float, fade: 
     return mul(feet, quat_from_axis_angle(np.array((1.0, 0.0, 0.0)), -pitch))
 
 
-def sole_depth(toes: Array, feet: Array) -> Array:
-    """How far (...) feet reach under the floor, metres, at least 0: toe joints (..., 3) world, ankle rotations (..., 4) world."""
+def sole_depth(toes: Array, feet: Array, ground: Array | float = 0.0, heel_ground: Array | float | None = None) -> Array:
+    """How far (...) feet reach under the ground, metres, at least 0: toe joints (..., 3) world, ankle rotations (..., 4) world.
+
+    ``ground`` is its height (...) under the foot, ``heel_ground`` that under the heel where it differs.
+    """
     heel = rotate(feet, _HEEL_FROM_TOE)[..., 2]
-    return np.maximum(0, np.maximum(TOE_CLEARANCE - toes[..., 2], -(toes[..., 2] + heel)))
+    under = ground if heel_ground is None else heel_ground
+    return np.maximum(0, np.maximum(TOE_CLEARANCE - (toes[..., 2] - ground), -(toes[..., 2] - under + heel)))
 
 
 def _corrections(toe: Array, heading: Array, ankle_height: Array, on: Array, place: str, fade: int) -> tuple[Array, Array]:

@@ -28,6 +28,7 @@ from .planning import FloorPlan
 from .props import Box, Prop
 from .scene import Scene
 from .stepping import Blending, advance
+from .terrain import Terrain, around, merged
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
 _LEGS = tuple(leg[:3] for leg in FEET)
@@ -97,7 +98,8 @@ class TakeRunner:
         self.plan = FloorPlan(request.environment, (places.min(0) - _MARGIN, places.max(0) + _MARGIN))
         check_reachable(goals, self.plan, root[:2])
         self.director = Director(goals, self.plan, root, rng, request.time_limit, self.scene, request.contact_ik)
-        self._finishing = Finishing(self.scene, request.contact_ik)
+        self.terrain = ground_of(goals, request.environment)
+        self._finishing = Finishing(self.scene, request.contact_ik, self.terrain)
         self._ms = dict.fromkeys(STAGES, 0.0)
         self._frames: list[tuple[Array, ...]] = []
         self._poses: dict[str, list[Array]] = {name: [] for name in self.props}
@@ -224,6 +226,12 @@ def own_props(goals: list[Goal]) -> tuple[list[Goal], dict[str, Prop]]:
             props[goal.prop.name] = copy(goal.prop)
             props[goal.prop.name].pose = goal.prop.pose.copy()
     return [g if g.prop is None else replace(g, prop=props[g.prop.name]) for g in goals], props
+
+
+def ground_of(goals: list[Goal], environment: DistanceQuery) -> Terrain:
+    """The ground that climbs of these goals lead onto, as given or felt in the scene."""
+    climbs = [g for g in goals if g.action == "climb"]
+    return merged(g.terrain or Terrain.probe(environment, g.interaction or around(g.position)) for g in climbs)
 
 
 def _errors(place: Array | None, facing: float, axes: int, position: Array, heading: float) -> tuple[float, float]:

@@ -82,6 +82,12 @@ def merged(terrains: Iterable[Terrain | None]) -> Terrain:
     return Terrain(m for t in terrains if t is not None for m in t.maps)
 
 
+def around(place: Array, size: float = 1.6) -> InteractionVolume:
+    """The volume (without a reading) in which to feel for the ground under a ``place`` (3,) to stand on, metres."""
+    height = max(float(place[2]), 0.0) + 0.05
+    return InteractionVolume(np.array((*place[:2], height / 2)), np.array((size, size, height)), 0.0, np.zeros(0, np.float32))
+
+
 def edge_before(volume: InteractionVolume, place: Array, heading: float) -> float:
     """Metres from ``place`` (2,) back against ``heading`` to where the object's footprint begins for one who comes that way."""
     back = rotate_planar(-heading_to_direction(np.array(heading)), np.float64(-volume.heading))
@@ -95,4 +101,4 @@ def edge_before(volume: InteractionVolume, place: Array, heading: float) -> floa
     return max(0.0, float(np.abs(back) @ half - start @ back))  # it lies beside: as far as the footprint reaches that way
 
 
-__all__ = ["HeightMap", "Terrain", "edge_before", "merged"]
+__all__ = ["HeightMap", "Terrain", "around", "edge_before", "merged"]

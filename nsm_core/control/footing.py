@@ -1,0 +1,63 @@
+"""What feet stand on and swing over where the ground is not flat: steps and low walls."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..rotations import Array, heading_to_direction
+from ..skeleton import ANKLE_HEIGHT, TOE_HEIGHT
+from .terrain import Terrain
+
+TIP, MIDDLE, HEEL = 0.075, -0.08, -0.17  # metres from the toe joint along the foot
+# A foot stands on the highest ground under it that is not further than this over its sole, metres; else it stands beside it.
+STEP_IN = 0.12
+AHEAD = 0.16  # seconds that a swinging foot looks ahead
+CLEAR = 0.02  # metres over an edge
+_TOUCHING = 0.04  # metres over the ground that a tip meets before it is against a riser
+_BACK = np.arange(0.02, 0.13, 0.02)
+
+
+class Footing:
+    """The ground under two feet; without terrain it is flat and costs nothing."""
+
+    def __init__(self, terrain: Terrain | None = None) -> None:
+        self.terrain = terrain or Terrain()
+        self.ground = np.zeros(2)  # height of what each foot stands on, or would
+        self.heel = np.zeros(2)  # the same under its heel, where that is lower
+        self.over = np.full(2, -np.inf)  # by how much a swinging foot must be raised to clear an edge
+        self._before: Array | None = None
+
+    def look(self, toes: Array, headings: Array, ankle_heights: Array, raised: Array, locked: tuple[bool, bool], dt: float) -> None:
+        """See what is under feet whose toe joints come in at ``toes`` (2, 3), world, the floor plan corrected.
+
+        ``headings`` (2,), ``ankle_heights`` (2,) as they come in; ``raised`` (2,) metres by which they are corrected so far; a
+        ``locked`` foot keeps its ground.
+        """
+        if not self.terrain:
+            return
+        ahead = heading_to_direction(headings)
+        ball = toes[:, :2]
+        pace = np.zeros((2, 2)) if self._before is None else (ball - self._before) / dt
+        self._before = ball.copy()
+        places = [ball, ball + MIDDLE * ahead, ball + HEEL * ahead, ball + TIP * ahead]
+        places += [places[k] + share * AHEAD * pace for k in (0, 3) for share in (0.5, 1.0)]
+        heights = self.terrain.height(np.concatenate(places)).reshape(len(places), 2)
+        for side in (0, 1):
+            h, sole = heights[:, side], toes[side, 2] - TOE_HEIGHT
+            if not locked[side]:
+                below = h[:3][h[:3] < sole + raised[side] + STEP_IN]
+                self.ground[side] = below.max() if len(below) else h[:3].min()
+            self.heel[side] = min(self.ground[side], h[2])
+            edge = h.max() > self.ground[side] + _TOUCHING or h.max() > min(h) + _TOUCHING
+            front, rear = max(h[0], h[3:].max()) - sole, h[2] - (ankle_heights[side] - ANKLE_HEIGHT)
+            self.over[side] = max(front, rear) + CLEAR if edge else -np.inf
+
+    def back_off(self, side: int, toe: Array, heading: float) -> float:
+        """Metres by which a foot that stands at ``toe`` (2,) must come back so that its tip is not in a riser."""
+        if not self.terrain:
+            return 0.0
+        ahead = heading_to_direction(np.array(heading))
+        limit = self.ground[side] + _TOUCHING
+        shifts = np.concatenate(((0.0,), _BACK))
+        free = self.terrain.height(toe + (TIP - shifts)[:, None] * ahead) < limit
+        return float(shifts[np.argmax(free)]) if free.any() else 0.0
