@@ -60,7 +60,7 @@ class Carry:
         for spot, resting in ((self.taken, n < self.taken.bend.start), (self.put, n >= self.put.bend.end)):
             bent = (n >= spot.bend.start) & (n < spot.bend.end)
             close = (n > spot.bend.start - 45) & (n < spot.bend.end + 45)
-            margin = np.where(close, 0.1, 0.2)
+            margin = np.where(close, 0.15, 0.22)
             half = np.array(self.box.across(self.face)) / 2
             if (_inside(roots, spot.centre[:2], spot.facing, -half, half, margin) & resting & ~bent).any():
                 return False
@@ -155,7 +155,7 @@ def _walk(session: Session, low: float, high: float, support: Support | None, bo
         walked = np.array(session.tape.roots)
         if np.linalg.norm(walked - centre, axis=1).min() < size or any(np.linalg.norm(p - centre) < r + size for p, r in _taken(session)):
             continue
-        if avoid is not None and np.linalg.norm(centre - avoid.centre[:2]) < size + (0.6 if avoid.support is None else avoid.support.radius + 0.6):
+        if avoid is not None and np.linalg.norm(centre - avoid.centre[:2]) < size + 0.6 + (avoid.support.radius if avoid.support else 0):
             continue
         return session.follow(_way(session, target, heading, support, box_ahead, speed))
     return False

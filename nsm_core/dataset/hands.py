@@ -61,7 +61,8 @@ def place_hands(hips: Array, rotations: Array, grips: Array, progress: Array, fa
     away = grips - positions[:, _SHOULDERS]
     ahead = rotate_planar(away, -facing[:, None])
     dip = 0.65 * np.clip(np.arctan2(-ahead[..., 2], np.maximum(-ahead[..., 1], 0.05)), 0, 1.5)
-    flat = mul(mul(heading_quat(facing)[:, None], quat_from_axis_angle(np.array((1.0, 0, 0)), dip)), np.broadcast_to(_FLAT, (*dip.shape, 4)))
+    level = mul(heading_quat(facing)[:, None], quat_from_axis_angle(np.array((1.0, 0, 0)), dip))
+    flat = mul(level, np.broadcast_to(_FLAT, level.shape))
     hands = quat_slerp(world[:, _WRISTS], flat, np.repeat(weight[:, None], 2, axis=1))
     return place_limbs(hips.astype(np.float64), local, ARMS, targets, hands).astype(rotations.dtype)
 

@@ -13,7 +13,7 @@ from ..rotations import Array, heading_to_direction, rotate_planar
 from .session import Session
 
 _SIDES = (0.0, np.pi / 2, np.pi, -np.pi / 2)  # headings of the outward normals of a piece's sides
-_FLUSH, _HIGHEST = 0.05, 1.0
+_FLUSH, _HIGHEST = 0.03, 1.0
 
 
 @dataclass
