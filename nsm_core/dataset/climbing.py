@@ -144,11 +144,12 @@ def lay(session: Session) -> Climb | None:
     if not session.go(place, heading, straight_end=straight, speed=float(rng.uniform(0.7, 1.2))):
         return None
     holds = _holds(session, start)
-    last = len(tape) - 1
-    back = max(last - 45, start)
-    way = tape.roots[last] - tape.roots[back]
-    if np.linalg.norm(way) < 0.4:
+    # One climbs the way one comes over the last step or two.
+    roots = np.array(tape.roots[start:])
+    far = np.flatnonzero(np.linalg.norm(roots - roots[-1], axis=1) > 0.7)
+    if not len(far):
         return None
+    way = roots[-1] - roots[far[-1]]
     facing = float(np.arctan2(way[0], -way[1]) + rng.normal(0, 0.05))
     found = _put(session, piece, holds, facing, over)
     if found is None:
