@@ -22,7 +22,7 @@ WIDEST_BOX, HEAVIEST_SIDE = 0.6, 0.6  # metres across and in depth that two hand
 
 # Doors: places on the floor seen from the handle and the opening, metres.
 HANDLE_STAND = 0.42  # from the closed leaf to the root of who reaches for its handle: an arm reaches low handles from here
-PUSH_ASIDE, PULL_ASIDE = 0.03, 0.12  # from the handle towards the hinge: the hand that pulls is on the handle's side
+HANDLE_ASIDE = 0.25  # from the handle towards the hinge: from here straight on the way leads through the opening
 PULL_BACK = 0.55  # how much further off one stands once a leaf is pulled open
 PASS_BEYOND = 1.0  # from the opening to where one stands on the far side
 OPENED = np.radians(75)  # from this angle on a pulled leaf lets a body pass
@@ -149,8 +149,8 @@ class Passage:
 def passage(leaf: Leaf, coming_from: Array, beyond: float = PASS_BEYOND) -> Passage:
     """Work out how to pass a door for someone who comes from ``coming_from`` (2,), world.
 
-    A push is done with the hand on the hinge's side, which can stay on the leaf while one passes it; a pull with the hand on
-    the handle's side, so that the leaf swings clear of the body.
+    The hand on the handle's side opens the door: its shoulder is nearly before the handle while the body is before the opening,
+    and the leaf swings clear of the body.
     """
     along = heading_to_direction(np.array(leaf.closed + np.pi / 2))  # +X of the frame: heading 0 faces -Y
     through = np.array((-along[1], along[0]))  # +Y of the frame
@@ -162,10 +162,9 @@ def passage(leaf: Leaf, coming_from: Array, beyond: float = PASS_BEYOND) -> Pass
     # Which hand: with the eyes along ``go``, the hinge is on the right where -along points to the right.
     right = np.array((go[1], -go[0]))
     hinge_right = float(-along @ right) > 0
-    hand = int(hinge_right != push)  # push: the hinge's side; pull: the other
+    hand = int(hinge_right)
     handle = hinge + along * float(leaf.handle[0])
-    aside = PUSH_ASIDE if push else PULL_ASIDE
-    reach = handle - aside * along - HANDLE_STAND * go
+    reach = handle - HANDLE_ASIDE * along - HANDLE_STAND * go
     middle = hinge + along * leaf.width / 2
-    back = reach if push else reach - PULL_BACK * go - 0.05 * along
+    back = reach if push else reach - PULL_BACK * go
     return Passage(heading, push, side, hand, reach, back, middle, middle + beyond * go)

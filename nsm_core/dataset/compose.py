@@ -23,7 +23,7 @@ from ..rotations import (
     quat_to_rotvec,
 )
 from ..skeleton import FEET, forward_kinematics
-from . import carrying, climbing, sitting, strolling
+from . import carrying, climbing, opening, sitting, strolling
 from .fitting import lift_swinging_feet
 from .motion import Motion
 from .pool import Pool
@@ -33,8 +33,8 @@ from .stitching import place, soften_seam
 from .take import Command, Take
 
 # Episodes with objects by name, and how often each is drawn; "walk" and "run" have none.
-EPISODES: dict[str, ModuleType] = {"sit": sitting, "climb": climbing, "carry": carrying}
-SHARES = {"sit": 0.68, "climb": 0.2, "carry": 0.35, "walk": 0.27, "run": 0.05}
+EPISODES: dict[str, ModuleType] = {"sit": sitting, "climb": climbing, "carry": carrying, "open": opening}
+SHARES = {"sit": 0.68, "climb": 0.2, "carry": 0.35, "open": 0.35, "walk": 0.27, "run": 0.05}
 RESTING = 0.3  # m/s of a toe that still counts as standing
 ATTEMPTS = 4  # draws for each part that is wanted
 
