@@ -29,6 +29,7 @@ class Puppet:
         self.director = Director(goals, plan, self.root.astype(np.float32), np.random.default_rng(seed), time_limit)
         self.position, self.heading, self.action, self.sensed, self.roots = [], [], [], [], []
         self.obedient = True
+        self.lifts: np.ndarray | None = None  # a place (3,) about which the ground is as high
 
     def moment(self) -> Moment:
         style = np.zeros(len(STYLES))
@@ -36,6 +37,8 @@ class Puppet:
         style[STYLES.index("walk")] = min(self.speed, 1) * (1 - self.sitting)
         style[STYLES.index("idle")] = 1 - style.sum()
         hips = np.append(self.root[:2], 0.9 - 0.4 * self.sitting)
+        if self.lifts is not None and np.abs(self.root[:2] - self.lifts[:2]).max() < 0.35:
+            hips[2] += self.lifts[2]
         return Moment(self.root.astype(np.float32), hips, float(self.root[2]), self.speed, style)
 
     def step(self) -> bool:
@@ -203,6 +206,62 @@ def test_the_same_seed_leads_the_same_way():
     np.testing.assert_array_equal(np.array(a.heading), np.array(b.heading))
     n = min(len(a.position), len(other.position))
     assert not np.array_equal(np.array(a.position[:n]), np.array(other.position[:n]))
+
+
+def hot(action: np.ndarray) -> str:
+    """Goal actions of one key, joined."""
+    return "+".join(name for k, name in enumerate(GOAL_ACTIONS) if action[k] > 0.5)
+
+
+@pytest.mark.parametrize("distance, expected", [(8.0, {"run", "idle"}), (2.0, {"walk", "idle"}), (0.7, {"idle"})])
+def test_runs_are_led_to_their_end_and_short_ones_walked(distance, expected):
+    p = Puppet([Goal("run", "there", (0, -distance, 0), 0.3, 0.2)]).run()
+    assert p.director.results[0].reached and {hot(k) for a in p.action for k in a[6:]} == expected
+    if distance > 5:
+        led = [f for f, a in enumerate(p.action) if "run" in {hot(k) for k in a[6:]}]
+        ahead = [np.linalg.norm(p.position[f][6, :2] - p.roots[f][:2]) for f in led]
+        assert max(ahead) > 1.8 and ahead[-1] < 1.8, "the course is fast, and slows down before its end"
+        assert np.linalg.norm(p.roots[led[-1]][:2] - (0, -distance)) < 1.8
+
+
+def step_goal(heading: float = 0.0, place=(0.0, -5.0), height: float = 0.3, hold: float = 0.2) -> tuple[Goal, FloorPlan]:
+    piece = furniture.make("step", np.random.default_rng(0), width=1.2, depth=0.8, height=height)
+    query = furniture.cuboids([(piece, np.array(place), heading)])
+    volume = interaction_sensor(query, np.append(place, piece.centre[2]), piece.size, heading)
+    return Goal("climb", "Step", (*place, height), heading, hold, volume), FloorPlan(query, ROOM)
+
+
+@pytest.mark.parametrize(
+    "root, heading", [((0.0, 0.0, 0.0), 0.0), ((3.0, -6.0, 1.0), 0.4), ((-2.0, -4.5, 0.0), np.pi), ((0.3, -4.1, 2.0), 0.0)]
+)
+def test_steps_are_climbed_squarely_from_before_their_edge(root, heading):
+    goal, plan = step_goal(heading)
+    p = Puppet([goal, Goal("walk", "off", (0, 0.5, 0), 0.0, 0.1)], root=root, plan=plan)
+    p.lifts = goal.position
+    p.run()
+    climb, walk = p.director.results
+    assert climb.reached and walk.reached
+    sent = [f for f, a in enumerate(p.action) if hot(a[6]) == "idle+walk"]
+    ahead = heading_to_direction(np.array(heading))
+    stand = goal.position[:2] - (0.4 + 0.6) * ahead
+    at = p.roots[sent[0]][:2] - stand
+    assert abs(at @ (-ahead[1], ahead[0])) < 0.31 and -1.65 < at @ ahead < 0.31
+    for f in sent:
+        np.testing.assert_allclose(p.position[f][6:], np.tile(goal.position, (7, 1)), atol=1e-6)
+        assert p.sensed[f] is goal.interaction and (p.heading[f][6:] == np.float32(heading)).all()
+    assert all(p.sensed[f] is None for f in range(sent[0])) and p.sensed[-1] is None
+
+
+def test_a_climber_on_the_floor_has_not_arrived():
+    goal, plan = step_goal()
+    p = Puppet([goal], plan=plan, time_limit=8.0).run()  # hips stay at their height over the floor
+    assert not p.director.results[0].reached
+
+
+def test_multi_hot_commands_and_their_rest():
+    from nsm_core.control.stages.approach import Command
+
+    assert Command("walk+carry").resting == "idle+carry" and Command("run").resting == "idle" and Command("walk").resting == "idle"
 
 
 @pytest.mark.parametrize(

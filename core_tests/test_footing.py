@@ -27,7 +27,9 @@ def block(height: float, depth: float = 0.8, edge: float = -0.5) -> tuple[Cuboid
     return query, Terrain.probe(query, volume)
 
 
-def climb(height: float, low: float = 0.0, short: float = 0.0, over: float = 0.06, late: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def climb(
+    height: float, low: float = 0.0, short: float = 0.0, over: float = 0.06, late: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Step onto a block with one foot and then the other, and stand: hips (T, 3), rotations (T, 23, 4), labels (T, 5).
 
     The feet land ``low`` metres under the top and ``short`` metres short, and swing ``over`` metres higher than they land;
