@@ -132,12 +132,12 @@ def lay_bend(session: Session, half: LaidSegment, depth: int) -> Bend:
     rng, tape = session.rng, session.tape
     start = len(tape)
     least = rng.uniform(0.55, 0.8) * FPS
-    down = max(int(depth / rng.uniform(0.9, 1.3)), int(least))
+    down = max(int(depth / rng.uniform(0.72, 1.15)), int(least))
     tape.run_on(half.first + depth * _ease_in(np.arange(1, down + 1) / down), seam=True)
     pause = int(rng.integers(4, 10))
     tape.run_on(np.full(pause, half.first + depth), seam=False)
     rise = len(tape)
-    up = max(int(depth / rng.uniform(0.85, 1.25)), int(least))
+    up = max(int(depth / rng.uniform(0.75, 1.15)), int(least))
     tape.run_on(half.first + depth * _ease_in(1 - np.arange(1, up + 1) / up), seam=False)
     return Bend(start, rise - pause // 2, rise, len(tape))
 

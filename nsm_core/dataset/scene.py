@@ -78,8 +78,21 @@ def _wall_with_a_hole(take: Take, roots: Array, session: Session, rng: np.random
         return
 
 
+def _swept(take: Take) -> Array:
+    """Points (N, 3) float32, world, spread over things that move, where they are in every fourth frame of their way."""
+    points = [np.zeros((0, 3))]
+    for thing in take.things:
+        if not thing.moves:
+            continue
+        lo, hi = thing.furniture.mins.min(0), thing.furniture.maxs.max(0)
+        grid = np.stack(np.meshgrid(*np.linspace(lo, hi, 4).T, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.float64)
+        for x, y, z, heading in np.unique(thing.poses[::4], axis=0):
+            points.append(rotate_planar(grid, np.float64(heading)) + (x, y, z))
+    return np.concatenate(points).astype(np.float32)
+
+
 def keep_clear(take: Take, fixed: int = 0, seat_depth: float = 0.09, depth: float = 0.05) -> bool:
-    """Take away obstacles that the body enters deeper than ``depth``, metres; False where a seat is walked into.
+    """Take away obstacles that the body enters deeper than ``depth``, metres, or things moved do; False where a seat is walked into.
 
     The first ``fixed`` obstacles belong to episodes and stay: False where one is entered deeper than ``seat_depth``.  Calves
     brush a seat's edge in the turn before it, hence that allowance.
@@ -88,8 +101,12 @@ def keep_clear(take: Take, fixed: int = 0, seat_depth: float = 0.09, depth: floa
     own = furniture.cuboids([(o.furniture, o.position, o.heading) for o in kept])
     if kept and penetration_depths(take.hips[::2], take.rotations[::2], own).max() > seat_depth:
         return False
+    swept = _swept(take)
     for o in take.obstacles[fixed:]:
-        if penetration_depths(take.hips[::2], take.rotations[::2], furniture.cuboids([(o.furniture, o.position, o.heading)])).max() < depth:
+        solid = furniture.cuboids([(o.furniture, o.position, o.heading)])
+        if solid.signed_distance(swept, 0.1).min(initial=1.0) < 0:
+            continue
+        if penetration_depths(take.hips[::2], take.rotations[::2], solid).max() < depth:
             kept.append(o)
     take.obstacles = kept
     standing = take.labels[:, SIT] < 0.3
