@@ -39,7 +39,7 @@ BEHIND = (0.2, 0.95)  # metres behind a low wall where one stands
 SLACK = 0.12  # metres that the stride over a low wall is longer than it need be
 MARGIN = 90  # frames before and after an episode in which feet still come back to their own places
 LEAVES = 6  # ways down that are tried
-TOP_SPEED = 0.6  # m/s: mean speed at which hips rise or sink at most
+TOP_SPEED = 0.5  # m/s: mean speed at which hips rise or sink at most
 
 
 def segments(folder: str | Path) -> list[Segment]:

@@ -175,7 +175,9 @@ def climb(
         out[:, 2] += rise.by * x**3 * (10 - 15 * x + 6 * x * x)
     changed = slice(max(first - 30, 0), min(last + 15, len(hips)))
     flat, result = feet, rotations
-    for attempt in range(1 + SHRINKS):
+    # Astride a wall, hips that give way to one leg only bend the other.
+    rounds = SHRINKS * on_top.any()
+    for attempt in range(1 + rounds):
         stood = out.copy()
         stood[:, 2] -= _lowering(out, positions, toes + moved - rotate(flat, TOE_OFFSET), on)
         hip = positions[:, [leg[0] for leg in LEGS]] + (stood - positions[:, HIPS])[:, None]
@@ -195,7 +197,7 @@ def climb(
             result[changed, TOES[0] : TOES[0] + 1] = mul(quat_conjugate(up[:, :1]), result[changed, TOES[0] : TOES[0] + 1])
             result[changed, TOES[1] : TOES[1] + 1] = mul(quat_conjugate(up[:, 1:]), result[changed, TOES[1] : TOES[1] + 1])
         back = _shrink_back(stood[changed], result[changed], block)
-        if attempt == SHRINKS or np.abs(back).max() < 0.01:
+        if attempt == rounds or np.abs(back).max() < 0.01:
             break
         out[changed, :2] += back
     return stood.astype(hips.dtype), result.astype(rotations.dtype)
