@@ -1,217 +1,162 @@
-"""Boxes at run time: taken, brought and set down by a scripted character, dropped where it cannot, and never through a table."""
+"""Carrying in composed data: boxes rest, are held at their grasps and stand where they were asked for."""
 
 from __future__ import annotations
 
+import captures
 import numpy as np
 import pytest
-from actors import Actor, drive
 
-from nsm_core.control.goals import Goal
-from nsm_core.control.planning import FloorPlan
-from nsm_core.control.props import Box, sense
-from nsm_core.control.stages.carrying import choose_side, standing_place
-from nsm_core.conventions import GOAL_ACTIONS
-from nsm_core.errors import GoalError
-from nsm_core.rotations import heading_to_direction, wrap_angle
-from nsm_core.sensors.query import Cuboids
-from nsm_core.skeleton import INDEX
+from nsm_core import bvh_write, furniture
+from nsm_core.conventions import CARRY, HAND_CONTACTS
+from nsm_core.dataset import carrying
+from nsm_core.dataset.compose import Composer, load
+from nsm_core.dataset.hands import COMFORT, lead, lean_into_reach, place_hands
+from nsm_core.dataset.session import Session
+from nsm_core.dataset.supports import Support
+from nsm_core.evaluation.metrics import backward_bend, jumps
+from nsm_core.furniture import carried_box, cuboids
+from nsm_core.rotations import heading_to_direction, quat_from_rotvec, rotate_planar, wrap_angle
+from nsm_core.skeleton import ARMS, FEET, INDEX, forward_kinematics
 
-SIZE = np.array((0.36, 0.3, 0.28))
-WRISTS = [INDEX["RightWrist"], INDEX["LeftWrist"]]
-TABLE = Cuboids([((2.0, -2.5), 0.0, np.array([(-0.6, -0.35, 0.68)]), np.array([(0.6, 0.35, 0.72)]))])
-ON_TABLE = np.array((2.0, -2.32, 0.72 + SIZE[2] / 2))
-HELD = ["held"]
+WRISTS, SHOULDERS = [arm[2] for arm in ARMS], [arm[0] for arm in ARMS]
 
 
-def crate(pose, size=SIZE, name: str = "Box") -> Box:
-    half = np.asarray(size) / 2
-    query = Cuboids([((0, 0, 0), 0.0, -half[None], half[None])])
-    return Box(name, query, sense(query, -half, half), np.asarray(pose), np.asarray(size))
-
-
-def on_floor(x=0.0, y=-1.5, heading=0.3) -> Box:
-    return crate((x, y, SIZE[2] / 2, heading))
-
-
-def to_table(box: Box, hold: float = 0.3) -> Goal:
-    return Goal("carry", box.name, ON_TABLE, 0.0, hold, prop=box)  # from the side of +Y, facing -Y
+def pick_up() -> tuple[np.ndarray, np.ndarray]:
+    """Stand, squat with the trunk leant forward, and rise: hips (T, 3), local rotations (T, 23, 4)."""
+    hips, local = captures.sit(0.5, 0.12)
+    w = np.clip((captures.HEIGHT - hips[:, 2]) / (captures.HEIGHT - 0.5), 0, 1)
+    local[:, INDEX["Chest"]] = quat_from_rotvec(1.1 * w[:, None] * np.array((1.0, 0, 0)))
+    return hips, local
 
 
 @pytest.fixture(scope="module")
-def carried() -> Actor:
-    """From the floor to a table, by hands that miss by 4 cm and 5 degrees."""
-    return drive([to_table(on_floor()), Goal("walk", "off", (0, 1, 0), 0.0, 0.1)], solids=TABLE, error=(0.03, -0.02, 0.02), skew=0.09)
+def source(tmp_path_factory):
+    folder = captures.write_captures(tmp_path_factory.mktemp("pick_ups"))
+    bvh_write.write(folder / "clips" / "accad_male1" / "male1_a5_pickupbox.bvh", *pick_up())
+    return load(str(folder))
 
 
-def commands(actor: Actor) -> list[tuple[set[str], np.ndarray, float]]:
-    """Goal actions, place and heading on the pivot key, frame by frame."""
-    series = [f["series"] for f in actor.frames[1:]]
-    return [({n for k, n in enumerate(GOAL_ACTIONS) if s[2][6, k] > 0.5}, s[0][6], float(s[1][6])) for s in series]
+@pytest.fixture(scope="module")
+def carried(source):
+    """Takes that carry, each with its episodes."""
+    found, laid = [], []
+    lay, carrying.lay = carrying.lay, lambda session: laid.append(lay(session)) or laid[-1]
+    try:
+        composer = Composer(source, {"carry": 1.0})
+        for seed in range(40):
+            laid.clear()
+            take = composer.compose(seed)
+            if take is not None and take.things:
+                # What was laid and taken back again has no thing.
+                found.append((take, [e for e in laid if e is not None and e.thing >= 0]))
+            if sum(len(episodes) for _, episodes in found) > 5:
+                return found
+    finally:
+        carrying.lay = lay
+    raise AssertionError("40 seeds composed too few carries")
 
 
-def states(actor: Actor) -> list[str]:
-    return [f["state"][0] if f["state"] else "" for f in actor.frames]
+def each(carried):
+    for take, episodes in carried:
+        assert len(episodes) == len(take.things)
+        for e in episodes:
+            yield take, e, take.things[e.thing]
 
 
-def test_box_is_brought_and_stands_where_it_should(carried):
-    carry, walk = carried.director.results
-    assert carry.reached and walk.reached
-    end = carried.track("Box")[-1]
-    np.testing.assert_allclose(end[:3], ON_TABLE, atol=0.01)
-    assert abs(wrap_angle(2 * (end[3] - 0.0))) < np.radians(2), "one of its faces is square to the facing"
-    assert carry.position_error_cm < 1 and carry.rotation_error_deg < 1
-    # The hands' own errors are those that the script makes.
-    assert 2 < carry.network_position_error_cm < 6 and 3 < carry.network_rotation_error_deg < 8
-    assert carry.hand_error_cm < 1 and carry.hand_rotation_deg < 1
-    assert 2 < carry.network_hand_error_cm < 8 and 3 < carry.network_hand_rotation_deg < 8
-    assert np.isnan(walk.hand_error_cm)
+def test_wrists_are_at_the_grasps_while_they_hold(carried):
+    for take, e, thing in each(carried):
+        positions, _ = forward_kinematics(take.hips, take.rotations)
+        held = np.flatnonzero(thing.held)
+        assert len(held) > 20
+        np.testing.assert_array_equal(take.contacts[held][:, HAND_CONTACTS], 1)
+        for f in held:
+            grasps = rotate_planar(e.box.grasps(e.face), thing.poses[f, 3]) + thing.poses[f, :3]
+            assert np.linalg.norm(positions[f, WRISTS] - grasps, axis=-1).max() < 0.005
 
 
-def test_commands_are_those_of_the_training_data(carried):
-    box, told, state = on_floor(), commands(carried), states(carried)[1:]
-    fetch = [k for k, t in enumerate(told) if t[0] == {"carry"}]
-    far = [k for k, t in enumerate(told) if t[0] == {"walk", "carry"}]
-    near = [k for k, t in enumerate(told) if t[0] == {"idle", "carry"} and t[1][2] > 0.1]
-    idle = [k for k, t in enumerate(told) if t[0] == {"idle"} and k > near[-1]]
-    assert fetch[-1] < far[0] < near[0] < near[-1] < idle[0]
-    held, placed = state.index("held"), state.index("placed")
-    assert 2 <= far[0] - held <= 7 and 2 <= idle[0] - placed <= 7
-    for k in fetch:
-        np.testing.assert_allclose(told[k][1], box.pose[:3], atol=1e-5)
-        assert abs(wrap_angle(2 * (told[k][2] - box.pose[3] - np.pi / 2))) < 1e-5 or abs(wrap_angle(2 * (told[k][2] - box.pose[3]))) < 1e-5
-    for k in near:
-        np.testing.assert_allclose(told[k][1], ON_TABLE, atol=1e-5)
-        assert told[k][2] == 0.0
-    assert all(told[k][1][2] == 0 for k in far)
-    np.testing.assert_allclose(told[idle[0]][1][2], 0)
+def test_boxes_rest_before_and_after_where_commands_say(carried):
+    for take, e, thing in each(carried):
+        held = np.flatnonzero(thing.held)
+        for frames, spot in ((slice(0, held[0] + 1), e.taken), (slice(held[-1], None), e.put)):
+            np.testing.assert_allclose(thing.poses[frames, :3], np.broadcast_to(spot.centre, thing.poses[frames, :3].shape), atol=2e-3)
+            assert np.abs(wrap_angle(thing.poses[frames, 3] + e.face - spot.facing)).max() < 0.01
+            under = 0.0 if spot.support is None else spot.support.top
+            np.testing.assert_allclose(spot.centre[2], under + e.box.size[2] / 2, atol=1e-6)
+        assert np.abs(np.diff(thing.poses, axis=0))[:, :3].max() < 0.2
+        asked = [c for c in take.commands if c.thing == e.thing]
+        assert asked[0].action == "carry" and asked[0].frame < e.taken.bend.start
+        np.testing.assert_allclose(asked[0].position, e.taken.centre, atol=1e-4)
+        assert asked[-1].action == "idle+carry" and held[0] < asked[-1].frame < e.put.bend.touch
+        np.testing.assert_allclose(asked[-1].position, e.put.centre, atol=1e-4)
+        assert all(c.action == "walk+carry" and c.position is None for c in asked[1:-1])
 
 
-def test_box_is_sensed_where_it_is(carried):
-    told = commands(carried)
-    for k, (hot, _, _) in enumerate(told):
-        volume = carried.frames[k + 1]["series"][3]
-        if "carry" in hot:
-            before = carried.frames[k]["props"]["Box"]
-            np.testing.assert_allclose(volume.centre, before[:3], atol=1e-4)
-            assert volume.heading == pytest.approx(before[3], abs=1e-6)
-    assert carried.frames[-1]["series"][3] is None
+def test_a_box_is_never_inside_what_it_stands_on(carried):
+    for _, e, thing in each(carried):
+        lo, hi = thing.furniture.mins.min(0) + 0.004, thing.furniture.maxs.max(0) - 0.004
+        np.testing.assert_allclose(lo, -hi, atol=1e-5)
+        grid = np.stack(np.meshgrid(*np.linspace(lo, hi, 3).T), axis=-1).reshape(-1, 3)
+        assert (thing.poses[:, 2] + lo[2]).min() > 0
+        supports = [(s.support.piece, s.position, s.heading) for s in (e.taken, e.put) if s.support is not None]
+        if supports:
+            moved = np.concatenate([rotate_planar(grid, pose[3]) + pose[:3] for pose in thing.poses[::2]])
+            assert cuboids(supports).signed_distance(moved.astype(np.float32), 0.3).min() > -0.002
 
 
-def test_wrists_are_on_the_box_while_it_is_held(carried):
-    box, facing = carried.props["Box"], None
-    for frame, wrists, state in zip(carried.frames, carried.joints[:, WRISTS], states(carried), strict=True):
-        if state == "held":
-            on_box = lambda f, pose=frame["props"]["Box"]: box.to_world(box.grasps(f), pose)  # noqa: E731
-            if facing is None:
-                facing = min((0, np.pi / 2, np.pi, -np.pi / 2), key=lambda f: np.abs(on_box(f) - wrists).max())
-            assert np.linalg.norm(wrists - on_box(facing), axis=1).max() < 0.02
+def test_bodies_bend_as_bodies_do(carried):
+    for take, e, _ in each(carried):
+        span = slice(max(e.taken.bend.start - 10, 0), e.put.bend.end + 20)
+        bent = backward_bend(take.hips[span], take.rotations[span])
+        assert bent["knee_backward_deg"] < 1 and bent["elbow_backward_deg"] < 8
+        arms = take.rotations.copy()
+        legs = [j for leg in FEET for j in leg]
+        arms[:, legs] = (1, 0, 0, 0)  # walks have their own tests
+        assert jumps(take.hips[span], arms[span])["turn_per_frame_deg"] < 30
+        for bend in (e.taken.bend, e.put.bend):
+            feet = forward_kinematics(take.hips, take.rotations)[0][bend.start + 8 : bend.end - 8, [leg[3] for leg in FEET], :2]
+            assert np.ptp(feet, axis=0).max() < 0.02
+        assert take.labels[e.taken.bend.touch : e.put.bend.touch, CARRY].min() > 0.99
+        assert take.labels[e.taken.bend.start - 1, CARRY] == 0 or e.thing > 0
 
 
-def test_nothing_pops(carried):
-    track, wrists = carried.track("Box"), carried.joints[:, WRISTS]
-    assert np.linalg.norm(np.diff(track[:, :3], axis=0), axis=1).max() * 30 < 2.5
-    assert np.abs(np.diff(track[:, :3], 2, axis=0)).max() * 900 < 35, "the script itself starts its hands at 1.4 m/s"
-    assert np.linalg.norm(np.diff(wrists, axis=0), axis=2).max() * 30 < 2.6
-    assert np.abs(np.diff(track[:, 3])).max() < 0.15
+def test_without_pick_ups_nothing_is_carried(tmp_path_factory):
+    folder = captures.capture_folder(tmp_path_factory)
+    assert carrying.segments(folder) == []
+    assert carrying.lay(Session(captures.source(folder), np.random.default_rng(0))) is None
 
 
-def test_box_rests_before_and_after_and_never_sinks(carried):
-    track, state = carried.track("Box"), states(carried)
-    first, last = state.index("held"), len(state) - 1 - state[::-1].index("held")
-    assert np.ptp(track[: first + 1], axis=0).max() == 0 and np.ptp(track[last + 2 :], axis=0).max() == 0
-    corners = np.array([(x, y, -0.5) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]) * SIZE
-    box = carried.props["Box"]
-    low = np.array([box.to_world(corners, pose) for pose in track])
-    assert low[..., 2].min() > -1e-6
-    inside = -TABLE.signed_distance(low.reshape(-1, 3).astype(np.float32), 0.1)
-    assert inside.max() < 0.015
+def test_wrists_go_from_where_they_are_to_their_grips_past_the_sides():
+    wrists, grips = np.array(((-0.2, 0.0, 0.8), (0.2, 0.0, 0.8))), np.array(((-0.28, -0.35, 0.5), (0.28, -0.35, 0.5)))
+    progress = np.linspace(0, 1, 21)
+    way = lead(np.repeat(wrists[None], 21, 0), np.repeat(grips[None], 21, 0), progress, np.zeros(21))
+    np.testing.assert_allclose(way[0], wrists, atol=1e-9)
+    np.testing.assert_allclose(way[-1], grips, atol=1e-9)
+    box = way[:, 1, 1] < -0.15  # beside a box 0.5 wide, whose near face is at 0.15
+    assert way[box, 1, 0].min() > 0.26 and way[box, 0, 0].max() < -0.26
 
 
-@pytest.mark.parametrize("heading", [0.0, 1.9])
-def test_from_table_to_floor_and_back_again(heading):
-    box = crate((*ON_TABLE, heading))
-    goals = [
-        Goal("carry", "Box", (-0.5, -0.5, SIZE[2] / 2), 2.0, 0.3, prop=box),
-        Goal("carry", "Box", ON_TABLE, 0.0, 0.3, prop=box),
-    ]
-    actor = drive(goals, solids=TABLE, error=(0, 0.02, 0.02))
-    assert all(r.reached for r in actor.director.results)
-    first = actor.track("Box")[actor.director.results[0].end_frame]
-    np.testing.assert_allclose(first[:3], (-0.5, -0.5, SIZE[2] / 2), atol=0.01)
-    np.testing.assert_allclose(actor.track("Box")[-1][:3], ON_TABLE, atol=0.01)
-    assert (box.pose == np.append(ON_TABLE, heading)).all(), "what was asked for is left as it was"
+def test_a_body_leans_into_reach_and_its_feet_stay():
+    hips, local = captures.stand(60)
+    grips = np.repeat(np.array(((-0.2, -0.35, 0.55), (0.2, -0.35, 0.55)))[None], 60, 0)
+    progress = np.interp(np.arange(60), (10, 30), (0, 1))
+    moved, leant = lean_into_reach(hips, local, grips, progress > 0.9)
+    before, after = forward_kinematics(hips, local)[0], forward_kinematics(moved, leant)[0]
+    assert np.linalg.norm(before[40, SHOULDERS] - grips[40], axis=-1).max() > COMFORT
+    ankles = [leg[2] for leg in FEET]
+    np.testing.assert_allclose(after[:, ankles], before[:, ankles], atol=2e-3)
+    held = forward_kinematics(moved, place_hands(moved, leant, grips, progress, np.zeros(60)))[0]
+    np.testing.assert_allclose(held[32:, WRISTS], grips[32:], atol=5e-3)
 
 
-def test_hands_that_never_come_end_it_unreached_and_the_next_goal_goes_on():
-    actor = drive([to_table(on_floor()), Goal("walk", "off", (0, 1, 0), 0.0, 0.1)], solids=TABLE, grips=False, time_limit=4.0)
-    carry, walk = actor.director.results
-    assert not carry.reached and walk.reached and 4 < carry.seconds < 4.2
-    assert np.ptp(actor.track("Box"), axis=0).max() == 0 and np.isnan(carry.hand_error_cm)
-
-
-@pytest.mark.parametrize("ik", [True, False])
-def test_box_that_cannot_be_placed_falls_onto_what_is_under_it(ik):
-    actor = Actor([to_table(on_floor()), Goal("walk", "off", (0, 1, 0), 0.0, 0.1)], solids=TABLE, time_limit=6.0, ik=ik)
-    while "held" not in states(actor) and actor.step():
-        pass
-    actor._walk = lambda *series: None  # it stands still, box in hand
-    for _ in range(30 * 7):
-        actor.step()
-    del actor._walk
-    actor.run()
-    carry, walk = actor.director.results
-    assert not carry.reached and walk.reached
-    track = actor.track("Box")
-    assert track[:, 2].max() > 0.6 and track[-1, 2] == pytest.approx(SIZE[2] / 2, abs=0.01)
-    assert (np.diff(track[-60:, 2]) <= 1e-9).all() and np.isfinite(actor.joints).all()
-
-
-def test_without_ik_the_body_is_the_networks_and_the_box_still_comes():
-    actor = drive([to_table(on_floor())], solids=TABLE, ik=False)
-    assert actor.director.results[0].reached
-    assert all(np.array_equal(a, b) for f in actor.frames for a, b in zip(f["pose"], f["network"], strict=True))
-    np.testing.assert_allclose(actor.track("Box")[-1][:3], ON_TABLE, atol=0.01)
-
-
-def test_held_box_is_taken_over_by_the_next_order_for_it():
-    box = on_floor()
-    goals = [to_table(box), Goal("carry", "Box", (-1.0, -1.0, SIZE[2] / 2), 1.0, 0.2, prop=box)]
-    actor = Actor(goals, solids=TABLE, time_limit=5.0)
-    while "held" not in states(actor) and actor.step():
-        pass
-    walk, actor._walk = actor._walk, lambda *series: None
-    while actor.director.index == 0 and actor.step():
-        pass
-    actor._walk = walk
-    assert states(actor)[-1] == "held"
-    actor.run()
-    assert [r.reached for r in actor.director.results] == [False, True]
-    np.testing.assert_allclose(actor.track("Box")[-1][:3], (-1.0, -1.0, SIZE[2] / 2), atol=0.01)
-
-
-def test_the_side_with_room_that_is_near_is_chosen():
-    box = crate((*ON_TABLE, 0.0))
-    plan = FloorPlan(TABLE, (np.array((-4.0, -6.0)), np.array((6.0, 4.0))))
-    for start in ((0.0, 0.0), (2.0, -5.0)):
-        facing, stand = choose_side(box, plan, np.array(start))
-        assert plan.clearance(stand[None])[0] > 0.03, "nobody stands in a table"
-        np.testing.assert_allclose(stand, (2.0, -2.32 + SIZE[1] / 2 + 0.24), atol=1e-6)
-        np.testing.assert_allclose(standing_place(box, facing, box.pose, box.pose[3] + facing), stand)
-    free = on_floor(0, 0, 0.0)
-    for start in ((3.0, 0.2), (-3.0, 0.1), (0.1, 3.0), (0.2, -3.0)):
-        facing, stand = choose_side(free, None, np.array(start))
-        assert stand @ np.array(start) / np.linalg.norm(start) > 0.3
-        to_box = -stand / np.linalg.norm(stand)
-        np.testing.assert_allclose(heading_to_direction(np.array(facing)), to_box, atol=1e-6)
-
-
-def test_a_box_behind_walls_is_refused_in_a_sentence():
-    from nsm_core.control.stages import check_reachable
-
-    sides = (((0, -4), (1.5, 0.1)), ((0, -7), (1.5, 0.1)), ((-1.5, -5.5), (0.1, 1.6)), ((1.5, -5.5), (0.1, 1.6)))
-    walls = [(np.array(at), 0.0, np.array([(-x, -y, 0.0)]), np.array([(x, y, 2.5)])) for at, (x, y) in sides]
-    plan = FloorPlan(Cuboids(walls), (np.array((-4.0, -9.0)), np.array((4.0, 4.0))))
-    with pytest.raises(GoalError, match=r"'Box' cannot be reached.*no free way .*\.$"):
-        check_reachable([to_table(on_floor(0.0, -5.5))], plan, np.zeros(2))
-    with pytest.raises(GoalError, match=r"'Box' cannot be reached.*\.$"):
-        check_reachable([Goal("carry", "Box", (0, -5.5, 0.14), 0.0, prop=on_floor())], plan, np.zeros(2))
+@pytest.mark.parametrize("side", [0.0, np.pi / 2, np.pi, -np.pi / 2])
+def test_supports_have_their_used_edge_before_the_box(side):
+    table = furniture.make("table", np.random.default_rng(1), width=1.2, depth=0.8, height=0.7)
+    reach = 0.4 if abs(np.cos(side)) > 0.5 else 0.6
+    support = Support(table, 0.7, side, reach, 0.1, 0.02)
+    facing, depth, centre = 0.7, 0.3, np.array((2.0, 1.0))
+    position, heading = support.place(centre, facing, depth)
+    lo, hi = support.footprint
+    corners = rotate_planar(np.array([(x, y) for x in (lo[0], hi[0]) for y in (lo[1], hi[1])]), np.float64(heading)) + position
+    ahead = (corners - centre) @ heading_to_direction(np.array(facing))
+    np.testing.assert_allclose(ahead.min(), -depth / 2 - 0.02, atol=1e-6)
+    assert carried_box(table).size[2] == pytest.approx(0.7)

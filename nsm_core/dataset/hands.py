@@ -88,8 +88,8 @@ def lean_into_reach(hips: Array, rotations: Array, grips: Array, active: Array) 
     if not need.any():
         return hips, rotations
     window = np.hanning(2 * _SMOOTH + 3)[1:-1]
-    widest = np.lib.stride_tricks.sliding_window_view(np.pad(need, _WIDEN), 2 * _WIDEN + 1).max(-1)
-    amount = np.convolve(np.pad(widest, _SMOOTH), window / window.sum(), mode="valid")
+    widest = np.lib.stride_tricks.sliding_window_view(np.pad(need, _WIDEN, mode="edge"), 2 * _WIDEN + 1).max(-1)
+    amount = np.convolve(np.pad(widest, _SMOOTH, mode="edge"), window / window.sum(), mode="valid")
     positions, world = forward_kinematics(hips, rotations)
     moved_hips, local = _leant(hips.astype(np.float64), rotations.astype(np.float64), amount)
     local = place_limbs(moved_hips, local, _LEGS, positions[:, _ANKLES], world[:, _ANKLES])
