@@ -16,10 +16,10 @@ from .footholds import (
     OFF_EDGE,
     OVER_EDGE,
     TIPS,
-    Ascent,
     Block,
+    Crossing,
     Hold,
-    climb,
+    crossing_at,
     draw_near,
     find_holds,
     place_feet,
@@ -29,6 +29,7 @@ from .footholds import (
 )
 from .library import gaussian_smooth
 from .motion import Motion
+from .raising import Ascent, climb
 from .session import Segment, Session
 from .take import Command, Thing
 
@@ -45,20 +46,6 @@ TOP_SPEED = 0.5  # m/s: mean speed at which hips rise or sink at most
 def segments(folder: str | Path) -> list[Segment]:
     """No captured pieces: climbs are fitted walks."""
     return []
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """A change of level in frames: the leading foot's lift-off and landing, the other foot's lift-off and landing."""
-
-    lift: int
-    landing: int
-    follows: int
-    both: int
-
-    def less(self, frames: int) -> Crossing:
-        """The same, counted from another frame."""
-        return Crossing(self.lift - frames, self.landing - frames, self.follows - frames, self.both - frames)
 
 
 @dataclass
@@ -109,7 +96,7 @@ class Climb:
         shifts = place_feet(holds, top, self.block)
         if b is None:
             # With the feet close to the wall the hips stay high, and the knees before it.
-            lead = next(k for k, x in enumerate(holds) if x.first >= a.landing - 2)
+            lead = next((k for k, x in enumerate(holds) if x.first >= a.landing - 2), len(holds) - 1)
             other = [k for k in range(lead) if holds[k].side != holds[lead].side]
             draw_near(holds, shifts, [*other[-1:], lead], self.block)
         within = (self.start - first, self.end - first)
@@ -155,10 +142,10 @@ def lay(session: Session) -> Climb | None:
     if found is None:
         return None
     block, lead = found
-    up = _crossing(holds, lead)
+    up = crossing_at(holds, lead)
     if up is None:
         return None
-    up, _ = _slow(session, up, block.height, start)
+    up = _slow(session, up, block.height, start)
     radius = 0.5 * float(np.linalg.norm(piece.size[:2])) + 0.5
     result = Climb(piece, block, mark, start, up, places=[(block.position, radius)])
     tape.stand(rng.uniform(0.3, 2.0))
@@ -183,7 +170,7 @@ def _leave(session: Session, climb: Climb) -> bool:
         if session.go(target, float(angle + rng.normal(0, 0.5)), speed=float(rng.uniform(0.7, 1.2))):
             down = _way_down(session, climb, before)
             if down is not None:
-                climb.down, _ = _slow(session, down, block.height, before, up=False)
+                climb.down = _slow(session, down, block.height, before, up=False)
                 if not led:
                     session.stand_here(mark)
                 tape.stand(rng.uniform(0.3, 1.2))
@@ -211,7 +198,7 @@ def _way_down(session: Session, climb: Climb, before: int) -> Crossing | None:
     short = float(np.interp(block.height, (0.15, 0.3, 0.5), (0.3, 0.12, 0.03)))
     if shifts.max() > FARTHEST_SHIFT or short_of_edge(holds, on_top, block) > short:
         return None
-    return _crossing(holds, off[0])
+    return crossing_at(holds, off[0])
 
 
 def _holds(session: Session, start: int) -> list[Hold]:
@@ -241,7 +228,7 @@ def _put(session: Session, piece: Furniture, holds: list[Hold], facing: float, o
     centre = np.mean([max((h for h in holds if h.side == s), key=lambda h: h.last).place for s in (0, 1)], axis=0)
     best: tuple[float, Block, int] | None = None
     for k in range(2, len(holds)):
-        crossing = _crossing(holds, k)
+        crossing = crossing_at(holds, k)
         if crossing is None:
             continue
         before = np.arange(len(holds)) < k
@@ -269,22 +256,8 @@ def _put(session: Session, piece: Furniture, holds: list[Hold], facing: float, o
     return None if best is None else best[1:]
 
 
-def _crossing(holds: list[Hold], lead: int) -> Crossing | None:
-    """The crossing in which hold ``lead`` is the first beyond the edge; None where the feet do not take turns there."""
-    h = holds[lead]
-    own = [x for x in holds[:lead] if x.side == h.side]
-    other = [x for x in holds if x.side != h.side]
-    standing = [x for x in other if x.first < h.first]
-    following = [x for x in other if x.first >= h.first]
-    if not own or not standing or not following:
-        return None
-    if standing[-1].last <= own[-1].last or own[-1].last >= h.first:
-        return None
-    return Crossing(own[-1].last, h.first, standing[-1].last, following[0].first)
-
-
-def _slow(session: Session, c: Crossing, height: float, first: int, up: bool = True) -> tuple[Crossing, Array]:
-    """Stretch the tape's frames from ``first`` on in time about a crossing, more for higher steps; where each frame went."""
+def _slow(session: Session, c: Crossing, height: float, first: int, up: bool = True) -> Crossing:
+    """Stretch the tape's frames from ``first`` on in time about a crossing, more for higher steps."""
     rng, tape, lib = session.rng, session.tape, session.lib
     count = len(tape) - first
     slowest = float(np.interp(height, (0.15, 0.35, 0.6), (0.8, 0.62, 0.45)) * rng.uniform(0.9, 1.15))
@@ -313,4 +286,4 @@ def _slow(session: Session, c: Crossing, height: float, first: int, up: bool = T
         seam=False,
     )
     new = [first + int(np.ceil(when[min(max(f - first, 0), count - 1)])) for f in (c.lift, c.landing, c.follows, c.both)]
-    return Crossing(*new), when
+    return Crossing(*new)
