@@ -70,7 +70,7 @@ def _objects(take: Take, which: Array) -> tuple[Array, Array, Array, Array]:
         cells[n], occupancy[n] = volume.cells_world(), volume.occupancy
         mine = which == n
         poses[mine] = thing.track(len(take))[mine]
-        if thing.held is not None:
+        if thing.held is not None and f.kind != "leaf":  # a leaf stays on its hinge, however the body strays
             held[mine] = thing.held[mine]
     return poses, held, cells, occupancy
 
