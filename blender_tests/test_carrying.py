@@ -158,6 +158,12 @@ def test_furniture_of_the_parametric_set_takes_a_box():
         assert goal.position[2] > 0.45 and np.linalg.norm(goal.position[:2] - (x, 3)) < max(piece.size)
 
 
+def test_a_box_can_be_set_on_a_floor_wider_than_what_is_looked_at():
+    ground = box("Ground", (-6, -8, -0.1), (12, 8, 0.0))
+    goal = carry(crate(), ground)
+    assert goal.position[2] == pytest.approx(0.125, abs=0.01) and np.linalg.norm(goal.position[:2]) < 4
+
+
 class TestWhatCannotBeCarried:
     @pytest.mark.parametrize(
         ("where", "size", "words"),

@@ -95,7 +95,8 @@ def spot_on_top(
     """Choose the place on the largest level top of ``to``: near an edge, nothing on it, and room to stand before it."""
     scale = around.frame.scale
     body = Body.of(to, around.frame, snug=True)
-    levels = find_levels(body.vertices, body.triangles)
+    coming_from = np.asarray(coming_from, dtype=np.float64)
+    levels = find_levels(body.vertices, body.triangles, body.to_own(np.append(coming_from, 0.0))[:2])
     fitting = [level for level in levels if -0.05 <= level.height <= HIGHEST_TOP]
     if not fitting:
         if levels:
@@ -114,7 +115,7 @@ def spot_on_top(
     for name, (other, pose) in around.left.items():
         if isinstance(other, Box) and name != target.name and abs(pose[2] - other.size[2] / 2 - level.height) < 0.1:
             occupy_rectangle(level, body.to_own(pose[:3])[:2], other.size[:2], float(pose[3] - body.yaw))
-    found = _nearest(level, across, body, np.asarray(coming_from, dtype=np.float64), around)
+    found = _nearest(level, across, body, coming_from, around)
     if found is None:
         raise GoalError(
             f"There is no free place for {target.name} ({sizes} m) on {to.name} that can be reached from the floor before it; "

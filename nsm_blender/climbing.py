@@ -17,6 +17,7 @@ LOWEST, HIGHEST = 0.12, 0.65  # metres over the floor that one climbs
 DEEP_ENOUGH = 0.3  # metres of a top to stand on; what is thinner is stepped over
 FROM_EDGE = 0.2  # metres from the middle of the feet to the edges of a top
 BEHIND = 0.6  # metres behind a low wall
+FARTHEST_IN, NEAR_MIDDLE = 0.4, 0.9  # metres from the edge over which one comes, and from the other edges, on large tops
 _ABOVE = 1.7  # metres of air that a person needs
 _ELBOWS = 0.25  # metres to keep from things behind a wall
 
@@ -36,18 +37,19 @@ def climb_goal(name: str, target: bpy.types.Object, point: bpy.types.Object | No
                 f"{HIGHEST * frame.scale:.2f} m: move it."
             )
     else:
-        level = _level(body, target, frame.scale)
-        quarter = _side(level, body, here)
+        own = body.to_own(np.append(np.asarray(here, dtype=np.float64), 0.0))[:2]
+        level = _level(body, target, frame.scale, own)
+        quarter = _side(level, own)
         heading = float(wrap_angle(body.yaw + quarter * np.pi / 2 + np.pi))
         if level.seen_from(quarter).depth() >= DEEP_ENOUGH:
-            position = _on_top(level, body, target, around)
+            position = _on_top(level, quarter, own, body, target, around)
         else:
             position = _behind(level.seen_from(quarter), quarter, body, target, around)
     return Goal("climb", name, position, heading, hold, body.interaction(heading + np.pi))
 
 
-def _level(body: Body, target: bpy.types.Object, scale: float) -> Level:
-    levels = find_levels(body.vertices, body.triangles)
+def _level(body: Body, target: bpy.types.Object, scale: float, here: Array) -> Level:
+    levels = find_levels(body.vertices, body.triangles, here)
     if not levels:
         raise GeometryError(f"{target.name} has no level top to step on; choose a step or a low wall.")
     fitting = [level for level in levels if LOWEST <= level.height <= HIGHEST]
@@ -60,29 +62,35 @@ def _level(body: Body, target: bpy.types.Object, scale: float) -> Level:
     raise GoalError(f"{target.name} is {height:.2f} m high; one climbs what is {limits} high: choose walk for lower things.")
 
 
-def _side(level: Level, body: Body, here: Array) -> int:
-    """The quarter turn in whose axes one comes from -Y: across a thin top, else from the side that is nearest."""
-    towards = -body.to_own(np.append(np.asarray(here, dtype=np.float64), 0.0))[:2]
+def _side(level: Level, here: Array) -> int:
+    """The quarter turn in whose axes one who comes from ``here`` (2,) comes from -Y: across a thin top, else over the nearest edge."""
     ways = rotate_planar(np.array((0.0, 1.0)), np.arange(4) * np.pi / 2)
     depths = np.array([level.seen_from(q).depth() for q in range(4)])
     half = np.array(level.top.shape) * CELL / 2
-    outside = ways @ towards - half[[1, 0, 1, 0]]  # how far before each edge one is
+    outside = ways @ (level.corner + half - here) - half[[1, 0, 1, 0]]  # how far before each edge one is
     thin = depths < DEEP_ENOUGH
     if thin.any():
         outside = np.where(thin & (depths <= depths.min() + 0.05), outside, -np.inf)
     return int(outside.argmax())
 
 
-def _on_top(level: Level, body: Body, target: bpy.types.Object, around: Surroundings) -> Array:
-    """The free place nearest to the middle of the top, core frame."""
+def _on_top(level: Level, quarter: int, here: Array, body: Body, target: bpy.types.Object, around: Surroundings) -> Array:
+    """The free place nearest to the middle of the top, of a large one to the edge over which one comes; core frame."""
     occupy(level, [(body.to_own(v), t) for v, t in around.meshes_but(target)], _ABOVE)
+    seen, turn = level.seen_from(quarter), np.float64(quarter * np.pi / 2)
+    cells = np.argwhere(seen.top)
+    low, high = seen.corner + CELL * cells.min(0), seen.corner + CELL * (cells.max(0) + 1)
+    middle = (low + high) / 2
+    aside = max(0.0, (high[0] - low[0]) / 2 - NEAR_MIDDLE)
+    wish = np.array((
+        np.clip(rotate_planar(here, -turn)[0], middle[0] - aside, middle[0] + aside),
+        min(middle[1], low[1] + FARTHEST_IN),
+    ))  # fmt: skip
     for margin in (FROM_EDGE + 0.05, FROM_EDGE, DEEP_ENOUGH / 2 - 0.02):
-        places = standing_room(level, margin)
+        places = standing_room(seen, margin)
         if len(places):
-            cells = np.argwhere(level.top)
-            middle = level.corner + CELL * (cells.min(0) + cells.max(0) + 1) / 2
-            best = places[np.linalg.norm(places - middle, axis=1).argmin()]
-            return body.to_core(np.append(best, level.height))
+            best = places[np.linalg.norm(places - wish, axis=1).argmin()]
+            return body.to_core(np.append(rotate_planar(best, turn), level.height))
     raise GoalError(f"There is no free place to stand on {target.name}; clear its top, or move its goal point.")
 
 

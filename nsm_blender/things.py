@@ -74,6 +74,9 @@ def require_movable(target: bpy.types.Object, character: bpy.types.Object | None
         raise GoalError(f"{target.name} and the character {character.name} hang on each other; unparent them, or choose another object.")
     if any(c.enabled and c.influence > 0 for c in target.constraints):
         raise GoalError(f"{target.name} has constraints, so that keys alone do not move it; mute or apply them.")
+    body = target.rigid_body
+    if body is not None and body.type == "ACTIVE" and body.enabled and not body.kinematic:
+        raise GoalError(f"{target.name} is moved by physics; set its rigid body to Animated, or remove it.")
     data = target.animation_data
     if data and data.use_tweak_mode:
         raise NsmError(f"{target.name} is in the NLA's tweak mode; leave it (Tab in the NLA editor) and generate again.")

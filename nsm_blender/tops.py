@@ -14,6 +14,7 @@ CELL = 0.02  # metres
 _EVEN = 0.02  # how uneven a level may be, metres
 _SLOT = 2  # cells of gaps between boards that count as closed
 _LEAST_AREA = 0.02  # square metres
+_WINDOW = 2.2  # metres around a place in which the tops of large things are looked for
 
 
 @dataclass
@@ -48,13 +49,16 @@ class Level:
         return float(np.median(columns)) * CELL if len(columns) else 0.0
 
 
-def find_levels(vertices: Array, triangles: Array, ceiling: float = np.inf) -> list[Level]:
+def find_levels(vertices: Array, triangles: Array, near: Array) -> list[Level]:
     """Find the level tops of a mesh, the largest first; ``vertices`` (V, 3) metres with Z up, ``triangles`` (F, 3).
 
-    What lies higher than ``ceiling`` is not looked at.  Levels smaller than a sheet of paper are left out.
+    Of a mesh larger than a few metres, a floor or a stage say, only the part nearest to ``near`` (2,) is looked at.  Levels
+    smaller than a sheet of paper are left out.
     """
-    samples = _samples(np.asarray(vertices, dtype=np.float64)[triangles])
-    samples = samples[samples[:, 2] <= ceiling]
+    vertices = np.asarray(vertices, dtype=np.float64)
+    low, high = vertices[:, :2].min(0), vertices[:, :2].max(0)
+    middle = np.clip(near, np.minimum(low + _WINDOW, (low + high) / 2), np.maximum(high - _WINDOW, (low + high) / 2))
+    samples = _samples(vertices[triangles], middle - _WINDOW - CELL, middle + _WINDOW + CELL)
     if not len(samples):
         return []
     corner = samples[:, :2].min(0) - 0.5 * CELL
@@ -84,11 +88,7 @@ def occupy(level: Level, meshes: Iterable[tuple[Array, Array]], height: float) -
     low = np.append(level.corner, level.height + 0.01)
     high = np.append(level.corner + np.array(level.top.shape) * CELL, level.height + height)
     for vertices, triangles in meshes:
-        corners = np.asarray(vertices, dtype=np.float64)[triangles]
-        for longest in (np.inf, 0.3):  # walls are cut coarsely first, and only what is near finely
-            corners = cut_triangles(corners, longest)
-            corners = corners[((corners.max(1) >= low) & (corners.min(1) <= high)).all(1)]
-        points = cut_triangles(corners, 0.85 * CELL).reshape(-1, 3)
+        points = _cut(np.asarray(vertices, dtype=np.float64)[triangles], low, high)
         points = points[((points >= low) & (points < high)).all(1)]
         cells = ((points[:, :2] - level.corner) / CELL).astype(np.int64)
         level.free[cells[:, 0], cells[:, 1]] = False
@@ -136,10 +136,19 @@ def standing_room(level: Level, from_edge: float) -> Array:
     return level.corner + CELL * (np.argwhere(room) + 0.5)
 
 
-def _samples(corners: Array) -> Array:
-    """Points on the faces that look up or down and on the rims of steep ones, dense enough for every cell of the map."""
+def _samples(corners: Array, low: Array, high: Array) -> Array:
+    """Points (N, 3) on triangles (F, 3, 3) between two corners (2,) of the floor, dense enough for every cell of the map."""
     squeeze = np.array((1, 1, 0.3))  # steep faces need few samples: cut them by a length that counts height less
-    return cut_triangles(corners * squeeze, 0.85 * CELL).reshape(-1, 3) / squeeze
+    points = _cut(corners * squeeze, np.append(low, -np.inf), np.append(high, np.inf)) / squeeze
+    return points[((points[:, :2] >= low) & (points[:, :2] <= high)).all(1)]
+
+
+def _cut(corners: Array, low: Array, high: Array) -> Array:
+    """Corners (N, 3) of triangles (F, 3, 3) cut to the size of cells, of those near the box from ``low`` to ``high`` (3,)."""
+    for longest in (np.inf, 2.0, 0.3):  # walls and floors are cut coarsely first, and only what is near finely
+        corners = cut_triangles(corners, longest)
+        corners = corners[((corners.max(1) >= low) & (corners.min(1) <= high)).all(1)]
+    return cut_triangles(corners, 0.85 * CELL).reshape(-1, 3)
 
 
 def _grow(mask: Array, n: int) -> Array:
