@@ -38,9 +38,10 @@ def lead(wrists: Array, grips: Array, progress: Array, facing: Array) -> Array:
     that they come along the sides of what they grip.
     """
     t = progress[:, None, None]
-    weights = np.concatenate((ease(t / 0.7), ease((t - 0.2) / 0.8), ease(t / 0.9)), axis=-1)
     way = rotate_planar(grips - wrists, -facing[:, None])
-    way = weights * way
+    # Up early, over the edge of a table; down with the body.
+    height = np.where(way[..., 2:] > 0, ease(t / 0.6), ease(t / 0.9))
+    way = np.concatenate((ease(t / 0.6) * way[..., :1], ease((t - 0.25) / 0.75) * way[..., 1:2], height * way[..., 2:]), axis=-1)
     way[..., 0] += np.array((-1.0, 1.0)) * _OUT * np.sin(np.pi * ease(progress))[:, None]
     return wrists + rotate_planar(way, facing[:, None])
 
@@ -53,11 +54,11 @@ def place_hands(hips: Array, rotations: Array, grips: Array, progress: Array, fa
     local = rotations.astype(np.float64)
     positions, world = forward_kinematics(hips.astype(np.float64), local)
     targets = lead(positions[:, _WRISTS], grips, progress, facing)
-    weight = ease(progress)
+    weight = ease(progress / 0.8)
     for side, arm in enumerate(ARMS):
         for k in (0, 1):
             rest = np.broadcast_to(_HOLDING[side, k], local[:, arm[k]].shape)
-            local[:, arm[k]] = quat_slerp(local[:, arm[k]], rest, ease(progress / 0.8))
+            local[:, arm[k]] = quat_slerp(local[:, arm[k]], rest, weight)
     away = grips - positions[:, _SHOULDERS]
     ahead = rotate_planar(away, -facing[:, None])
     dip = 0.65 * np.clip(np.arctan2(-ahead[..., 2], np.maximum(-ahead[..., 1], 0.05)), 0, 1.5)

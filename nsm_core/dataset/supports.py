@@ -13,7 +13,7 @@ from ..rotations import Array, heading_to_direction, rotate_planar
 from .session import Session
 
 _SIDES = (0.0, np.pi / 2, np.pi, -np.pi / 2)  # headings of the outward normals of a piece's sides
-_FLUSH, _HIGHEST = 0.03, 1.0
+_INSIDE, _OVER, _HIGHEST = 0.03, 0.05, 1.0  # metres that a box stands off the edge, or over it; of tops over the floor
 
 
 @dataclass
@@ -21,7 +21,7 @@ class Support:
     """A piece with a level top at height ``top``, used from the side whose outward normal has the heading ``side``.
 
     ``reach`` metres from the piece's origin to the edge of its top on that side, ``along`` where along the edge a box rests,
-    ``edge`` metres from the edge to the near face of the box.
+    ``edge`` metres from the edge to the near face of the box, negative where it stands out over it.
     """
 
     piece: Furniture
@@ -85,7 +85,7 @@ def draw_support(session: Session, across: tuple[float, float]) -> Support | Non
                 continue
             middle = (ends[0] + ends[1]) / 2
             along = middle + float(np.clip(rng.normal(0, 0.15), -room / 2, room / 2))
-            edge = float(rng.uniform(0, min(_FLUSH, reach - back - depth)))
+            edge = float(rng.uniform(-_OVER, min(_INSIDE, reach - back - depth)))
             return Support(piece, float(top), float(side), float(reach), float(along), edge)
     return None
 
