@@ -74,7 +74,7 @@ class Actor:
     def _walk(self, position, heading, action) -> None:
         hot = {name for k, name in enumerate(GOAL_ACTIONS) if action[6, k] > 0.5}
         target, facing = position[6, :2].astype(float), float(heading[6])
-        grasp = self.director.grasps[-1] if self.director.grasps else None
+        grasp = getattr(self.director.stage, "grasp", None)
         if hot == {"carry"}:
             target = target - grasp.prop.stand_off(grasp.facing) * np.array((np.sin(facing), -np.cos(facing)))
         elif hot == {"idle", "carry"} and position[6, 2] > 0:
@@ -95,7 +95,7 @@ class Actor:
     def _hands(self, position, heading, action) -> None:
         hot = {name for k, name in enumerate(GOAL_ACTIONS) if action[6, k] > 0.5}
         wanted, touch = self._world(HANGING), np.zeros(2)
-        grasp = self.director.grasps[-1] if self.director.grasps else None
+        grasp = getattr(self.director.stage, "grasp", None)
         if hot & {"carry", "open"} and grasp is not None and self.grips:
             if "carry" in hot:
                 wanted, touch = self._carry(hot, position, grasp)

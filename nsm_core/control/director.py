@@ -45,7 +45,8 @@ class Director:
         self.done = False
         self.grasps: list[Grasp] = []
         self.stage: Stage | None = None
-        self._ground, self._scene, self._ik = Ground(plan, rng), scene or Scene(Cuboids()), ik
+        self._scene, self._ik = scene or Scene(Cuboids()), ik
+        self._ground = Ground(plan, rng, self._scene)
         self._command: Command | None = None
         self._thing: Prop | InteractionVolume | None = None
         self._frame, self._started, self._rest, self._hold = 0, 0, 0, -1
@@ -65,7 +66,7 @@ class Director:
         elif not self.done:
             self._judge(moment)
             if not self.done:
-                self._command = self.stage.update(moment)  # type: ignore[union-attr]
+                self._perform(moment)
         self._frame += 1
         position, heading, action = self._ahead(moment)
         self._past_position = np.concatenate((self._past_position[1:], position[:1]))
@@ -102,11 +103,15 @@ class Director:
         self._part, self._since = 0, self._frame
         self.results[index].start_frame = self._frame
         self.stage = begin(following, self._ground, moment, self.grasps, self._scene, self._ik)
+        self._perform(moment)
+
+    def _perform(self, moment: Moment) -> None:
+        """Let the stage command, and put the hands to work that it wants."""
+        self._command = self.stage.update(moment)  # type: ignore[union-attr]
         grasp = getattr(self.stage, "grasp", None)
-        if grasp is not None:
+        if grasp is not None and grasp.active and grasp not in self.grasps:
             # Whatever else had this prop in hand is over.
-            self.grasps = [g for g in self.grasps if g is not grasp and g.prop is not grasp.prop] + [grasp]
-        self._command = self.stage.update(moment)
+            self.grasps = [g for g in self.grasps if g.prop is not grasp.prop] + [grasp]
 
     def _judge(self, moment: Moment) -> None:
         """See whether the transition has ended, hold, and go on to the next goal."""

@@ -16,6 +16,9 @@ SETTLING = 0.5  # seconds in which the box leaves its resting pose for the one t
 # is, how long hands that do not let go are waited for; a body that waits may be drawn from further off (seconds, metres).
 DRAW_FROM, SLOW, DRAW_TIME, PLACED, PATIENCE = 0.2, 0.4, 0.4, 0.01, 1.0
 WAITING, DRAW_FURTHER, LEAST_HELD = 1.0, 0.35, 0.8
+# Hands have let go where their labels are lower and the place is this near (metres); or where they are further apart than the
+# box is wide by so much: for more than so many frames.
+LOOSE, LOOSE_FROM, APART, LOOSE_FRAMES = 0.3, 0.5, 0.5, 6
 _AVERAGED = 3  # frames over which the box's place in the hands is smoothed
 _RISE, _SINK = 1.5, 0.8  # m/s by which a box gives way to what is under it
 _GRAVITY = 9.81
@@ -45,6 +48,7 @@ class Carrying:
         self._recent: list[Array] = []
         self._offset, self._since = np.zeros(4), 0
         self._draw, self._drawn, self._waited = 0.0, 0, 0
+        self._loose = self._apart = 0
         self._lifted, self._fall = 0.0, 0.0
         self._raw = box.pose.copy()
 
@@ -130,12 +134,20 @@ class Carrying:
         speed = float(np.linalg.norm(carried[:2] - before[:2])) / DT if not self._draw else 0.0
         self._waited = self._waited + 1 if speed < 0.1 else 0
         start = DRAW_FROM + (DRAW_FURTHER - DRAW_FROM) * float(np.clip(self._waited * DT / WAITING - 1, 0, 1))
+        # Hands that say they have let go near the place have missed it: the box is set down all the same.
+        self._loose = self._loose + 1 if labels.max() < LOOSE else 0
+        start = LOOSE_FROM if self._loose > LOOSE_FRAMES else start
         near = self._since * DT > LEAST_HELD and speed < SLOW and far < start
         drawing = near if not self._draw else far < 2 * DRAW_FURTHER
         self._draw = float(np.clip(self._draw + (DT if drawing else -DT) / DRAW_TIME, 0, 1))
         carried = carried + float(smooth_step(self._draw)) * gap
         self._stay_above(carried)
         self.prop.pose[:] = carried
+        width = self.prop.across(self.facing)[0]
+        self._apart = self._apart + 1 if float(np.linalg.norm(wrists[1] - wrists[0])) > width + APART else 0
+        if self._apart > LOOSE_FRAMES and not self._draw:
+            self.let_go()
+            return
         if self._draw >= 1:
             self._drawn += 1
             there = float(np.linalg.norm(self.goal[:3] - carried[:3])) < PLACED

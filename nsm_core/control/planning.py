@@ -6,6 +6,7 @@ Plain planning for a walking body, not a part of the paper; it leads locomotion 
 from __future__ import annotations
 
 import heapq
+from copy import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -89,22 +90,30 @@ class FloorPlan:
         """Clearance (nx, ny) at the nodes: a coarse look first, then every node that could be near something."""
         x, y = (self._low[k] + self._spacing * np.arange(shape[k]) for k in (0, 1))
 
-        def look(points: Array, reach: float) -> Array:
-            body = np.concatenate([np.insert(points, 2, z, axis=1) for z in HEIGHTS]).astype(np.float32)
-            return np.asarray(query.signed_distance(body, reach), dtype=np.float64).reshape(len(HEIGHTS), -1).min(0)
-
         every = 4
         coarse_x, coarse_y = x[::every], y[::every]
         half_diagonal = every * self._spacing * np.sqrt(0.5)
         centres = np.stack(np.meshgrid(coarse_x, coarse_y, indexing="ij"), -1).reshape(-1, 2) + every * self._spacing / 2
         reach = self._far + half_diagonal + self._spacing
-        near = (look(centres, reach + 1e-3) < reach).reshape(len(coarse_x), len(coarse_y))
+        near = (_look(query, centres, reach + 1e-3) < reach).reshape(len(coarse_x), len(coarse_y))
         near = near.repeat(every, 0).repeat(every, 1)[: shape[0], : shape[1]]
         out = np.full(tuple(shape), self._far)
         nodes = np.stack(np.meshgrid(x, y, indexing="ij"), -1)[near]
         if len(nodes):
-            out[near] = look(nodes, self._far)
+            out[near] = _look(query, nodes, self._far)
         return out
+
+    def besides(self, query: DistanceQuery, places: Array, reach: float) -> FloorPlan:
+        """This plan with more solids in it: ``query``, which lies within ``reach`` metres of ``places`` (N, 2)."""
+        other = copy(self)
+        room = self._nodes[..., 0].copy()
+        x, y = (self._low[k] + self._spacing * np.arange(room.shape[k]) for k in (0, 1))
+        nodes = np.stack(np.meshgrid(x, y, indexing="ij"), -1)
+        near = (np.abs(nodes[:, :, None] - places).max(-1) < reach + self._far).any(-1)
+        if near.any():
+            room[near] = np.minimum(room[near], _look(query, nodes[near], self._far))
+        other._nodes = np.stack((room, *np.gradient(room, self._spacing)), axis=-1)
+        return other
 
     def _search(self, start: Array, goal: Array) -> Array | None:
         """A* over the cells with 8 neighbours; the way as points (N, 2), or None."""
@@ -211,6 +220,12 @@ class FloorPlan:
         i, j = cell[..., 0], cell[..., 1]
         u, v = np.moveaxis(grid - cell, -1, 0)[..., None]
         return (1 - u) * ((1 - v) * nodes[i, j] + v * nodes[i, j + 1]) + u * ((1 - v) * nodes[i + 1, j] + v * nodes[i + 1, j + 1])
+
+
+def _look(query: DistanceQuery, points: Array, reach: float) -> Array:
+    """Clearance (N,) of a body at floor points (N, 2), metres, at most ``reach``."""
+    body = np.concatenate([np.insert(points, 2, z, axis=1) for z in HEIGHTS]).astype(np.float32)
+    return np.asarray(query.signed_distance(body, reach), dtype=np.float64).reshape(len(HEIGHTS), -1).min(0)
 
 
 def plan_path(

@@ -15,15 +15,18 @@ from ...conventions import SIT
 from ...errors import GoalError
 from ...rotations import Array
 from ...sensors.cuboid import InteractionVolume
+from ...sensors.query import Union
 from ..course import Course
 from ..goals import Moment
 from ..planning import FloorPlan, path_length
-from ..props import Prop
+from ..props import Box, Prop
+from ..scene import Scene
 
 REACH = 3.6  # metres from which goal-driven mode takes over
 BESIDE = 0.3  # metres at the end of the straight way that may touch the goal's surroundings
 ELBOW_ROOM = 0.33  # metres to keep from things on the straight way: the network cuts corners a little
 STALL, LED = 60, 120  # frames of standing still short of a goal before one is led on, and for how long at most
+_STIRRED = 0.02  # metres or radians by which a box may have moved before the floor is looked at again
 LEAST_RUN = 2.5  # metres: a shorter way is walked
 
 
@@ -63,23 +66,42 @@ CARRYING = Gait("walk+carry", (0.85, 1.05))
 RUNNING = Gait("run", (2.6, 3.0), 2.2, 1.7, 1.0)
 
 
-@dataclass(frozen=True)
 class Ground:
-    """What a stage plans with: the free floor (None: all of it is), and the source of chance."""
+    """What a stage plans with: the free floor (None: all of it is), boxes that stand about on it, and the source of chance."""
 
-    plan: FloorPlan | None
-    rng: np.random.Generator
+    def __init__(self, plan: FloorPlan | None, rng: np.random.Generator, scene: Scene | None = None) -> None:
+        self.plan, self.rng = plan, rng
+        self._boxes = [] if scene is None else [p for p in scene.props if isinstance(p, Box)]
+        self._seen: tuple[list[Box], Array, FloorPlan] | None = None
 
-    def way(self, a: Array, b: Array) -> Array:
-        """Way (N, 2) from ``a`` to ``b`` (2,); GoalError where there is none."""
-        return np.asarray(self.plan.find(a, b) if self.plan is not None else np.stack((a, b)), dtype=np.float64)
+    def floor(self, but: Prop | None = None) -> FloorPlan | None:
+        """The free floor with all boxes where they are now ``but`` the one in hand."""
+        boxes = [b for b in self._boxes if b is not but]
+        if self.plan is None or not boxes:
+            return self.plan
+        poses = np.array([b.pose for b in boxes])
+        if self._seen is None or self._seen[0] != boxes or np.abs(self._seen[1] - poses).max() > _STIRRED:
+            reach = max(float(np.linalg.norm(b.size)) / 2 for b in boxes)
+            self._seen = boxes, poses, self.plan.besides(Union(boxes), poses[:, :2], reach)
+        return self._seen[2]
 
-    def free(self, a: Array, b: Array) -> bool:
+    def way(self, a: Array, b: Array, but: Prop | None = None) -> Array:
+        """Way (N, 2) from ``a`` to ``b`` (2,), around boxes where there is one; GoalError where there is none at all."""
+        if self.plan is None:
+            return np.stack((a, b)).astype(np.float64)
+        try:
+            return np.asarray(self.floor(but).find(a, b), dtype=np.float64)  # type: ignore[union-attr]
+        except GoalError:
+            if not self._boxes:
+                raise
+            return np.asarray(self.plan.find(a, b), dtype=np.float64)
+
+    def free(self, a: Array, b: Array, but: Prop | None = None) -> bool:
         """Whether the straight way from ``a`` to ``b`` (2,) is free but for its very end."""
         # The last stretch lies beside the goal's object, so the end of the line is not asked about.
-        d = b - a
+        d, floor = b - a, self.floor(but)
         length = float(np.linalg.norm(d))
-        return self.plan is None or self.plan.line_is_free(a, a + d * max(0.0, 1 - BESIDE / max(length, 1e-6)), ELBOW_ROOM)
+        return floor is None or floor.line_is_free(a, a + d * max(0.0, 1 - BESIDE / max(length, 1e-6)), ELBOW_ROOM)
 
     def pause(self) -> int:
         """Frames from an event to the command that answers it, as in the training data."""
@@ -136,11 +158,11 @@ class Approach:
     def _ready(self, moment: Moment, distance: float) -> bool:
         if self.ready is not None:
             return self.ready(moment)
-        return distance < self.reach and (distance < 0.6 or self.ground.free(moment.root[:2], self.stand))
+        return distance < self.reach and (distance < 0.6 or self.ground.free(moment.root[:2], self.stand, self.thing))
 
     def _lead(self, moment: Moment) -> Command:
         try:
-            way = self.ground.way(moment.root[:2], self.stand)
+            way = self.ground.way(moment.root[:2], self.stand, self.thing)
         except GoalError:
             if not self.anyway:
                 raise

@@ -16,6 +16,7 @@ from .approach import CARRYING, Approach, Command, Ground
 from .places import EXECUTED, Stage
 
 FETCH, BRING = 2.5, 2.2  # metres from which the box, and its place, are commanded themselves
+PLACED, TRIES = 0.05, 2  # metres from its place at which a box counts as placed; how often one that slipped is fetched
 ROOM = 0.2  # metres of room that a standing place should have
 FACINGS = (0.0, np.pi / 2, np.pi, -np.pi / 2)
 
@@ -28,47 +29,59 @@ class Carry(Stage):
     ) -> None:
         """``solids``: what a box may rest on; ``held``: the hands that hold the same box already."""
         super().__init__(goal)
-        self.ground, box = ground, goal.prop
-        self.part, self._count = 0, ground.pause()
-        if held is not None:
+        self.ground, self.solids, self.ik, self._tries = ground, solids, ik, 0
+        if held is None:
+            self._fetch(moment)
+        else:
             self.grasp = held
             held.send(self._goal_pose(held.facing))
             self._bring()
-            return
-        facing, stand = choose_side(box, ground.plan, moment.root[:2].astype(np.float64))
+
+    def _fetch(self, moment: Moment) -> None:
+        box = self.goal.prop
+        self.part, self._count = 3 * self._tries, self.ground.pause()
+        self._tries += 1
+        facing, stand = choose_side(box, self.ground.plan, moment.root[:2].astype(np.float64))
         heading = float(box.pose[3] + facing)
-        self.grasp = Carrying(box, facing, self._goal_pose(facing), solids, ik)
+        self.grasp = Carrying(box, facing, self._goal_pose(facing), self.solids, self.ik)
         final = Command("carry", box.pose[:3].astype(np.float32), heading, thing=box)
-        self.approach = Approach(ground, stand, heading, final, FETCH)
+        self.approach = Approach(self.ground, stand, heading, final, FETCH, anyway=self._tries > 1)
 
     def _goal_pose(self, facing: float) -> Array:
         return np.append(self.goal.position.astype(np.float64), wrap_angle(self.goal.heading - facing))
 
     def _bring(self) -> None:
         box, heading = self.goal.prop, self.goal.heading
-        self.part, self._count = 1, self.ground.pause()
+        self.part, self._count = self.part + 1, self.ground.pause()
         stand = standing_place(box, self.grasp.facing, self.goal.position, heading)
         final = Command("idle+carry", self.goal.position, heading, thing=box)
         self.approach = Approach(self.ground, stand, heading, final, BRING, CARRYING, thing=box, anyway=True)
 
     def update(self, moment: Moment) -> Command:
-        state, box = self.grasp.state, self.goal.prop
-        if self.part == 0 and state == "held":
+        state, doing = self.grasp.state, self.part % 3
+        if doing == 0 and state == "held" or doing == 1 and state == "placed":
             self._count -= 1
             if self._count <= 0:
-                self._bring()
-        elif self.part == 1 and state == "placed":
-            self._count -= 1
-            if self._count <= 0:
-                self.part = 2
-                self._rest = Command("idle", np.append(moment.root[:2], 0).astype(np.float32), float(moment.heading))
-        elif self.part == 0 and state == "reach" and self.approach.given and self.approach.final.position is not None:
+                self._go_on(moment)
+        elif doing == 0 and self.approach.given:
             # A box that something has moved is reached for where it is.
-            self.approach.final.position[:] = box.pose[:3]
-        return self._rest if self.part == 2 else self.approach.update(moment, self.arrived)
+            self.approach.final.position[:] = self.goal.prop.pose[:3]  # type: ignore[index]
+        return self._rest if self.part % 3 == 2 else self.approach.update(moment, self.arrived)
+
+    def _go_on(self, moment: Moment) -> None:
+        if self.part % 3 == 0:
+            self._bring()
+        elif not self._stands() and self._tries < TRIES:
+            self._fetch(moment)  # it slipped out of the hands on the way
+        else:
+            self.part += 1
+            self._rest = Command("idle", np.append(moment.root[:2], 0).astype(np.float32), float(moment.heading))
+
+    def _stands(self) -> bool:
+        return float(np.linalg.norm(self.goal.prop.pose[:3] - self.grasp.goal[:3])) < PLACED
 
     def arrived(self, moment: Moment) -> bool:
-        return self.part == 2 and float(moment.style[IDLE]) > EXECUTED and moment.speed < 0.15
+        return self.part % 3 == 2 and self._stands() and float(moment.style[IDLE]) > EXECUTED and moment.speed < 0.15
 
     def target(self) -> tuple[Array | None, float, int]:
         return self.grasp.goal[:3], float(self.grasp.goal[3]), 3

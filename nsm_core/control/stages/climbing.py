@@ -38,7 +38,8 @@ class Climb(Stage):
 
     def update(self, moment: Moment) -> Command:
         ahead = heading_to_direction(np.array(self.goal.heading))
-        if self.approach.given and float((moment.root[:2] - self.stand) @ ahead) > BEFORE + 0.15:  # past the edge there is no way back to the foot
+        past = float((moment.root[:2] - self.stand) @ ahead) > BEFORE + 0.15
+        if self.approach.given and past:  # from up there no way leads back to the foot
             self.approach.stand = self.goal.position[:2].astype(np.float64)
         return self.approach.update(moment, self.arrived)
 
