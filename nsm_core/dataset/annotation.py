@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..clip import Clip
+from ..control.foot_lock import intervals
 from ..conventions import CLIMB, CONTACTS, FOOT_CONTACTS, FPS, GOAL_ACTIONS, HAND_CONTACTS, IDLE, RUN, SIT, STYLES, WALK
 from ..rotations import Array
 from ..skeleton import HIPS, INDEX
@@ -17,6 +18,7 @@ from .sidecar import SECTIONS, GoalKey, Key, Sheet, fingerprint, read, sidecar_o
 
 _GAIT = [IDLE, WALK, RUN]
 _HOLD_LAG = 3  # frames after which a command follows on a grasp or a release
+_REST = 1.0  # seconds that an actor stands at least to count as idle between two actions
 _PALM = 0.09  # metres from the wrist to the middle of the palm
 
 
@@ -169,6 +171,9 @@ def propose_goals(motion: Motion, arrays: Annotation, spans: list[Span]) -> tupl
     """Goals by rule: an action is asked for from where the actor leaves idle on until its label starts to fall."""
     count, style = len(motion), arrays.style
     idle = style[:, IDLE] > 0.5
+    for a, b in intervals(idle):
+        if b - a < _REST * FPS and a > 0 and b < count:
+            idle[a:b] = False  # who halts for a moment before an object has not gone back to idle
     asked: dict[int, tuple[GoalKey, str]] = {}
     free = np.ones(count, bool)
 
@@ -191,10 +196,12 @@ def propose_goals(motion: Motion, arrays: Annotation, spans: list[Span]) -> tupl
             ask(begin, "carry", _between_hands(motion, span.full), span.full, seconds)
             gaits = style[span.full : span.leave + 1]
             lead = "walk" if gaits[:, [WALK, RUN]].sum(1).max() > 0.5 else "idle"
-            arrive = max(span.full + _HOLD_LAG, span.leave - FPS)
+            held = span.full + _HOLD_LAG
             if lead == "walk":
-                ask(span.full + _HOLD_LAG, "walk+carry", remark="both hands hold the box")
-            ask(arrive, "idle+carry", _between_hands(motion, span.leave), span.leave, "where the box is set down, or the clip ends")
+                ask(held, "walk+carry", remark="both hands hold the box")
+            if lead == "idle" or span.leave < count - 2:
+                arrive = held if lead == "idle" else max(held, span.leave - FPS)
+                ask(arrive, "idle+carry", _between_hands(motion, span.leave), span.leave, "to where the box is set down or held")
             end = span.leave + _HOLD_LAG
         elif span.action == "open":
             hand = HAND_CONTACTS[int(np.argmax(arrays.contact[span.full : span.leave + 1, HAND_CONTACTS].sum(0)))]

@@ -10,12 +10,12 @@ from ..clip import Clip
 from ..conventions import CONTACTS, FPS, GOAL_ACTIONS, STYLES
 from ..errors import OutputError
 from ..rotations import Array, rotate_planar
-from ..skeleton import HIPS, JOINTS, PARENTS
+from ..skeleton import HIPS, INDEX, JOINTS, PARENTS
 from .annotation import Annotation
 from .library import smoothed_root
 
 COLOURS = dict(zip(STYLES, ("#9aa0a6", "#4c9f70", "#d1495b", "#8f5fbf", "#c98a2b", "#2b7bb9", "#a05a2c"), strict=True))
-_FIGURES = 24
+_FIGURES = 18
 
 
 def draw(clip: Clip, annotation: Annotation, path: str | Path, measured: Array | None = None) -> Path:
@@ -83,6 +83,8 @@ def _stick_figures(row, clip: Clip) -> None:
             "#d1495b" if "Right" in JOINTS[j] else "#2b7bb9" if "Left" in JOINTS[j] else "#222" for j, p in enumerate(PARENTS) if p >= 0
         ]
         row.add_collection(LineCollection(bones, colors=hues, linewidths=1.3))
+        head, neck = (np.array((x[INDEX[n]], z[INDEX[n]])) for n in ("Head", "Neck"))
+        row.plot(*(head + 0.6 * (head - neck)), "o", mfc="white", mec="#222", ms=8, zorder=3)
         row.plot([f], [0], "|", color="#888", ms=6)
     low = min(0.0, float(positions[..., 2].min()))
     row.set_ylim(low - 0.05, max(top, float(positions[..., 2].max()) + 0.1))

@@ -73,13 +73,14 @@ def propose_actions(motion: Motion) -> tuple[dict[str, list[Key]], list[Span], A
     """Labels by rule: key frames of every style, the spans of actions with objects, and contacts (T, 5) bool."""
     count = len(motion)
     actions: dict[str, list[Key]] = {name: [] for name in STYLES}
-    actions.update(_paces(motion.speed))
     contacts = np.zeros((count, len(CONTACTS)), bool)
     sits = _sits(motion)
     seated = np.zeros(count, bool)
     for span in sits:
         contacts[span.full : span.leave + 1, HIP_CONTACT] = True
         seated[span.start : span.end + 1] = True
+    # The way of the hips to a seat and up again is no walk.
+    actions.update(_paces(np.where(seated, 0.0, motion.speed)))
     carries = [s for s in _carries(motion) if not seated[s.full : s.leave + 1].any()]
     busy = seated.copy()
     for span in carries:
@@ -231,7 +232,7 @@ def _carries(motion: Motion) -> list[Span]:
         walks = float((motion.speed[a:b] > 0.6).sum()) > 0.5 * FPS
         if not walks and min(height[grasp], height[release]) > 0.72:
             continue
-        if spans and grasp <= spans[-1].leave + 3:
+        if spans and grasp <= spans[-1].leave + FPS:  # a grip is not let go for a moment
             old = spans.pop()
             spans.append(Span("carry", old.start, old.full, release, release + _REACH))
             continue
@@ -325,13 +326,10 @@ def _climbs(motion: Motion, step: float = 0.1) -> list[Span]:
 
 
 def _feet(motion: Motion, climbs: list[Span]) -> Array:
-    """Contacts (T, 2) of the feet: low and slow on the floor, and still on steps while climbing."""
+    """Contacts (T, 2) of the feet: low and slow on the floor; in a clip that climbs, still at any height."""
     running = np.clip(motion.speed / 2.1, 0, 1.5)
     slow, fast = (detect_foot_contacts(motion.positions, speed=v) for v in (0.3, 0.9))
     on = np.where(running[:, None] > 1, fast, slow)
-    for a, b, side, _ in _supports(motion):
-        for span in climbs:
-            low, high = max(a, span.start - FPS), min(b, span.end + FPS)
-            if low < high:
-                on[low:high, side] = True
+    for a, b, side, _ in _supports(motion) if climbs else ():
+        on[a:b, side] = True
     return on

@@ -29,7 +29,7 @@ def rule_keys(landing_foot: Array, moving: Array, transitions: list[tuple[int, i
     fixed: set[int] = set()
     for a, b in transitions:
         a, b = max(a, 0), min(b, count - 1)
-        if b - a >= _SHORTEST:
+        if b - a >= _SHORTEST and not acyclic[a : b + 1].any():
             acyclic[a + 1 : b] = True
             fixed |= {a, b}
     for a, b in intervals(moving):
