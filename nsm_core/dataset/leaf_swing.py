@@ -77,12 +77,12 @@ def swing_on(angle: float, speed: float, end: float, count: int) -> Array:
 
 
 def turn(
-    door: Doorway, joints: Array, start: int, panel: float, rng: np.random.Generator, sweep: tuple[int, int] | None = None
+    door: Doorway, joints: Array, start: int, panel: float, backed: int, rng: np.random.Generator
 ) -> Turning | None:
     """Let a hand open the leaf while the body moves as ``joints`` (T, 23, 3), world; None where arm or body forbid it.
 
-    The leaf rests up to frame ``start``.  A push keeps it as far ahead as the arm reaches; a pull keeps the arm stretched and,
-    over the frames ``sweep``, swings it past.
+    The leaf rests up to frame ``start``.  A push keeps it as far ahead as the arm reaches; a pull keeps the arm stretched and
+    draws the leaf past when the body has stepped back, at frame ``backed``.
     """
     shoulder = door.local(joints[:, ARMS[door.way.hand][0]])
     spans = np.linalg.norm(shoulder[:, None] - door.grips(ANGLES)[None], axis=-1)
@@ -104,14 +104,13 @@ def turn(
         free = np.where(tight.any(axis=1), last + 1 - tight[:, ::-1].argmax(axis=1), 0)
         wanted = np.maximum(most, free)
     else:
-        low, high = sweep or (count, count)
-        x = np.clip((t - low) / max(high - low, 1), 0, 1)
+        x = np.clip((t - backed + 14) / 20, 0, 1)
         wanted = least + x**3 * (10 - 15 * x + 6 * x * x) * np.maximum(most - least, 0)
     x = np.clip((t - start) / 14, 0, 1)
     wanted = np.maximum.accumulate(np.minimum(wanted, last) * (x * x * (3 - 2 * x)))
     angles = np.maximum.accumulate(gaussian_smooth(wanted * ANGLES[1], 3.0)).clip(0, None)
     angles[: start + 1] = 0
-    let_go = np.radians(rng.uniform(46, 62) if push else rng.uniform(62, 80))
+    let_go = np.radians(rng.uniform(46, 62) if push else rng.uniform(38, 56))
     own = np.linalg.norm(shoulder - door.grips(angles), axis=-1)
     done = np.flatnonzero((t > start + 5) & ((angles >= let_go) | (own > FURTHEST) | (own < FOLDED) & (t > start + 15) | (t > count - 25)))
     # A hand lets go once the leaf hardly moves any more.

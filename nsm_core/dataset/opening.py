@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..control.props import HANDLE_STAND, PASS_BEYOND, Leaf, Passage, passage
+from ..control.course import Course
+from ..control.props import HANDLE_STAND, OPENED, PASS_BEYOND, PULL_BACK, Leaf, Passage, passage
 from ..conventions import HAND_CONTACTS, OPEN
 from ..doors import Door, make_door
 from ..evaluation.metrics import body_spheres
@@ -29,6 +30,7 @@ from .take import Command, Placed, Thing
 NAME = "open"
 KEEP_OFF, SQUEEZE = 0.32, 0.2  # metres that roots keep off the wall and the leaf on the way, and in the doorway
 RETURN = 16  # frames in which a hand comes back
+PUSHES = 0.55  # of the doors
 DOORS = 14  # doors that are tried about one walk
 DEEPEST, ASTRAY = 0.02, 0.01  # metres: of the body in leaf or wall, and of the wrist from the handle it holds
 
@@ -76,7 +78,7 @@ class Open:
             or (_off_leaf(wide, self._signed(self.plan.angles[-1]), self.door.width) < margin[self.passed :]).any()
         )
 
-    def opens(self, joints: Array, pressed: int, rng: np.random.Generator, sweep: tuple[int, int] | None = None) -> bool:
+    def opens(self, joints: Array, pressed: int, backed: int, rng: np.random.Generator) -> bool:
         """Plan how the leaf turns from frame ``pressed`` after the start on; False where ``joints`` (T, 23, 3) do not fit the door."""
         at = self.doorway.local(joints[..., :2])
         beyond = np.flatnonzero(at[:, 0, 1] > 0.35)
@@ -89,7 +91,7 @@ class Open:
         if across.min() < x0 + 0.04 or across.max() > x1 - 0.04:
             return False
         panel = float(self.door.piece.maxs[0, 1] - self.door.piece.mins[0, 1])
-        self.plan = turn(self.doorway, joints, pressed, panel, rng, sweep)
+        self.plan = turn(self.doorway, joints, pressed, panel, backed, rng)
         return self.plan is not None
 
     def _signed(self, angle: float) -> float:
@@ -206,27 +208,44 @@ def lay(session: Session) -> Open | None:
     tape.stand(float(rng.integers(2, 6)) / 30)
     pressed = len(tape)
     tape.stand(float(rng.integers(1, 3)) / 30)
+    push, pull, backed, heading = rng.random() < PUSHES, -1, 0, float(tape.headings[start])
+    if not push:
+        pull = session.command("idle+open", 0)
+        if not _step_back(session, heading):
+            return None
+        backed = len(tape)
+        tape.stand(rng.uniform(0.3, 0.9))
     through = session.command("walk+open", 0)
-    if not _straight_on(session, tape.roots[start], float(tape.headings[start])):
+    opened = len(tape) - start
+    if not _straight_on(session, tape.roots[start], heading):
         return None
     joints = _joints(session, start)
     for _ in range(DOORS):
-        episode = _door_before(session, start)
-        episode.ask, episode.through, episode.start, episode.grip = ask, through, start, grip
-        if episode.opens(joints, pressed - start, rng):
-            episode.beyond = tape.roots[-1].copy()
+        episode = _door_before(session, start, push)
+        episode.ask, episode.pull, episode.through, episode.start, episode.grip = ask, pull, through, start, grip
+        if not episode.opens(joints, pressed - start, backed - start, rng):
+            continue
+        if push or episode.plan.angles[opened] > OPENED:
+            episode.backed, episode.back, episode.beyond = backed, tape.roots[backed - 1].copy(), tape.roots[-1].copy()
             return episode
     return None
 
 
-def _door_before(session: Session, start: int) -> Open:
+def _step_back(session: Session, heading: float) -> bool:
+    """Step straight back with the face to the door."""
+    rng, here = session.rng, session.tape.roots[-1]
+    way = np.linspace(0, PULL_BACK + rng.uniform(-0.04, 0.08), 24)[:, None] * -heading_to_direction(np.array(heading))
+    course = Course(here + way, heading, float(rng.uniform(0.45, 0.75)), 100.0, 1.0, 0.8)
+    return session.follow(course)
+
+
+def _door_before(session: Session, start: int, push: bool) -> Open:
     """Make a door whose handle is reached from where frame ``start`` stands, give or take a few centimetres."""
     rng, tape = session.rng, session.tape
     door = make_door(rng, near=float(rng.uniform(0.8, 1.6)), far=float(rng.uniform(0.8, 1.6)))
     heading = tape.headings[start] + rng.normal(0, 0.03)
     go = heading_to_direction(np.array(heading))
     side = float(rng.choice((-1, 1)))
-    push = True
     leaf = door.leaf((0, 0, 0, heading if side > 0 else heading + np.pi), -side if push else side)
     stand = tape.roots[start] + rng.normal(0, 0.025, 2)
     leaf.pose[:2] = stand - passage(leaf, -go).reach
