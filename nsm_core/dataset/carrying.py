@@ -60,7 +60,7 @@ class Carry:
         for spot, resting in ((self.taken, n < self.taken.bend.start), (self.put, n >= self.put.bend.end)):
             bent = (n >= spot.bend.start) & (n < spot.bend.end)
             close = (n > spot.bend.start - 45) & (n < spot.bend.end + 45)
-            margin = np.where(close, 0.15, 0.22)
+            margin = np.where(close, 0.165, 0.22)
             half = np.array(self.box.across(self.face)) / 2
             if (_inside(roots, spot.centre[:2], spot.facing, -half, half, margin) & resting & ~bent).any():
                 return False

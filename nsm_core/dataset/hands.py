@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from ..limbs import chain_frames, mul, place_limbs
-from ..rotations import Array, heading_quat, quat_from_axis_angle, quat_from_matrix, quat_from_rotvec, quat_slerp, rotate_planar
+from ..rotations import (
+    Array,
+    heading_quat,
+    heading_to_direction,
+    quat_from_axis_angle,
+    quat_from_matrix,
+    quat_from_rotvec,
+    quat_slerp,
+    rotate_planar,
+)
 from ..skeleton import ARMS, FEET, INDEX, OFFSETS, forward_kinematics
 
 ARM_LENGTH = float(np.linalg.norm(OFFSETS[[ARMS[0][1], ARMS[0][2]]], axis=-1).sum())
@@ -46,14 +55,22 @@ def lead(wrists: Array, grips: Array, progress: Array, facing: Array) -> Array:
     return wrists + rotate_planar(way, facing[:, None])
 
 
-def place_hands(hips: Array, rotations: Array, grips: Array, progress: Array, facing: Array) -> Array:
+def place_hands(
+    hips: Array, rotations: Array, grips: Array, progress: Array, facing: Array, behind: tuple[Array, float] | None = None
+) -> Array:
     """Lead both wrists of a motion (T, ...) to ``grips`` (T, 2, 3) and keep them there; new local rotations (T, 23, 4).
 
-    ``progress`` (T,) and ``facing`` (T,) as in ``lead``.  Hands turn flat to the sides of what they hold.
+    ``progress`` (T,) and ``facing`` (T,) as in ``lead``.  ``behind``, weights (T,) and metres: how firmly free wrists are kept
+    that far behind their grips, off what a body bends over.  Hands turn flat to the sides of what they hold.
     """
     local = rotations.astype(np.float64)
     positions, world = forward_kinematics(hips.astype(np.float64), local)
-    targets = lead(positions[:, _WRISTS], grips, progress, facing)
+    wrists = positions[:, _WRISTS]
+    if behind is not None:
+        ahead = heading_to_direction(facing)[:, None]
+        over = np.maximum(((wrists - grips)[..., :2] * ahead).sum(-1) + behind[1], 0) * behind[0][:, None]
+        wrists = wrists - np.append(over[..., None] * ahead, np.zeros((*over.shape, 1)), axis=-1)
+    targets = lead(wrists, grips, progress, facing)
     weight = ease(progress / 0.8)
     for side, arm in enumerate(ARMS):
         for k in (0, 1):

@@ -23,6 +23,7 @@ HOLDING_HEIGHT, HOLDING_AHEAD = 1.0, 0.05  # metres: wrists over the floor, box 
 _BENT = 0.9 * ARM_LENGTH  # how far arms stretch at most while walking
 _CLEARANCE = 0.05  # metres that a box is lifted over what it rested on
 _BOB, _MOST_BOB = 0.6, 0.04  # share of the pelvis' movement up and down that a box follows, and metres at most
+_HANGING = 0.1  # metres that wrists of hanging arms keep off the near face
 _LEAD, _OFF = 20, 17  # frames for the hands to reach a box, and to come off it
 _SHOULDERS = [arm[0] for arm in ARMS]
 _LIFT = 22  # frames in which a box is lifted where the body hardly rises
@@ -69,7 +70,10 @@ def fit_hands(carry: Carry, motion: Motion) -> None:
     progress = np.minimum((n - t.touch + lead) / lead, (p.touch + _OFF - n) / _OFF).clip(0, 1)
     hips, rotations = lean_into_reach(hips, rotations, grasps, progress > 0.9)
     motion.hips[span] = hips
-    motion.rotations[span] = place_hands(hips, rotations, grasps, progress, facing)
+    # Arms that hang from a bent body stay behind the near face of the box until they are led to its sides.
+    bent = [ease((n - b.start) / 10) * ease((b.end - n) / 10) for b in (t, p)]
+    near = carry.box.across(carry.face)[1] / 2 - WRIST_BEHIND + _HANGING
+    motion.rotations[span] = place_hands(hips, rotations, grasps, progress, facing, (np.maximum(*bent), near))
 
 
 def box_poses(carry: Carry, hips: Array, rotations: Array, first: int) -> Array:
