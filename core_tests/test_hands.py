@@ -53,3 +53,28 @@ def test_push_is_limited_and_fades():
     for _ in range(60):
         local_after = hands.apply(hips, local)
     assert np.allclose(local_after, local)
+
+
+def test_a_hand_that_holds_stays_and_each_hand_may_have_its_own_solids():
+    hips, local = standing()
+    wrists = forward_kinematics(hips, local)[0][[arm[2] for arm in ARMS]]
+    both = Cuboids()
+    both.groups = slab_under(wrists[0], 0.04).groups + slab_under(wrists[1], 0.04).groups
+    moved = lambda **more: [  # noqa: E731
+        float(np.linalg.norm(forward_kinematics(hips, out)[0][arm[2]] - wrists[k]))
+        for out in [run_hands(both, hips, local, **more)]
+        for k, arm in enumerate(ARMS)
+    ]
+    right, left = moved()
+    assert right > 0.02 and left > 0.02
+    right, left = moved(held=(1.0, 0.0))
+    assert right < 1e-3 and left > 0.02
+    right, left = moved(queries=(both, Cuboids()))
+    assert right > 0.02 and left < 1e-3
+
+
+def run_hands(query: Cuboids, hips: np.ndarray, local: np.ndarray, **more) -> np.ndarray:
+    hands = HandClearance(query)
+    for _ in range(30):
+        out = hands.apply(hips, local, **more)
+    return out

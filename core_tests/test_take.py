@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from nsm_core import furniture
+from nsm_core.control.props import Box, Leaf, sense
 from nsm_core.control.take import Goal, TakeRequest, TakeResult, TakeRunner
 from nsm_core.conventions import STYLES
 from nsm_core.errors import GoalError, NsmError
@@ -134,6 +135,32 @@ def test_sit_rise_and_stand_elsewhere(model):
     assert sit.reached and walk.reached and walk.start_frame > sit.end_frame
     assert take.hips_position[-1, 2] > 0.75 > take.hips_position[sit.end_frame, 2]
     assert np.linalg.norm(take.root[-1, :2] - (1.4, -1.8)) < 0.35
+
+
+def test_props_are_reported_and_what_was_asked_for_is_left_as_it_was(model):
+    """A box far off that nobody gets to in time, and an open door in the way that nobody touches."""
+    half = np.array((0.2, 0.15, 0.14))
+    solid = Cuboids([((0, 0, 0), 0.0, -half[None], half[None])])
+    box = Box("Box", solid, sense(solid, -half, half), np.array((0.4, -3.0, 0.14, 0.3)), 2 * half)
+    low, high = np.array((0, -0.02, 0)), np.array((0.85, 0.02, 2.0))
+    board = Cuboids([((0, 0, 0), 0.0, low[None], high[None])])
+    leaf = Leaf("Door", board, sense(board, low, high), np.array((2.0, 1.0, 0, 1.7)), 0.85, np.array((0.78, 0, 1.0)))
+    goals = [
+        Goal("carry", "Box", (2, -3, 0.14), 0.0, 0.2, prop=box),
+        Goal("open", "Door", (2.4, 1.0, 0), 0.0, 0.2, prop=leaf),
+        Goal("walk", "spot", (0.5, 0.5, 0), 0.0, 0.1),
+    ]
+    runner = TakeRunner(model, TakeRequest(np.array((0.0, 0.0)), 0.0, goals, Cuboids(), time_limit=2.0))
+    while runner.step():
+        pass
+    take = runner.result()
+    assert [g.action for g in take.goals] == ["carry", "open", "walk"] and not take.goals[0].reached
+    assert set(take.props) == {"Box", "Door"} and all(p.shape == (runner.frames, 4) for p in take.props.values())
+    assert np.isfinite(take.local_rotations).all() and np.isfinite(take.goals[0].position_error_cm)
+    for name, pose in runner.prop_poses().items():
+        np.testing.assert_array_equal(pose, take.props[name][-1])
+    assert tuple(box.pose) == (0.4, -3.0, 0.14, 0.3) and tuple(leaf.pose) == (2.0, 1.0, 0, 1.7)
+    assert np.isnan(take.goals[2].hand_error_cm)
 
 
 def test_a_take_without_goals_or_places_is_refused_in_a_sentence(model):

@@ -37,9 +37,7 @@ class FloorPlan:
         cell: size of the cells that are searched, metres.
     """
 
-    def __init__(
-        self, query: DistanceQuery, bounds: tuple[Array, Array] | Array, radius: float = BODY_RADIUS, cell: float = 0.05
-    ) -> None:
+    def __init__(self, query: DistanceQuery, bounds: tuple[Array, Array] | Array, radius: float = BODY_RADIUS, cell: float = 0.05) -> None:
         low, high = (np.asarray(b, dtype=np.float64)[:2] for b in bounds)
         if not (np.isfinite(low).all() and np.isfinite(high).all() and (high > low).all()):
             raise GoalError("The floor to plan on has no size; give its lower left and upper right corner in metres.")

@@ -13,7 +13,8 @@ from .approach import REACH, Approach, Command, Ground
 from .places import Stage
 
 HANDLE = 2.5  # metres from which the handle itself is commanded
-STUCK = 75  # frames of standing still with a leaf half open, after which it is let go
+# A leaf half open that turns by less than this a frame, before a body that stands, is let go after so many frames.
+STILL, STUCK = np.radians(0.3), 30
 ARRIVED = 0.35  # metres to the place beyond that count as there
 
 
@@ -24,7 +25,7 @@ class Pass(Stage):
         super().__init__(goal)
         leaf = goal.prop
         self.ground, self._count = ground, ground.pause()
-        self._stuck = 0
+        self._stuck, self._angle = 0, leaf.angle
         self.way: Passage = passage(leaf, moment.root[:2].astype(np.float64))
         self.grasp = Opening(leaf, self.way, solids, ik)
         heading = self.way.heading
@@ -44,7 +45,8 @@ class Pass(Stage):
             if self._count <= 0:
                 self._next(1 if not way.push and leaf.angle < OPENED else 2)
         elif self.part == 1 and leaf.angle < OPENED and grasp.state == "held":
-            self._stuck = self._stuck + 1 if moment.speed < 0.05 else 0
+            turned, self._angle = leaf.angle - self._angle, leaf.angle
+            self._stuck = self._stuck + 1 if moment.speed < 0.1 and turned < STILL else 0
             if self._stuck > STUCK:
                 grasp.let_go()  # the leaf swings on alone
         elif self.part == 1 and (leaf.angle >= OPENED or (grasp.state == "free")):
