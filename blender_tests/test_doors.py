@@ -73,6 +73,25 @@ def test_without_an_origin_at_an_edge_a_part_called_hinge_tells():
     np.testing.assert_allclose(opening(leaf).prop.pose[:2], (LEAF[0], 0), atol=0.02)
 
 
+def test_the_handle_is_at_the_free_edge_wherever_the_origin_is():
+    leaf = door(origin="middle")
+    np.testing.assert_allclose(opening(leaf).prop.pose[:2], (0, 0), atol=1e-3)
+    leaf.scale.x = -1
+    prop = opening(leaf).prop
+    np.testing.assert_allclose(prop.pose[:2], (LEAF[0], 0), atol=1e-3)
+    np.testing.assert_allclose(prop.grip(0)[:2], (0.06, 0), atol=1e-3)
+    leaf.scale.x = 1
+    leaf.data.transform(Matrix.Translation((-LEAF[0] / 2, 0, 0)))  # the origin at the lock, as in a double door modelled in place
+    leaf.location.x += LEAF[0] / 2
+    np.testing.assert_allclose(opening(leaf).prop.pose[:2], (0, 0), atol=1e-3)
+
+
+def test_a_frame_is_no_leaf():
+    with pytest.raises(GoalError, match="Frame measures .* without its frame"):
+        posts = [((x, -0.07, 0), (x + 0.1, 0.07, 2.1)) for x in (0.0, 0.9)]
+        opening(mesh_of_boxes("Frame", [*posts, ((0, -0.07, 2), (1, 0.07, 2.1))]))
+
+
 def test_else_the_edge_by_the_frame_is_the_hinge_and_else_the_left_one():
     leaf = door(origin="middle", handle=False)
     bpy.data.objects.remove(bpy.data.objects["Wall"])

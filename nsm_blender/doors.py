@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
+from mathutils import Vector
 
 from nsm_core.control.goals import Goal
 from nsm_core.control.props import Leaf, passage, sense
@@ -15,12 +16,13 @@ from nsm_core.sensors.query import DistanceQuery
 
 from .bodies import Body
 from .colliders import BVHQuery
-from .points import SWING
+from .points import POINT_LINK, SWING
 from .scene import WorldFrame
 from .surroundings import Surroundings
 
 NARROWEST, WIDEST, LOWEST = 0.5, 1.6, 1.2  # leaves that one walks through: width and height, metres
 THICKEST = 0.25
+LEAST_FILLED = 0.4  # of its outline: a frame is no leaf
 HANDLE_HEIGHT, HANDLE_FROM_EDGE = 1.0, 0.06  # where there is no handle to be seen, metres
 _HANDLE_HEIGHTS = (0.75, 1.3)  # between which a handle is looked for
 _HANDLE_WITHIN = 0.3  # of the free edge
@@ -118,10 +120,11 @@ def _board(target: bpy.types.Object, frame: WorldFrame) -> _Board:
     weight, y = np.where(flat, size, 0), corners[..., 1].mean(1)
     order = np.argsort(y)
     share = np.cumsum(weight[order]) / max(weight.sum(), 1e-9)
-    faces = float(y[order][np.searchsorted(share, 0.05)]), float(y[order][min(np.searchsorted(share, 0.95), len(y) - 1)])
+    faces = tuple(float(y[order][min(np.searchsorted(share, part), len(y) - 1)]) for part in (0.05, 0.95))
     board = _Board(body, float(low[0]), float(high[0]), faces)
     width, height, s = high[0] - low[0], high[2] - max(low[2], 0.0), frame.scale
-    if not NARROWEST <= width <= WIDEST or height < LOWEST or board.thickness > THICKEST or weight.sum() <= 0:
+    filled = weight.sum() / 4 / max(width * height, 1e-9)  # of the outline, by either side; ``weight`` is twice the area
+    if not NARROWEST <= width <= WIDEST or height < LOWEST or board.thickness > THICKEST or filled < LEAST_FILLED:
         raise GoalError(
             f"{target.name} measures {width * s:.2f} x {(high[1] - low[1]) * s:.2f} x {height * s:.2f} m and is no leaf of a door that "
             f"one walks through ({NARROWEST * s:.2f} to {WIDEST * s:.2f} m wide, at least {LOWEST * s:.2f} m high, upright); choose the "
@@ -133,45 +136,70 @@ def _board(target: bpy.types.Object, frame: WorldFrame) -> _Board:
 
 
 def _pivot(target: bpy.types.Object, board: _Board, around: Surroundings) -> Array:
-    """Where the hinge is (2,), leaf's frame: its origin, a part called hinge, the edge by the frame, or the left edge."""
-    body = board.body
+    """Where the hinge is (2,), leaf's frame.
 
-    def near_edge(point: Array) -> bool:
-        at_edge = min(abs(point[0] - board.low), abs(point[0] - board.high)) < _NEAR_EDGE
-        return at_edge and abs(point[1] - board.middle) < board.thickness / 2 + _NEAR_EDGE
+    A part called hinge tells; else it is at the edge away from the handle; else at the edge by the object's origin, or by the
+    frame; else at the left edge.  An origin near that edge is the pin.
+    """
+    frame = around.frame
 
-    origin = body.to_own(around.frame.to_core(np.array(target.matrix_world.translation)))
-    if near_edge(origin):
-        return origin[:2]
-    named = [o for o in (*target.children_recursive, target.parent) if o is not None and "hinge" in o.name.lower()]
-    places = [p for o in named if near_edge(p := _own(o, body, around.frame))]
-    if places:
-        return np.mean(places, axis=0)[:2]
-    # The free edge has more air beside it than the hinges: handles, locks and fingers need it.
-    heights = np.linspace(0.4, 1.6, 7)
-    gaps = []
-    for x, side in ((board.low, -1.0), (board.high, 1.0)):
-        points = np.column_stack((np.full(7, x + 0.01 * side), np.full(7, board.middle), heights))
-        gaps.append(float(np.median(around.query.signed_distance(body.to_core(points), _REACH))))
-    at_high = gaps[1] < gaps[0] - 0.02
-    return np.array((board.high if at_high else board.low, board.middle))
+    def at_edge(point: Array) -> float | None:
+        edge = board.low if abs(point[0] - board.low) < abs(point[0] - board.high) else board.high
+        near = abs(point[0] - edge) < _NEAR_EDGE and abs(point[1] - board.middle) < board.thickness / 2 + _NEAR_EDGE
+        return edge if near else None
+
+    hinges = [p for o in around.scene.objects if _is_hinge(o, target) and at_edge(p := _middle(o, board.body, frame)) is not None]
+    if hinges and len({at_edge(p) for p in hinges}) == 1:
+        return np.mean(hinges, axis=0)[:2]
+    origin = board.body.to_own(frame.to_core(np.array(target.matrix_world.translation)))
+    shown = [edge for edge in (board.low, board.high) if _handle_at(board, edge) is not None]
+    if len(shown) == 1:
+        edge = board.low + board.high - shown[0]
+    elif (edge := at_edge(origin)) is None:
+        # The free edge has more air beside it than the hinges: handles, locks and fingers need it.
+        heights, gaps = np.linspace(0.4, 1.6, 7), []
+        for x in (board.low - 0.01, board.high + 0.01):
+            points = np.column_stack((np.full(7, x), np.full(7, board.middle), heights))
+            gaps.append(float(np.median(around.query.signed_distance(board.body.to_core(points), _REACH))))
+        edge = board.high if gaps[1] < gaps[0] - 0.02 else board.low
+    return origin[:2] if at_edge(origin) == edge else np.array((edge, board.middle))
+
+
+def _is_hinge(candidate: bpy.types.Object, target: bpy.types.Object) -> bool:
+    """Whether an object is called a hinge, is small, and is no goal point."""
+    small = candidate.type == "EMPTY" or max(candidate.dimensions[:2]) < 0.2
+    return "hinge" in candidate.name.lower() and candidate != target and small and POINT_LINK not in candidate
+
+
+def _middle(part: bpy.types.Object, body: Body, frame: WorldFrame) -> Array:
+    """Middle (3,) of an object's bounding box in the leaf's frame; of an empty, its place."""
+    corners = [part.matrix_world @ Vector(c) for c in part.bound_box] if part.type == "MESH" else [part.matrix_world.translation]
+    return body.to_own(frame.to_core(np.mean(np.array(corners), axis=0)))
 
 
 def _handle(board: _Board, flip: bool) -> tuple[Array, float]:
     """Place (3,) of the handle, leaf's frame, and metres between the places where hands hold it from either side."""
-    v = board.body.vertices.astype(np.float64)
     edge = board.low if flip else board.high
+    found = _handle_at(board, edge)
+    if found is None:
+        inwards = HANDLE_FROM_EDGE if flip else -HANDLE_FROM_EDGE
+        return np.array((edge + inwards, board.middle, HANDLE_HEIGHT)), board.thickness + 2 * _HAND
+    low, high = found
+    reach = max(board.faces[0] - low[1], high[1] - board.faces[1], _HAND)
+    place, held = (low + high) / 2, min((high[0] - low[0]) / 2, _ALONG_LEVER)
+    place[0] = low[0] + held if flip else high[0] - held
+    return place, board.thickness + 2 * min(reach, 0.08)
+
+
+def _handle_at(board: _Board, edge: float) -> tuple[Array, Array] | None:
+    """Lowest and highest corner (3,) of what sticks out of the board near a vertical edge as a handle does; None without."""
+    v = board.body.vertices.astype(np.float64)
     out = (v[:, 1] < board.faces[0] - _STICKS_OUT) | (v[:, 1] > board.faces[1] + _STICKS_OUT)
     there = out & (v[:, 2] > _HANDLE_HEIGHTS[0]) & (v[:, 2] < _HANDLE_HEIGHTS[1]) & (np.abs(v[:, 0] - edge) < _HANDLE_WITHIN)
-    if there.any():
-        low, high = v[there].min(0), v[there].max(0)
-        if high[2] - low[2] < 0.4 and high[0] - low[0] < 0.25:
-            reach = max(board.faces[0] - low[1], high[1] - board.faces[1], _HAND)
-            place, held = (low + high) / 2, min((high[0] - low[0]) / 2, _ALONG_LEVER)
-            place[0] = low[0] + held if flip else high[0] - held
-            return place, board.thickness + 2 * min(reach, 0.08)
-    inwards = HANDLE_FROM_EDGE if flip else -HANDLE_FROM_EDGE
-    return np.array((edge + inwards, board.middle, HANDLE_HEIGHT)), board.thickness + 2 * _HAND
+    if not there.any():
+        return None
+    low, high = v[there].min(0), v[there].max(0)
+    return (low, high) if high[2] - low[2] < 0.4 and high[0] - low[0] < 0.25 else None
 
 
 def _swing(board: _Board, pivot: Array, flip: bool, width: float, heading: float, query: DistanceQuery) -> float:
