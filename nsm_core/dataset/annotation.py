@@ -12,7 +12,8 @@ from ..control.foot_lock import intervals
 from ..conventions import CLIMB, CONTACTS, FOOT_CONTACTS, FPS, GOAL_ACTIONS, HAND_CONTACTS, IDLE, RUN, SIT, STYLES, WALK
 from ..rotations import Array
 from ..skeleton import HIPS, INDEX
-from .labels import Motion, Span, motion_of, propose_actions
+from .labels import propose_actions
+from .measures import Motion, Span, motion_of
 from .phases import phase_of_keys, rule_keys
 from .sidecar import SECTIONS, GoalKey, Key, Sheet, fingerprint, read, sidecar_of
 
@@ -171,9 +172,6 @@ def propose_goals(motion: Motion, arrays: Annotation, spans: list[Span]) -> tupl
     """Goals by rule: an action is asked for from where the actor leaves idle on until its label starts to fall."""
     count, style = len(motion), arrays.style
     idle = style[:, IDLE] > 0.5
-    for a, b in intervals(idle):
-        if b - a < _REST * FPS and a > 0 and b < count:
-            idle[a:b] = False  # who halts for a moment before an object has not gone back to idle
     asked: dict[int, tuple[GoalKey, str]] = {}
     free = np.ones(count, bool)
 
@@ -222,9 +220,12 @@ def propose_goals(motion: Motion, arrays: Annotation, spans: list[Span]) -> tupl
 
 
 def _leaves_idle(idle: Array, frame: int, earliest: int) -> int:
-    """Frame at which the actor last left idle before ``frame``; ``frame`` itself if idle until then, and never before ``earliest``."""
-    before = np.flatnonzero(idle[earliest : frame + 1])
-    return int(earliest + before[-1]) if len(before) else earliest
+    """Frame at which the actor last left idle before ``frame``; ``frame`` itself if idle until then, and never before ``earliest``.
+
+    Who halts for a moment before an object has not gone back to idle.
+    """
+    rests = [b for a, b in intervals(idle[earliest:frame]) if b - a >= _REST * FPS]
+    return earliest + int(rests[-1]) if rests else earliest
 
 
 def _ask_between(motion: Motion, style: Array, free: Array, ask, asked: dict) -> None:

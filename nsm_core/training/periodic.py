@@ -187,6 +187,7 @@ def compare(annotations: list[Annotation], measured: list[Array]) -> str:
     clips = [[np.mean(v) for label in (WALK, RUN) for v in rates[label]] for rates in (rule_rate, own_rate)]
     if len(clips[0]) > 2:
         parts.append(f"correlation of phase speed {np.corrcoef(*both)[0, 1]:.2f} by frame, {np.corrcoef(*clips)[0, 1]:.2f} by clip")
+        parts.append(f"clips differ by {np.median(np.abs(np.subtract(*clips))):.1f} cycles a minute (median)")
     if apart:
         parts.append(f"on walks the phases are {np.concatenate(apart).mean():.3f} cycles apart on average (0.25 is chance)")
     return "autoencoder against rule: " + ("; ".join(parts) or "no clip walks or runs")
