@@ -15,7 +15,8 @@ from .approach import Command, Ground
 from .carrying import Carry, choose_side, standing_place
 from .climbing import Climb, foot_of
 from .doors import Pass, beyond
-from .places import EXECUTED, Go, Sit, Stage, Stay, before_seat
+from .places import EXECUTED, Go, Sit, Stage, Stay
+from .seats import before_seat
 
 Grasp = Carrying | Opening
 
@@ -28,7 +29,7 @@ def begin(goal: Goal, ground: Ground, moment: Moment, grasps: list[Grasp], scene
     if goal.action == "idle":
         return Stay(goal, moment)
     if goal.action == "sit":
-        return Sit(goal, ground)
+        return Sit(goal, ground, moment)
     if goal.action == "carry":
         held = next((g for g in grasps if isinstance(g, Carrying) and g.prop is goal.prop and g.state == "held"), None)
         return Carry(goal, ground, moment, scene.but(goal.prop), held, ik)
@@ -46,7 +47,7 @@ def standing_places(goal: Goal, here: Array, plan: FloorPlan | None, poses: dict
     if goal.action == "idle":
         return []
     if goal.action == "sit":
-        return [before_seat(goal)]
+        return [before_seat(goal, plan, here)[0]]
     if goal.action == "climb":
         return [foot_of(goal), None, goal.position[:2].astype(np.float64)]  # type: ignore[list-item]
     if goal.action == "open":

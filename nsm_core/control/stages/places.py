@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ...conventions import IDLE, SIT
-from ...rotations import Array, heading_to_direction
+from ...rotations import Array, heading_to_direction, wrap_angle
 from ..goals import STAND_AHEAD, Goal, Moment
 from .approach import REACH, RUNNING, WALKING, Approach, Command, Ground
+from .seats import before_seat
 
 EXECUTED = 0.9  # a label over this counts as executed (design of the response times)
 SEATED_WITHIN = 0.2  # metres between hips and goal that still count as seated on it
@@ -75,24 +76,28 @@ class Go(Stage):
 
 
 class Sit(Stage):
-    """Walk to the standing place before the seat and sit down."""
+    """Walk to where one sits down, before the seat or beside it, and sit."""
 
-    def __init__(self, goal: Goal, ground: Ground) -> None:
+    def __init__(self, goal: Goal, ground: Ground, moment: Moment) -> None:
         super().__init__(goal)
         final = Command("sit", goal.position, goal.heading, thing=goal.interaction)
-        self.approach = Approach(ground, before_seat(goal), goal.heading, final)
+        stand, heading = before_seat(goal, ground.plan, moment.root[:2])
+        self._side = abs(float(wrap_angle(heading - goal.heading))) > 0.1
+        ready = self._beside if self._side else None
+        self.approach = Approach(ground, stand, heading, final, ready=ready, anyway=self._side)
+
+    def _beside(self, moment: Moment) -> bool:
+        """From the side one is led to the very place: the seat is asked for with the back to it."""
+        near = float(np.linalg.norm(moment.root[:2] - self.approach.stand)) < 0.25
+        return near and abs(float(wrap_angle(moment.heading - self.approach.heading))) < np.radians(30)
 
     def update(self, moment: Moment) -> Command:
         return self.approach.update(moment, self.arrived)
 
     def arrived(self, moment: Moment) -> bool:
         near = float(np.linalg.norm(moment.hips - self.goal.position)) < SEATED_WITHIN
-        return near and float(moment.style[SIT]) > EXECUTED and moment.speed < 0.1
+        turned = not self._side or abs(float(wrap_angle(moment.heading - self.goal.heading))) < np.radians(15)
+        return near and turned and float(moment.style[SIT]) > EXECUTED and moment.speed < 0.1
 
     def target(self) -> tuple[Array | None, float, int]:
         return self.goal.position, self.goal.heading, 3
-
-
-def before_seat(goal: Goal) -> Array:
-    """Where on the floor (2,) one stands before sitting down."""
-    return goal.position[:2].astype(np.float64) + STAND_AHEAD * heading_to_direction(np.array(goal.heading))
