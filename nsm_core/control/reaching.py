@@ -84,42 +84,43 @@ class Hold:
         """Lead the hands of ``pose`` in place to ``places`` (n, 3), as far as they are held."""
         if not self.busy:
             return
-        now = pose.arms()[1][self.hands]
+        shoulders, now = (points[self.hands] for points in pose.arms())
         if self._from is not None:
             self._left, self._from = self._from[1] * (self._from[0] - now), None
         self._fade = max(0.0, self._fade - DT / LET_GO_TIME)
         held = float(smooth_step(self.weight))
         targets = now + held * (places - now) + float(smooth_step(self._fade)) * self._left
-        self._reach_out(pose, targets)
+        shoulders = self._reach_out(pose, shoulders, targets)
         pose.local = place_limbs(pose.hips, pose.local, tuple(ARMS[h] for h in self.hands), targets)
-        if self.weight >= 1:
-            shoulders = pose.arms()[0][self.hands]
-            self._missing = float(np.linalg.norm(targets - shoulders, axis=1).max()) - ARM
+        self._missing = float(np.linalg.norm(targets - shoulders, axis=1).max()) - ARM if self.weight >= 1 else np.inf
 
-    def _reach_out(self, pose: Pose, targets: Array) -> None:
-        """Lean the trunk and then shift the hips, smoothly and a little, towards what the arms do not reach."""
+    def _reach_out(self, pose: Pose, shoulders: Array, targets: Array) -> Array:
+        """Lean the trunk and then shift the hips, smoothly and a little, towards what the arms do not reach.
+
+        ``shoulders`` (n, 3) are those of the hands; returns where they are then.
+        """
         active = self.weight > 0 or self._fade > 0
-        shoulders, _ = pose.arms()
-        pivot, parent = (a[0] for a in chain_frames(pose.hips, pose.local, (_CHEST,)))
-        lever = shoulders.mean(0) - pivot
-        lack = _lack(targets - shoulders[self.hands]) if active else np.zeros(3)
-        wanted = np.cross(lever, lack) / (lever @ lever)
-        angle = float(np.linalg.norm(wanted))
-        wanted *= min(1.0, MOST_LEAN / max(angle, 1e-9))
-        self._lean = _follow(self._lean, wanted, LEAN_SPEED * DT)
-        if self._lean.any():
-            turn = mul(mul(quat_conjugate(parent), quat_from_rotvec(self._lean)), parent)
+        lack = _lack(targets - shoulders) if active else np.zeros(3)
+        if lack.any() or self._lean.any():
+            pivot, parent = (a[0] for a in chain_frames(pose.hips, pose.local, (_CHEST,)))
+            lever = shoulders.mean(0) - pivot
+            wanted = np.cross(lever, lack) / (lever @ lever)
+            wanted *= min(1.0, MOST_LEAN / max(float(np.linalg.norm(wanted)), 1e-9))
+            self._lean = _follow(self._lean, wanted, LEAN_SPEED * DT)
+            turn = quat_from_rotvec(self._lean)
             pose.local = pose.local.copy()
-            pose.local[_CHEST] = mul(turn, pose.local[_CHEST])
-            shoulders, _ = pose.arms()
-        lack = _lack(targets - shoulders[self.hands]) if active else np.zeros(3)
-        lack *= min(1.0, MOST_SHIFT / max(float(np.linalg.norm(lack)), 1e-9))
-        lack[2] = min(lack[2], 0.0)  # legs can bend, not grow
-        self._shift = _follow(self._shift, lack, SHIFT_SPEED * DT)
-        if self._shift.any():
+            pose.local[_CHEST] = mul(mul(mul(quat_conjugate(parent), turn), parent), pose.local[_CHEST])
+            shoulders = pivot + rotate(turn[None], shoulders - pivot)
+            lack = _lack(targets - shoulders) if active else lack
+        if lack.any() or self._shift.any():
+            lack = lack * min(1.0, MOST_SHIFT / max(float(np.linalg.norm(lack)), 1e-9))
+            lack[2] = min(lack[2], 0.0)  # legs can bend, not grow
+            self._shift = _follow(self._shift, lack, SHIFT_SPEED * DT)
             ankles, feet = _ankles(pose)
             pose.hips = pose.hips + self._shift
             pose.local = place_limbs(pose.hips, pose.local, _LEGS, ankles, feet)
+            shoulders = shoulders + self._shift
+        return shoulders
 
 
 def _lack(ways: Array) -> Array:
