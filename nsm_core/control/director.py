@@ -80,6 +80,21 @@ class Director:
         )
         return *keys, self._sense(moment)
 
+    def interrupt(self, goals: list[Goal], plan: FloorPlan | None = None) -> None:
+        """Give up the goal in hand and all that follow, and go on with ``goals`` from the next frame on; ``plan`` replaces the floor."""
+        if plan is not None:
+            self.plan = plan
+            self._ground = Ground(plan, self.rng, self._scene)
+        now = self.index + 1
+        if 0 <= self.index and self._hold < 0 and not self.done:
+            result = self.results[self.index]
+            result.seconds, result.end_frame = (self._frame - self._started) / FPS, self._frame
+        self.goals = self.goals[:now] + goals
+        self.results = self.results[:now] + [GoalResult(g.name, g.action) for g in goals]
+        self.done = False
+        if self.index >= 0:
+            self._hold = 1
+
     def _sense(self, moment: Moment) -> InteractionVolume | None:
         """What is commanded is sensed, and after that until its label has faded; props where they are now."""
         if self._command is not None and self._command.thing is not None:

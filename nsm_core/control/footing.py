@@ -21,7 +21,7 @@ class Footing:
     """The ground under two feet; without terrain it is flat and costs nothing."""
 
     def __init__(self, terrain: Terrain | None = None) -> None:
-        self.terrain = terrain or Terrain()
+        self.terrain = Terrain() if terrain is None else terrain
         self.ground = np.zeros(2)  # height of what each foot stands on, or would
         self.heel = np.zeros(2)  # the same under its heel, where that is lower
         self.over = np.full(2, -np.inf)  # by how much a swinging foot must be raised to clear an edge

@@ -165,6 +165,33 @@ class TakeRunner:
             raise GoalError("The motion broke down; use another seed or another start, and report the scene.")
         return True
 
+    def interrupt(self, goals: list[Goal]) -> None:
+        """Drop the goal in hand and those that wait, and do ``goals`` from the next frame on.
+
+        A prop that bears the name of one in the take is that one, where it is now.  Raises GoalError, and changes nothing, where
+        there is no goal or one cannot be reached from here.
+        """
+        if not goals:
+            raise GoalError("There is no goal to go on with; give at least one.")
+        goals, props = own_props(goals)
+        known = {name: self.props.get(name, prop) for name, prop in props.items()}
+        goals = [g if g.prop is None else replace(g, prop=known[g.prop.name]) for g in goals]
+        here = self.state.root[0, :2].astype(np.float64)
+        places = np.array([here, *[g.position[:2] for g in goals], *[p.pose[:2] for p in known.values()]])
+        low, high = places.min(0) - _MARGIN / 2, places.max(0) + _MARGIN / 2
+        plan = self.plan
+        if (low < plan.bounds[0]).any() or (high > plan.bounds[1]).any():
+            plan = FloorPlan(self.request.environment, (np.minimum(low, plan.bounds[0]), np.maximum(high, plan.bounds[1])))
+        check_reachable(goals, plan, here)
+        for name, prop in known.items():
+            if name not in self.props:
+                self.props[name] = prop
+                self.scene.props.append(prop)
+                self._poses[name] = [prop.pose.copy()] * self.frames
+        self.plan = plan
+        self.director.interrupt(goals, plan)
+        self.terrain.maps += ground_of(goals, self.request.environment).maps  # the feet know this very ground
+
     def result(self) -> TakeResult:
         """Everything made so far."""
         columns = [np.stack(c) for c in zip(*self._frames, strict=True)]
