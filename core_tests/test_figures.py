@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 from walks import synthetic_walk
 
+from nsm_core import furniture
+from nsm_core.control.take import Goal, TakeRequest, TakeResult
 from nsm_core.errors import GeometryError, OutputError
 from nsm_core.evaluation.figures import VIEWS, box_corners, contact_sheet, path_sheet
+from nsm_core.evaluation.sheets import prop_corners, sheet
+from nsm_core.furniture import carried_box
+from nsm_core.rotations import heading_to_direction
 from nsm_core.sensors.query import Cuboids
 from nsm_core.skeleton import forward_kinematics
 
@@ -70,6 +75,39 @@ def test_colliders_can_be_drawn_as_they_are(walk, tmp_path):
     as_corners = contact_sheet(walk, tmp_path / "a.png", every=30, follow=False, boxes=box_corners(where, 0.4, low, high))
     as_query = contact_sheet(walk, tmp_path / "b.png", every=30, follow=False, boxes=Cuboids([(where, 0.4, low, high)]))
     assert np.allclose(image.imread(as_corners), image.imread(as_query), atol=0.02)
+
+
+def test_what_moves_is_drawn_where_it_is(walk, tmp_path):
+    box = carried_box(furniture.make("crate", np.random.default_rng(0)), (*walk[0, 0, :2], 0.6, 0.7))
+    poses = np.repeat(box.pose[None], len(walk), 0)
+    poses[:, :2] = walk[:, 0, :2] + 0.4 * heading_to_direction(np.array(0.7))
+    corners = prop_corners(box, poses)
+    assert corners.shape == (len(walk), 1, 8, 3)
+    assert np.allclose(corners.mean((1, 2)), poses[:, :3]) and np.allclose(np.ptp(corners[0, 0], 0)[2], box.size[2], atol=1e-5)
+    purple = (0x7A, 0x3F, 0xA0)
+    for view in ("side", "front"):
+        held = image.imread(contact_sheet(walk, tmp_path / "held.png", every=30, tiles=3, view=view, moving=corners))
+        left = corners.copy()
+        left[31:] += 5.0  # out of the window from then on
+        gone = image.imread(contact_sheet(walk, tmp_path / "gone.png", every=30, tiles=3, view=view, moving=left))
+        thirds = [slice(k * held.shape[1] // 3, (k + 1) * held.shape[1] // 3) for k in range(3)]
+        assert all(is_near(held[:, t], purple).sum() > 50 for t in thirds)
+        assert [is_near(gone[:, t], purple).sum() > 50 for t in thirds] == [True, True, False]
+    with pytest.raises(GeometryError, match="moves"):
+        contact_sheet(walk, tmp_path / "x.png", moving=corners[:3])
+
+
+def test_one_sheet_shows_side_and_front(walk, tmp_path):
+    hips, local, contacts = synthetic_walk(90, heading=0.7)
+    still = furniture.cuboids([(furniture.make("table", np.random.default_rng(0)), np.array((2.0, 0)), 0.0)])
+    asked = TakeRequest(np.zeros(2), 0.7, [Goal("walk", "place", np.array((2.0, -2.0, 0)), 0.7)], still)
+    contacts = np.concatenate((np.zeros((90, 3)), contacts), axis=1)
+    root = np.concatenate((hips[:, :2], np.full((90, 1), 0.7)), axis=1)
+    take = TakeResult(hips, local, hips, local, contacts, root, np.zeros((90, 7)), np.zeros((90, 8)), [], {})
+    pixels = image.imread(sheet(asked, take, tmp_path / "walk.png", "walk", rows=1))
+    single = image.imread(contact_sheet(walk, tmp_path / "one.png", tiles=12, rows=1, title="walk"))
+    assert abs(pixels.shape[1] - 1600) < 2 and pixels.shape[0] > 1.5 * single.shape[0]
+    assert [p.name for p in sorted(tmp_path.iterdir())] == ["one.png", "walk.png"]
 
 
 def test_wrong_input_is_said_plainly(walk, tmp_path):

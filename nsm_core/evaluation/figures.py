@@ -107,7 +107,7 @@ def contact_sheet(
     if not follow and len(corners):
         scene = np.concatenate([project(corners, view, forward[f]).reshape(-1, 2) - c for f, c in zip(frames, centres, strict=True)])
         low, high = np.minimum(low, scene.min(0) - MARGIN), np.maximum(high, scene.max(0) + MARGIN)
-    half = max(0.4, -low[0], high[0])
+    half = max(0.4 if moving is None else 0.62, -low[0], high[0])  # room for what is in the hands
     if view == "top":
         half = max(half, -low[1], high[1])
         low, high = np.array((-half, -half)), np.array((half, half))

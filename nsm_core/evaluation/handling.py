@@ -13,7 +13,7 @@ from ..control.foot_lock import ANKLES, TOES
 from ..control.props import Box, Leaf, Prop
 from ..conventions import CARRY, CLIMB, FPS, OPEN, RUN, SIT, STYLES
 from ..rotations import Array, rotate_planar, wrap_angle
-from ..sensors.query import DistanceQuery
+from ..sensors.query import Cuboids, DistanceQuery
 from ..skeleton import ANKLE_HEIGHT, ARMS, TOE_HEIGHT, forward_kinematics
 from .metrics import DEEP, SKATE_HEIGHT, body_spheres, foot_sliding, over_ground, penetration_depths
 
@@ -95,18 +95,42 @@ def box_report(box: Box, poses: Array, hips_position: Array, local_rotations: Ar
 
 
 def box_in_solids(box: Box, poses: Array, still: DistanceQuery) -> float:
-    """Depth in metres of the deepest point of a box inside solids, or under the floor, over ``poses`` (T, 4)."""
+    """Depth in metres to which a box and solids, or the floor, are inside one another, the deepest over ``poses`` (T, 4).
+
+    Points on the box are looked for in the solids, and points on the solids (of ``Cuboids``) in the box, so that a thin board
+    that has sunk into the box counts in full.
+    """
     half = np.asarray(box.size, dtype=np.float64) / 2
-    axes = [np.linspace(-h, h, max(2, 1 + int(np.ceil(2 * h / _GRID)))) for h in half]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-    points = points[(np.abs(points) > half - 1e-6).any(1)]
-    change = np.concatenate(([True], np.abs(np.diff(poses, axis=0)).max(1) > 1e-4))
-    deepest = 0.0
-    for part in np.array_split(poses[change], max(1, int(change.sum()) // 64)):
+    points, change = _surface(half), np.concatenate(([True], np.abs(np.diff(poses, axis=0)).max(1) > 1e-4))
+    others, deepest = _solid_points(still, poses[:, :3], float(np.linalg.norm(half))), 0.0
+    for part in np.array_split(poses[change], max(1, int(change.sum()) // 32)):
         world = rotate_planar(np.broadcast_to(points, (len(part), *points.shape)), part[:, None, 3]) + part[:, None, :3]
         distance = still.signed_distance(world.reshape(-1, 3).astype(np.float32), 0.1)
         deepest = max(deepest, -float(distance.min()), -float(world[..., 2].min()))
+        if len(others):
+            local = rotate_planar(others - part[:, None, :3], -part[:, None, 3])
+            deepest = max(deepest, float((half - np.abs(local)).min(-1).max()))
     return deepest
+
+
+def _surface(half: Array) -> Array:
+    """Points (N, 3) on a box of half sides ``half`` (3,), at most 5 cm apart."""
+    axes = [np.linspace(-h, h, max(2, 1 + int(np.ceil(2 * h / _GRID)))) for h in half]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    return points[(np.abs(points) > half - 1e-6).any(1)]
+
+
+def _solid_points(still: DistanceQuery, way: Array, reach: float) -> Array:
+    """Points (N, 3) on the boxes of ``still`` within ``reach`` metres of the box around a ``way`` (T, 3)."""
+    if not isinstance(still, Cuboids):
+        return np.zeros((0, 3))
+    low, high = way.min(0) - reach, way.max(0) + reach
+    found = [np.zeros((0, 3))]
+    for group in still.groups:
+        for centre, half in zip(group.centres.astype(np.float64), group.halves.astype(np.float64), strict=True):
+            points = (centre + _surface(half)) @ group.matrix.T + group.position
+            found.append(points[((points > low) & (points < high)).all(1)])
+    return np.concatenate(found)
 
 
 def leaf_report(leaf: Leaf, poses: Array, side: float, hand: int, hips_position: Array, local_rotations: Array) -> dict[str, float]:

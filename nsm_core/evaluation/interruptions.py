@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,11 +11,10 @@ from ..control.take import TakeRequest, TakeResult, TakeRunner
 from ..conventions import FPS
 from ..dataset.pool import Pool
 from ..inference import Model
-from ..rotations import Array
 from . import rollout
 from .metrics import jumps
 from .rollout import SEED, Report
-from .rooms import Room, goal_of, make_room, random_place
+from .rooms import goal_of, make_room, random_place, reachable
 
 PAIRS = (
     ("walk", "sit"), ("sit", "walk"), ("run", "idle"), ("carry", "walk"), ("carry", "sit"),
@@ -29,39 +28,42 @@ LIMIT = 60.0  # seconds of a take
 
 @dataclass(frozen=True)
 class Trial:
-    """One room, one pair of actions and the frame at which the second takes over."""
+    """One room (by ``seed``), one pair of actions and the frame at which the second takes over."""
 
     setting: int
     name: str
-    room: Room
-    start: Array
-    heading: float
     frame: int
     seed: int
 
 
 def trials(starts: int = 10, pool: Pool | None = None) -> list[Trial]:
-    """The same ``starts`` trials of each of ``PAIRS`` at every call."""
+    """The same ``starts`` trials of each of ``PAIRS`` at every call; the rooms are made, never drawn from a ``pool``."""
     result = []
     for n, (first, second) in enumerate(PAIRS):
-        for k in range(starts):
-            rng = np.random.default_rng((SEED, 10, n, k))
-            room = make_room(rng, pool)
-            start = random_place(room, rng, room.query, 2.0)
-            frame = int(rng.integers(EARLIEST, LATEST))
-            result.append(Trial(n, f"{first} to {second}", room, start, float(rng.uniform(-np.pi, np.pi)), frame, k))
+        rng = np.random.default_rng((SEED, 10, n))
+        result += [Trial(n, f"{first} to {second}", int(rng.integers(EARLIEST, LATEST)), k) for k in range(starts)]
     return result
+
+
+def request(trial: Trial, **more: object) -> TakeRequest:
+    """Set up the take with both goals, the second after the first; in a room in which both can be reached."""
+    first, second = trial.name.split(" to ")
+
+    def make(rng: np.random.Generator) -> TakeRequest:
+        room = make_room(rng)
+        start = random_place(room, rng, room.query, 2.0)
+        goals = [goal_of(room, first, rng, hold=LATEST / FPS), goal_of(room, second, rng)]
+        return TakeRequest(start, float(rng.uniform(-np.pi, np.pi)), goals, room.query, **more)  # type: ignore[arg-type]
+
+    return reachable(make, (SEED, 11, trial.setting, trial.seed))
 
 
 def run_trial(model: Model, trial: Trial, **more: object) -> tuple[TakeResult, Report]:
     """Roll one trial out; without a way to interrupt a take, the goals follow one another and ``no_hook`` says so."""
-    first, second = trial.name.split(" to ")
-    rng = np.random.default_rng((SEED, 11, trial.setting, trial.seed))
-    before = goal_of(trial.room, first, rng, hold=LATEST / FPS)
-    after = goal_of(trial.room, second, rng)
-    asked = TakeRequest(trial.start, trial.heading, [before, after], trial.room.query, **more)  # type: ignore[arg-type]
+    asked = request(trial, **more)
+    before, after = asked.goals
     hook = hasattr(TakeRunner, "interrupt")
-    runner = TakeRunner(model, TakeRequest(trial.start, trial.heading, [before] if hook else [before, after], asked.environment, **more))  # type: ignore[arg-type]
+    runner = TakeRunner(model, replace(asked, goals=[before]) if hook else asked)
     while runner.frames < trial.frame and runner.step():
         pass
     if hook:

@@ -74,7 +74,7 @@ PARTS: dict[str, Part] = {
     ),
     "interrupt": Part(
         "a new goal at a random frame of an action",
-        interruptions.trials, interruptions.run_trial, interruptions.summarise, interruptions.rows,
+        interruptions.trials, interruptions.run_trial, interruptions.summarise, interruptions.rows, interruptions.request,
     ),
 }  # fmt: skip
 

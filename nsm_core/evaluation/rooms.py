@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from .. import furniture
 from ..control.goals import ACTIONS, Goal
+from ..control.planning import FloorPlan
 from ..control.props import Box, Leaf
+from ..control.stages import check_reachable
+from ..control.take import TakeRequest
 from ..dataset.pool import Pool
 from ..doors import make_door
+from ..errors import GoalError
 from ..furniture import Furniture
 from ..rotations import Array, direction_to_heading, heading_to_direction, rotate_planar
 from ..sensors.query import Cuboids, DistanceQuery
@@ -147,4 +152,20 @@ def goal_of(room: Room, action: str, rng: np.random.Generator, hold: float = 0.5
     return Goal(action, "place", np.append(place, 0.0), float(direction_to_heading(away)) if rng.random() < 0.5 else heading, hold)
 
 
-__all__ = ["Room", "goal_of", "make_room", "random_goals", "random_place"]
+def reachable(make: Callable[[np.random.Generator], TakeRequest], seed: tuple[int, ...], tries: int = 8) -> TakeRequest:
+    """The first of the takes that ``make`` draws in which a way leads to every goal; GoalError where none of ``tries`` is one."""
+    problem: GoalError | None = None
+    for attempt in range(tries):
+        try:
+            asked = make(np.random.default_rng((*seed, attempt)))
+            places = np.array([asked.start_position, *(g.position[:2] for g in asked.goals)])
+            check_reachable(
+                asked.goals, FloorPlan(asked.environment, (places.min(0) - 4, places.max(0) + 4)), np.asarray(asked.start_position)
+            )
+            return asked
+        except GoalError as error:
+            problem = error
+    raise problem  # type: ignore[misc]
+
+
+__all__ = ["Room", "goal_of", "make_room", "random_goals", "random_place", "reachable"]

@@ -40,12 +40,14 @@ def sheet(asked: TakeRequest, take: TakeResult, path: Path, title: str, rows: in
     """Draw one take from the side (above) and from the front (below) as one PNG; returns its path."""
     positions = forward_kinematics(take.hips_position, take.local_rotations)[0]
     still = asked.environment if isinstance(asked.environment, Cuboids) else None
+    # Who carries looks another way at the box than at its place: seen from beside or before itself, wherever it looks.
+    camera = "character" if any(g.action == "carry" for g in asked.goals) else float(asked.goals[-1].heading)
     images = []
     for view in ("side", "front"):
         part = path.with_name(f".{path.stem}_{view}.png")
         contact_sheet(
             positions, part, view=view, boxes=still, roots=take.root, title=f"{title}, {view}", tiles=TILES, rows=rows,
-            camera=float(asked.goals[-1].heading), contacts=take.contacts, moving=moving_corners(asked, take),
+            camera=camera, contacts=take.contacts, moving=moving_corners(asked, take),
         )  # fmt: skip
         images.append(pyplot().imread(part))
         part.unlink()

@@ -18,7 +18,7 @@ from ..rotations import Array, quat_conjugate, quat_mul, quat_to_rotvec
 from .handling import deep_frames
 from .metrics import jumps
 from .rollout import SEED, all_depths, props_of
-from .rooms import make_room, random_goals, random_place
+from .rooms import make_room, random_goals, random_place, reachable
 
 GOALS = 6  # a take
 LONGEST = 240.0  # seconds of a take
@@ -44,13 +44,16 @@ class Outcome:
 
 def run_seed(model: Model, seed: int, pool: Pool | None = None) -> Outcome:
     """Furnish a room, draw a chain of goals, roll it out; whatever goes wrong is part of the outcome."""
-    rng = np.random.default_rng((SEED, 12, seed))
     outcome, runner = Outcome(seed), None
-    try:
+
+    def make(rng: np.random.Generator) -> TakeRequest:
         room = make_room(rng, pool)
         start = random_place(room, rng, room.query)
         goals = random_goals(room, rng, GOALS)
-        asked = TakeRequest(start, float(rng.uniform(-np.pi, np.pi)), goals, room.query, seed=seed, time_limit=TIME_LIMIT)
+        return TakeRequest(start, float(rng.uniform(-np.pi, np.pi)), goals, room.query, seed=seed, time_limit=TIME_LIMIT)
+
+    try:
+        asked = reachable(make, (SEED, 12, seed))
         runner = TakeRunner(model, asked)
         while runner.frames < LONGEST * FPS and runner.step():
             pass
