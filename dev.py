@@ -6,6 +6,7 @@
              other arguments go to pytest (for example: test core_tests/test_network.py -k gradient)
   build      write the extension for Blender to dist/
   train      train the network from a capture folder (arguments: see `train --help`)
+  annotate   propose labels, contacts, phases and goals of captures (arguments: see `annotate --help`)
   evaluate   print the tables of figures (arguments: see `evaluate --help`)
   bench      measure the speed of the network
   lint       check the style with ruff
@@ -298,6 +299,7 @@ VERBS = {
     "test": test,
     "build": build,
     "train": lambda arguments: core("train", arguments),
+    "annotate": lambda arguments: core("annotate", arguments),
     "evaluate": lambda arguments: core("evaluate", arguments),
     "bench": lambda arguments: core("bench", arguments),
     "lint": lint,
