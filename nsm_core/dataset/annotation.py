@@ -248,7 +248,7 @@ def _ask_between(motion: Motion, style: Array, free: Array, ask, asked: dict) ->
         last = early[f]
         if last == IDLE:
             stay = f + int(np.argmax(np.append((early[f:] != IDLE) | ~free[f:], True)))
-            rest = (f + stay) // 2 if stay > f else f
+            rest = max(f, stay - 1)  # where the body has come to stand
             ask(f, "idle", np.array((*motion.root[rest], 0.0)), rest)
         else:
             ask(f, STYLES[last])
