@@ -91,8 +91,8 @@ def test_what_moves_is_drawn_where_it_is(walk, tmp_path):
         left[31:] += 5.0  # out of the window from then on
         gone = image.imread(contact_sheet(walk, tmp_path / "gone.png", every=30, tiles=3, view=view, moving=left))
         thirds = [slice(k * held.shape[1] // 3, (k + 1) * held.shape[1] // 3) for k in range(3)]
-        assert all(is_near(held[:, t], purple).sum() > 50 for t in thirds)
-        assert [is_near(gone[:, t], purple).sum() > 50 for t in thirds] == [True, True, False]
+        assert all(is_near(held[:, t], purple).sum() > 5 for t in thirds)
+        assert [is_near(gone[:, t], purple).sum() > 5 for t in thirds] == [True, True, False]
     with pytest.raises(GeometryError, match="moves"):
         contact_sheet(walk, tmp_path / "x.png", moving=corners[:3])
 

@@ -142,7 +142,7 @@ def contact_sheet(
             lines([uv[m, list(e)] for m in range(len(uv)) for e in EDGES], WOOD, 0.8, 1.5)
         if moving is not None:
             uv = project(np.asarray(moving[f], dtype=np.float64), view, forward[f]) + shift
-            lines([uv[m, list(e)] for m in range(len(uv)) for e in EDGES], MOVED, 1.1, 1.6)
+            lines([uv[m, list(e)] for m in range(len(uv)) for e in EDGES], MOVED, 1.5, 1.6)
         arrow = np.zeros((2, 3))
         arrow[:, :2] = points[f], points[f] + 0.3 * heading_to_direction(np.asarray(headings[f]))
         lines([project(arrow, view, forward[f]) + shift], "#2c9c4b", 1.6, 1.8)

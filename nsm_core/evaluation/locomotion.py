@@ -199,7 +199,8 @@ def run_order(model: Model, order: Order, **more: object) -> tuple[TakeResult | 
         if runner.state.style_past[0, -1, SIT] > EXECUTED:
             begun = (runner.frames - given) / FPS
             break
-    return runner.result(), _answer(order, begun) | {"moving_label": moving}
+    # Who was not walking or running when told to sit tells nothing about sitting down out of it.
+    return runner.result(), _answer(order, begun if moving > 0.5 else None) | {"moving_label": moving, "reached": float(begun is not None)}
 
 
 def _answer(order: Order, seconds: float | None) -> Report:

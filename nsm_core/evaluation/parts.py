@@ -31,6 +31,7 @@ class Part:
     request: Callable[..., Any] | None = None
     ablations: tuple[str, ...] = ()
     travels: bool = True
+    done: str = "reached"  # the figure that tells whether a trial went well
 
 
 # What is left out at run time: the switches of the stepper, and sensors that read nothing.  Nothing is trained again.
@@ -54,15 +55,16 @@ PARTS: dict[str, Part] = {
     "carry": Part(
         "carry",
         lambda starts, pool: carrying.trials(starts, pool=pool), carrying.run_trial, carrying.summarise, carrying.rows,
-        carrying.request, _ALL,
+        carrying.request, _ALL, done="placed",
     ),
     "open": Part(
         "open",
-        lambda starts, pool: doors.trials(starts, pool=pool), doors.run_trial, doors.summarise, doors.rows, doors.request,
+        lambda starts, pool: doors.trials(starts, pool=pool), doors.run_trial, doors.summarise, doors.rows, doors.request, done="passed",
     ),
     "climb": Part(
         "climb",
-        lambda starts, pool: climbing.trials(starts, pool=pool), climbing.run_trial, climbing.summarise, climbing.rows, climbing.request,
+        lambda starts, pool: climbing.trials(starts, pool=pool), climbing.run_trial, climbing.summarise, climbing.rows,
+        climbing.request, done="stands",
     ),
     "travel": Part(
         "walks between furniture and through holes, runs",

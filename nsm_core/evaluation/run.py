@@ -142,6 +142,7 @@ def tables(result: dict[str, Any]) -> str:
         summary = Figures(result[name])
         own = (result.get("data") or {}).get(_SLIDE_OF.get(name, name))
         rows = part.rows(summary) + (travel_rows(summary, own) if part.travels else [])
+        rows += _settings(name, result)
         for ablation in ABLATIONS:
             rows += _ablation_rows(name, ablation, Figures(result.get(f"{name}, {ablation}", {})))
         lines += ["", f"| {summary['trials']:.0f} trials: {part.title} | ours | paper | aim |", "|---|---|---|---|"]
@@ -184,6 +185,15 @@ _PAPER = {
     ("sit", "environment sensor zeroed"): ("3.05 (retrained)", "0.94 (retrained)"),
     ("carry", "environment sensor zeroed"): ("8.52 (retrained)", "2.27 (retrained)"),
 }
+
+
+def _settings(part: str, result: dict[str, Any]) -> list[Row]:
+    """A line for each setting of a part: how many of its trials went well."""
+    key, groups = PARTS[part].done, {}
+    for trial in result.get("trials", ()):
+        if trial["part"] == part and not trial["ablation"]:
+            groups.setdefault((trial["setting"], trial["name"]), []).append(float(trial.get(key) or 0))
+    return [(f"{key}: {name}", f"{sum(g):.0f} of {len(g)}", "", "") for (_, name), g in groups.items()] if len(groups) > 1 else []
 
 
 def _ablation_rows(part: str, ablation: str, s: Figures) -> list[Row]:
