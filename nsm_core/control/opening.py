@@ -18,6 +18,8 @@ SETTLING = 0.5  # seconds in which the leaf takes up the difference between the 
 BODY, PASSED = 0.25, 0.25  # metres that a leaf keeps off the root; metres beyond the opening at which it is passed
 SWING_SPEED, SWING_GAIN = 1.3, 3.0  # radians a second, and a second, of a leaf that swings on by itself
 WIDEST = np.radians(125)
+NARROW = 0.2  # metres: half a body that faces the edge of a leaf swinging past it
+PULLING, AT_PLACE = 0.8, 0.3  # radians a second at which a leaf comes at least once the body stands back, within so many metres
 _CLEAR = 0.02  # metres between an open leaf and what stands behind it
 
 
@@ -34,7 +36,7 @@ class Opening:
         self.hold = Hold([way.hand])
         self.errors: dict[str, float] = {}
         self.widest = _widest(leaf, solids)
-        self._speed, self._since, self._offset, self._out = 0.0, 0, 0.0, 0
+        self._speed, self._pace, self._since, self._offset, self._out = 0.0, 0.0, 0, 0.0, 0
         handle = np.asarray(leaf.handle, dtype=np.float64)
         self._grip_angle = float(np.arctan2(handle[1] + way.side * leaf.thickness / 2, handle[0]))
 
@@ -80,6 +82,9 @@ class Opening:
             self._since += 1
             rest = 1 - float(smooth_step(self._since * DT / SETTLING))
             wanted = self._angle_of(wrist) + rest * self._offset
+            if self._stands_back(root) and self._since * DT > SETTLING:
+                self._pace = min(self._pace + PULLING * DT / SETTLING, PULLING)
+                wanted = max(wanted, self.angle + self._pace * DT / EASE)
             self._turn(max(wanted, self._pushed(root)))
             shoulder = pose.arms()[0][hand]
             self._out = self._out + 1 if np.linalg.norm(self.grip() - shoulder) > OUT_OF_REACH else 0
@@ -124,6 +129,10 @@ class Opening:
             if self.passed(root):
                 self.state = "free"
 
+    def _stands_back(self, root: Array) -> bool:
+        """Whether a leaf is pulled and the body has come to where it waits for it: what lacks is the arm's to do."""
+        return not self.way.push and float(np.linalg.norm(np.asarray(root[:2]) - self.way.back)) < AT_PLACE
+
     def _set(self, angle: float) -> None:
         self.prop.pose[3] = self.prop.closed + self.prop.swing * angle
 
@@ -142,9 +151,9 @@ class Opening:
     def _blocked(self, root: Array) -> float:
         """How far the leaf may swing until it meets a body that stands in its way."""
         away, beside = self._body(root)
-        if away > self.prop.width + BODY or away < 1e-3 or beside <= self.angle:
+        if away > self.prop.width + NARROW or away < 1e-3 or beside <= self.angle:
             return WIDEST
-        return max(self.angle, beside - float(np.arcsin(min(1.0, BODY / away))))
+        return max(self.angle, beside - float(np.arcsin(min(1.0, NARROW / away))))
 
 
 def _widest(leaf: Leaf, solids: DistanceQuery) -> float:

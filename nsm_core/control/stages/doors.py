@@ -15,6 +15,7 @@ from .places import Stage
 HANDLE = 2.5  # metres from which the handle itself is commanded
 # A leaf half open that turns by less than this a frame, before a body that stands, is let go after so many frames.
 STILL, STUCK = np.radians(0.3), 30
+FURTHER = 0.3  # metres that one steps back from a leaf that does not clear the body
 ARRIVED = 0.35  # metres to the place beyond that count as there
 
 
@@ -25,7 +26,7 @@ class Pass(Stage):
         super().__init__(goal)
         leaf = goal.prop
         self.ground, self._count = ground, ground.pause()
-        self._stuck, self._angle = 0, leaf.angle
+        self._stuck, self._stepped, self._angle = 0, 0, leaf.angle
         self.way: Passage = passage(leaf, moment.root[:2].astype(np.float64))
         self.grasp = Opening(leaf, self.way, solids, ik)
         heading = self.way.heading
@@ -51,11 +52,17 @@ class Pass(Stage):
                 grasp.let_go()  # the leaf swings on alone
         elif self.part == 1 and (leaf.angle >= OPENED or (grasp.state == "free")):
             self._next(2)
+        elif self.part == 1 and grasp.state == "released":
+            self._stuck = self._stuck + 1 if moment.speed < 0.05 else 0
+            if self._stuck > STUCK:  # one stands in the leaf's way
+                self._stuck, self._stepped = 0, self._stepped + 1
+                self._next(1 if self._stepped == 1 else 2)
         return self.approach.update(moment, self.arrived)
 
     def _next(self, part: int) -> None:
         self.part, way = part, self.way
-        action, place = ("idle+open", way.back) if part == 1 else ("walk+open", way.beyond)
+        back = way.back - self._stepped * FURTHER * heading_to_direction(np.array(way.heading))
+        action, place = ("idle+open", back) if part == 1 else ("walk+open", way.beyond)
         final = Command(action, np.append(place, 0).astype(np.float32), way.heading, thing=self.goal.prop)
         self.approach = Approach(self.ground, place, way.heading, final, ready=lambda moment: True, anyway=True)
 
