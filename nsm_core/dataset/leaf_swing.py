@@ -76,9 +76,7 @@ def swing_on(angle: float, speed: float, end: float, count: int) -> Array:
     return angle + way * (10 * x**3 - 15 * x**4 + 6 * x**5) + speed * n * (x - 6 * x**3 + 8 * x**4 - 3 * x**5)
 
 
-def turn(
-    door: Doorway, joints: Array, start: int, panel: float, backed: int, rng: np.random.Generator
-) -> Turning | None:
+def turn(door: Doorway, joints: Array, start: int, panel: float, backed: int, rng: np.random.Generator) -> Turning | None:
     """Let a hand open the leaf while the body moves as ``joints`` (T, 23, 3), world; None where arm or body forbid it.
 
     The leaf rests up to frame ``start``.  A push keeps it as far ahead as the arm reaches; a pull keeps the arm stretched and

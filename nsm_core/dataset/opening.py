@@ -29,8 +29,9 @@ from .take import Command, Placed, Thing
 
 NAME = "open"
 KEEP_OFF, SQUEEZE = 0.32, 0.2  # metres that roots keep off the wall and the leaf on the way, and in the doorway
+OTHERS_OFF = 0.8  # metres between the wall and the middle of what other actions are done with
 RETURN = 16  # frames in which a hand comes back
-PUSHES = 0.55  # of the doors
+PUSHES, LED_ON = 0.55, 0.4  # shares: of doors that swing away, and of passages that do not end standing
 DOORS = 14  # doors that are tried about one walk
 DEEPEST, ASTRAY = 0.02, 0.01  # metres: of the body in leaf or wall, and of the wrist from the handle it holds
 
@@ -66,17 +67,21 @@ class Open:
         n = np.arange(len(at))
         narrow = (n >= self.start) & (n < self.passed + 45)
         margin = np.where(narrow, SQUEEZE, KEEP_OFF)
-        mirrored = -self.way.side  # the wall lies in the door's own frame, whose +Y may face who comes
-        for lo, hi in zip(self.door.wall.mins[:2, :2], self.door.wall.maxs[:2, :2], strict=True):
-            off = np.maximum(np.maximum(lo - at * (1, mirrored), at * (1, mirrored) - hi), 0)
-            if (np.linalg.norm(off, axis=1) < margin).any():
-                return False
+        others = [place for e in session.episodes if e is not self for place, _ in e.places]
+        if (self._off_wall(at) < margin).any() or (others and (self._off_wall(self.doorway.local(np.array(others))) < OTHERS_OFF).any()):
+            return False
         assert self.plan is not None
         shut, wide = at[: self.start], at[self.passed :]
         return not (
             (_off_leaf(shut, 0.0, self.door.width) < KEEP_OFF).any()
             or (_off_leaf(wide, self._signed(self.plan.angles[-1]), self.door.width) < margin[self.passed :]).any()
         )
+
+    def _off_wall(self, at: Array) -> Array:
+        """Metres (N,) between places (N, 2), u and v, and the wall beside the opening."""
+        own = at * (1, -self.way.side)  # the wall lies in the door's own frame, whose +Y may face who comes
+        lo, hi = self.door.wall.mins[:2, None, :2], self.door.wall.maxs[:2, None, :2]
+        return np.linalg.norm(np.maximum(np.maximum(lo - own, own - hi), 0), axis=-1).min(axis=0)
 
     def opens(self, joints: Array, pressed: int, backed: int, rng: np.random.Generator) -> bool:
         """Plan how the leaf turns from frame ``pressed`` after the start on; False where ``joints`` (T, 23, 3) do not fit the door."""
@@ -227,6 +232,9 @@ def lay(session: Session) -> Open | None:
             continue
         if push or episode.plan.angles[opened] > OPENED:
             episode.backed, episode.back, episode.beyond = backed, tape.roots[backed - 1].copy(), tape.roots[-1].copy()
+            early = max(episode.passed + int(rng.integers(5, 25)), episode.released + RETURN + 2)
+            if rng.random() < LED_ON:
+                tape.trim(min(early, len(tape)))  # what is asked next is asked before one stands
             return episode
     return None
 

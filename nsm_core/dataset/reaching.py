@@ -7,9 +7,10 @@ import numpy as np
 from ..limbs import mul, place_wrists, rotate
 from ..rotations import Array, quat_conjugate, quat_from_rotvec, quat_normalize
 from ..skeleton import ARMS, HIPS, INDEX, PARENTS, forward_kinematics
-from .library import gaussian_smooth
+from .library import align_quaternions, gaussian_smooth
 
 ARM = 0.53  # metres from shoulder to wrist that an arm reaches without being quite straight
+STRAIGHT = 0.541  # metres from shoulder to wrist of an arm that is not to be stretched further
 LEAN, TWIST = np.radians(20), np.radians(30)  # most that the trunk leans towards a place and turns the shoulder to it
 BEND = np.radians(70)  # most that a hand turns in its wrist to lie on a surface
 INWARD = 0.15  # slope at which the fingers come down on it
@@ -80,9 +81,18 @@ def lead_hand(hips: Array, rotations: Array, side: int, target: Array, weight: A
     start, elbow, wrist = ARMS[side]
     positions, _ = forward_kinematics(hips, rotations)
     at = positions[:, wrist] + weight[:, None] * (target - positions[:, wrist])
-    placed = place_wrists(hips.astype(np.float64), rotations.astype(np.float64), side, at)
+    # What is out of reach on the way back is not reached for: a straight arm snaps.
+    way = at - positions[:, start]
+    away = np.linalg.norm(way, axis=-1, keepdims=True)
+    at = positions[:, start] + way * np.minimum(1, STRAIGHT / away)
+    hips = hips.astype(np.float64)
+    placed = place_wrists(hips, rotations.astype(np.float64), side, at)
+    # The plane in which a nearly straight arm bends is noise: it settles over a few frames.
+    arm = gaussian_smooth(align_quaternions(placed[:, [start, elbow]]), 1.5)
+    placed[:, [start, elbow]] = quat_normalize(arm)
+    placed = place_wrists(hips, placed, side, at)
     placed[:, wrist] = rotations[:, wrist]  # in line with the forearm as it was
-    positions, world = forward_kinematics(hips.astype(np.float64), placed)
+    positions, world = forward_kinematics(hips, placed)
     axis = np.array((-1.0 if side == 0 else 1.0, 0, 0))
     points = rotate(world[:, wrist], np.broadcast_to(axis, at.shape))
     forearm = positions[:, wrist] - positions[:, elbow]
