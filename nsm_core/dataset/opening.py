@@ -11,8 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..control.course import Course
-from ..control.props import HANDLE_STAND, OPENED, PASS_BEYOND, PULL_BACK, Leaf, Passage, passage
+from ..control.props import OPENED, Leaf, Passage, passage
 from ..conventions import HAND_CONTACTS, OPEN
 from ..doors import Door, make_door
 from ..evaluation.metrics import body_spheres
@@ -21,8 +20,8 @@ from ..rotations import Array, direction_to_heading, heading_to_direction, rotat
 from ..skeleton import ARMS, forward_kinematics
 from .hands import ease
 from .leaf_swing import Doorway, Turning, turn
-from .library import gaussian_smooth
 from .motion import Motion
+from .passing import joints_from, step_back, straight_on
 from .reaching import lead_hand, lean_to
 from .session import Segment, Session
 from .take import Command, Placed, Thing
@@ -210,21 +209,21 @@ def lay(session: Session) -> Open | None:
     start = len(tape) - int(rng.integers(0, 6))
     tape.stand(rng.uniform(0.4, 0.6))
     grip = len(tape)
-    tape.stand(float(rng.integers(2, 6)) / 30)
+    tape.stand(float(rng.integers(2, 5)) / 30)
     pressed = len(tape)
     tape.stand(float(rng.integers(1, 3)) / 30)
     push, pull, backed, heading = rng.random() < PUSHES, -1, 0, float(tape.headings[start])
     if not push:
         pull = session.command("idle+open", 0)
-        if not _step_back(session, heading):
+        if not step_back(session, heading):
             return None
         backed = len(tape)
         tape.stand(rng.uniform(0.3, 0.9))
     through = session.command("walk+open", 0)
     opened = len(tape) - start
-    if not _straight_on(session, tape.roots[start], heading):
+    if not straight_on(session, tape.roots[start], heading):
         return None
-    joints = _joints(session, start)
+    joints = joints_from(session, start)
     for _ in range(DOORS):
         episode = _door_before(session, start, push)
         episode.ask, episode.pull, episode.through, episode.start, episode.grip = ask, pull, through, start, grip
@@ -239,14 +238,6 @@ def lay(session: Session) -> Open | None:
     return None
 
 
-def _step_back(session: Session, heading: float) -> bool:
-    """Step straight back with the face to the door."""
-    rng, here = session.rng, session.tape.roots[-1]
-    way = np.linspace(0, PULL_BACK + rng.uniform(-0.04, 0.08), 24)[:, None] * -heading_to_direction(np.array(heading))
-    course = Course(here + way, heading, float(rng.uniform(0.45, 0.75)), 100.0, 1.0, 0.8)
-    return session.follow(course)
-
-
 def _door_before(session: Session, start: int, push: bool) -> Open:
     """Make a door whose handle is reached from where frame ``start`` stands, give or take a few centimetres."""
     rng, tape = session.rng, session.tape
@@ -259,47 +250,3 @@ def _door_before(session: Session, start: int, push: bool) -> Open:
     leaf.pose[:2] = stand - passage(leaf, -go).reach
     way = passage(leaf, leaf.pose[:2] - go)
     return Open(door, leaf, way, Doorway(leaf, way), places=[(way.middle, 1.2)])
-
-
-def _straight_on(session: Session, root: Array, heading: float) -> bool:
-    """Walk straight on to the far side of a door that is not there yet, at the pace of one who opens it."""
-    rng, tape = session.rng, session.tape
-    before = len(tape)
-    target = root + (HANDLE_STAND + PASS_BEYOND) * heading_to_direction(np.array(heading))
-    course = session.course(target, heading, speed=float(rng.uniform(0.6, 0.9)), straight_end=1.0)
-    course.turn_distance = 2.5
-    if not session.follow(course):
-        return False
-    _slow_down(session, before, rng.uniform(0.65, 0.9))
-    tape.stand(rng.uniform(0.3, 1.2))
-    return True
-
-
-def _slow_down(session: Session, before: int, rate: float) -> None:
-    """Play the tape from frame ``before`` on more slowly; seams move with their frames."""
-    tape = session.tape
-    frames, roots, headings = (np.array(x[before:]) for x in (tape.frames, tape.roots, tape.headings))
-    count = len(frames)
-    seams = [s - before for s in tape.seams if s >= before]
-    when, new = [], []
-    for a, b in zip([0, *(s for s in seams if s > 0)], [*(s for s in seams if s > 0), count], strict=True):
-        new.append(len(when))
-        when += list(np.arange(a, b - 1 + 1e-9, rate))
-    when = np.array(when)
-    tape.trim(before)
-    tape.lay(
-        np.interp(when, np.arange(count), frames),
-        np.stack([np.interp(when, np.arange(count), roots[:, k]) for k in (0, 1)], axis=1),
-        np.interp(when, np.arange(count), headings),
-        tuple(n for n in new if n or 0 in seams),
-        seam=False,
-    )
-
-
-def _joints(session: Session, first: int) -> Array:
-    """Joints (T, 23, 3), world, of the tape from frame ``first`` on, before anything is fitted."""
-    lib, tape = session.lib, session.tape
-    frames, headings = np.array(tape.frames[first:]).astype(int), np.array(tape.headings[first:])
-    joints = rotate_planar(lib.pose[frames], np.repeat(headings[:, None], lib.pose.shape[1], axis=1))
-    joints[..., :2] += np.array(tape.roots[first:])[:, None]
-    return gaussian_smooth(joints, 2.0)
