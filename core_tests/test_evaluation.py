@@ -1,4 +1,4 @@
-"""What the network does in them becomes figures, tables and sheets."""
+"""What the network does in trials becomes figures, tables and sheets."""
 
 from __future__ import annotations
 

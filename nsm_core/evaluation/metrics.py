@@ -8,6 +8,7 @@ return plain floats in the units of their names.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from ..control.foot_lock import ANKLES, TOES, sole_depth
 from ..conventions import FPS, STYLES
 from ..rotations import Array, quat_conjugate, quat_mul, quat_rotate, quat_to_rotvec
-from ..skeleton import ANKLE_HEIGHT, ARMS, END_SITES, FEET, HIPS, INDEX, TOE_HEIGHT, forward_kinematics
+from ..skeleton import ANKLE_HEIGHT, ARMS, END_SITES, FEET, HIPS, INDEX, PARENTS, TOE_HEIGHT, forward_kinematics
 
 if TYPE_CHECKING:
     from ..sensors.query import DistanceQuery
@@ -194,6 +195,18 @@ def body_spheres(hips_position: Array, local_rotations: Array) -> tuple[Array, A
             centres.append(pa + t * (pb - pa))
             radii.append(ra + t * (rb - ra))
     return np.stack(centres, axis=1), np.array(radii)
+
+
+@lru_cache(maxsize=1)
+def hand_spheres() -> Array:
+    """Which of ``body_spheres`` (S,) are hands, or the ends of forearms within 10 cm of a wrist."""
+    rest = np.zeros((1, len(PARENTS), 4))
+    rest[..., 0] = 1
+    centres, _ = body_spheres(np.zeros((1, 3)), rest)
+    positions, _ = forward_kinematics(np.zeros((1, 3)), rest)
+    wrists = positions[0, [INDEX["RightWrist"], INDEX["LeftWrist"]]]
+    # In the rest pose the arms are stretched sideways: what lies farther out than 10 cm before a wrist is hand.
+    return np.abs(centres[0, :, 0]) > np.abs(wrists[:, 0]).min() - 0.101
 
 
 def backward_bend(hips_position: Array, local_rotations: Array) -> dict[str, float]:

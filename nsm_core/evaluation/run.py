@@ -26,6 +26,8 @@ from .baseline import slide_of_data
 from .parts import ABLATIONS, PARTS, Figures, Row, travel_rows
 from .rollout import Report, slides
 
+POOL_CACHE = "runs/pool.npz"  # where ``python -m nsm_core pool`` keeps it too
+
 _model: Model | None = None
 
 
@@ -88,6 +90,11 @@ def run_stress(weights: str | None, seconds: float, workers: int, quiet: bool = 
     return stress.summarise(outcomes)
 
 
+def held_back(assets: str | None) -> Pool | None:
+    """The pieces of a mesh folder that training never draws; None without a folder.  Its conversion is kept for the next time."""
+    return Pool.load(assets, cache=POOL_CACHE).held_back() if assets else None
+
+
 def pool_of_workers(weights: str | None, workers: int) -> ProcessPoolExecutor:
     """Processes that each hold the network."""
     # One thread a process: the matrices of one character are too small to share.
@@ -108,7 +115,7 @@ def evaluate(
     """Run the trials of the parts ``only``: summaries by part (and "part, ablation"), every trial's figures under ``trials``."""
     if not only:
         return {"trials": []}
-    pool = Pool.load(assets).held_back() if assets else None
+    pool = held_back(assets)
     jobs: list[tuple[str, str | None, Any]] = []
     for name in only:
         chosen = PARTS[name].trials(starts, pool)
@@ -249,7 +256,7 @@ def main(arguments: list[str]) -> int:
     if a.sheets:
         from .sheets import draw  # needs matplotlib
 
-        draw(load_model(a.weights, backend="numpy"), a.sheets, only, Pool.load(a.assets).held_back() if a.assets else None)
+        draw(load_model(a.weights, backend="numpy"), a.sheets, only, held_back(a.assets))
         return 0
     result = evaluate(a.weights, only, a.starts, a.workers, not a.no_ablation, a.assets)
     if a.data:
