@@ -13,9 +13,10 @@ from .reaching import ARM, Hold, Pose
 
 LET_GO_PUSH, LET_GO_PULL = np.radians(70), np.radians(80)  # angles of the leaf at which the hand lets go
 FASTEST, EASE = 2.5, 0.5  # radians a second of the leaf; share of the way to the hand's angle in a frame
-OUT_OF_REACH, OUT_FRAMES = ARM + 0.05, 5  # metres from shoulder to grip, and for how many frames, until the hand lets go
+OUT_OF_REACH, OUT_FRAMES = ARM + 0.03, 2  # metres from shoulder to grip, and for how many frames, until the hand lets go
 SETTLING = 0.5  # seconds in which the leaf takes up the difference between the handle and the hand that took it
-BODY, PASSED = 0.25, 0.25  # metres that a leaf keeps off the root; metres beyond the opening at which it is passed
+BODY, AHEAD = 0.25, 0.34  # metres about the root that a leaf in motion meets, and that it keeps off: feet reach ahead of the body
+PASSED = 0.25  # metres beyond the opening at which a leaf is passed
 SWING_SPEED, SWING_GAIN = 1.3, 3.0  # radians a second, and a second, of a leaf that swings on by itself
 WIDEST = np.radians(125)
 NARROW = 0.2  # metres: half a body that faces the edge of a leaf swinging past it
@@ -146,7 +147,7 @@ class Opening:
         away, beside = self._body(root)
         if away > self.prop.width + BODY or away < 1e-3 or beside > self.angle:
             return 0.0
-        return beside + float(np.arcsin(min(1.0, BODY / away)))
+        return beside + float(np.arcsin(min(1.0, AHEAD / away)))
 
     def _blocked(self, root: Array) -> float:
         """How far the leaf may swing until it meets a body that stands in its way."""

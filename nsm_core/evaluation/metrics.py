@@ -191,7 +191,8 @@ def body_spheres(hips_position: Array, local_rotations: Array) -> tuple[Array, A
     centres, radii = [], []
     for a, b, ra, rb in CAPSULES:
         pa, pb = point(a), point(b)
-        for t in np.linspace(0, 1, 2 + int(np.linalg.norm(pb[0] - pa[0]) / _SAMPLE)):
+        # Lengths are rounded, so that every pose has as many spheres whatever its arithmetic.
+        for t in np.linspace(0, 1, 2 + int(round(float(np.linalg.norm(pb[0] - pa[0])), 3) / _SAMPLE)):
             centres.append(pa + t * (pb - pa))
             radii.append(ra + t * (rb - ra))
     return np.stack(centres, axis=1), np.array(radii)
