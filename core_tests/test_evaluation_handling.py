@@ -86,6 +86,13 @@ def test_a_leaf_swung_into_a_body_and_away_from_it():
     poses = np.stack((leaf.pose_at(0.0), leaf.pose_at(np.pi / 4)))
     depths = handling.prop_depths(hips, local, leaf, poses)
     assert depths[0] == 0 and depths[1] > 0.08
+    # The hand of a stretched arm closes around the handle; the same hand through the panel counts.
+    reach = forward_kinematics(hips, local)[0][0, ARMS[0][2]] + (-0.1, 0, 0)
+    for handle, inside in ((0.85, False), (0.3, True)):
+        at = make_door(np.random.default_rng(2), width=0.9, handle_edge=0.05).leaf((0, 0, 0, 0))
+        at.handle = np.array((handle, 0, reach[2]))
+        beside = hips + np.array((0.85, 0.0, 0)) - np.array((reach[0], reach[1], 0))
+        assert (handling.prop_depths(beside[:1], local[:1], at, at.pose[None])[0] > 0.02) == inside
     together = handling.all_depths(hips, local, STILL, {"Door": leaf}, {"Door": poses})
     assert np.allclose(together, depths) and handling.deep_frames(together) == {"frames": 2.0, "deep_frames": 1.0}
 

@@ -15,10 +15,11 @@ from ..conventions import CARRY, CLIMB, FPS, OPEN, RUN, SIT, STYLES
 from ..rotations import Array, rotate_planar, wrap_angle
 from ..sensors.query import Cuboids, DistanceQuery
 from ..skeleton import ANKLE_HEIGHT, ARMS, TOE_HEIGHT, forward_kinematics
-from .metrics import DEEP, SKATE_HEIGHT, body_spheres, foot_sliding, hand_spheres, over_ground, penetration_depths
+from .metrics import DEEP, SKATE_HEIGHT, body_parts, foot_sliding, over_ground, penetration_depths
 
 WRISTS = [arm[2] for arm in ARMS]  # right, left
 MOVES, TURNS = 0.002, np.radians(0.15)  # a frame, from which a thing counts as moving: metres and radians
+_GRASP = 0.15  # metres about a handle within which a hand is closed around it
 _GRID = 0.05  # metres between the points that stand for a box
 
 
@@ -32,14 +33,16 @@ def moving_frames(poses: Array) -> Array:
 def prop_depths(hips_position: Array, local_rotations: Array, prop: Prop, poses: Array) -> Array:
     """Depth (T,) in metres of the deepest point of the body inside a prop that has the pose ``poses`` (T, 4) in each frame.
 
-    Hands are left out: they are to touch it, close around a handle, and are judged by their distance to the grips.
+    A hand closes around a handle: hands within 15 cm of a leaf's handle do not count; they are judged by their distance to the grip.
     """
-    centres, radii = body_spheres(hips_position, local_rotations)
-    centres, radii = centres[:, ~hand_spheres()], radii[~hand_spheres()]
+    centres, radii, hands = body_parts(hips_position, local_rotations)
     local = rotate_planar(centres - poses[:, None, :3], -poses[:, None, 3])
     reach = float(radii.max()) + 0.02
     distance = prop.query.signed_distance(local.reshape(-1, 3).astype(np.float32), reach).reshape(centres.shape[:2])
-    return np.maximum(0, radii - distance).max(axis=1)
+    depth = np.maximum(0, radii - distance)
+    if isinstance(prop, Leaf):
+        depth[hands & (np.linalg.norm(local - np.asarray(prop.handle, dtype=np.float64), axis=-1) < _GRASP)] = 0
+    return depth.max(axis=1)
 
 
 def all_depths(

@@ -8,7 +8,6 @@ return plain floats in the units of their names.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +15,7 @@ import numpy as np
 from ..control.foot_lock import ANKLES, TOES, sole_depth
 from ..conventions import FPS, STYLES
 from ..rotations import Array, quat_conjugate, quat_mul, quat_rotate, quat_to_rotvec
-from ..skeleton import ANKLE_HEIGHT, ARMS, END_SITES, FEET, HIPS, INDEX, PARENTS, TOE_HEIGHT, forward_kinematics
+from ..skeleton import ANKLE_HEIGHT, ARMS, END_SITES, FEET, HIPS, INDEX, TOE_HEIGHT, forward_kinematics
 
 if TYPE_CHECKING:
     from ..sensors.query import DistanceQuery
@@ -179,6 +178,11 @@ def penetration_depths(hips_position: Array, local_rotations: Array, query: Dist
 
 def body_spheres(hips_position: Array, local_rotations: Array) -> tuple[Array, Array]:
     """Spheres along ``CAPSULES``: centres (T, S, 3) world and radii (S,), metres."""
+    return body_parts(hips_position, local_rotations)[:2]
+
+
+def body_parts(hips_position: Array, local_rotations: Array) -> tuple[Array, Array, Array]:
+    """Centres (T, S, 3) world and radii (S,) of ``body_spheres``, and which of them (S,) are hands."""
     positions, rotations = forward_kinematics(hips_position.astype(np.float64), local_rotations.astype(np.float64))
 
     def point(name: str) -> Array:
@@ -188,26 +192,15 @@ def body_spheres(hips_position: Array, local_rotations: Array) -> tuple[Array, A
         end = np.broadcast_to(np.array(END_SITES[joint], dtype=np.float64), positions[:, 0].shape)
         return positions[:, INDEX[joint]] + quat_rotate(rotations[:, INDEX[joint]], end)
 
-    centres, radii = [], []
+    centres, radii, hands = [], [], []
     for a, b, ra, rb in CAPSULES:
         pa, pb = point(a), point(b)
-        # Lengths are rounded, so that every pose has as many spheres whatever its arithmetic.
+        # Lengths are rounded, so that bones have as many spheres whatever a pose's arithmetic.
         for t in np.linspace(0, 1, 2 + int(round(float(np.linalg.norm(pb[0] - pa[0])), 3) / _SAMPLE)):
             centres.append(pa + t * (pb - pa))
             radii.append(ra + t * (rb - ra))
-    return np.stack(centres, axis=1), np.array(radii)
-
-
-@lru_cache(maxsize=1)
-def hand_spheres() -> Array:
-    """Which of ``body_spheres`` (S,) are hands, or the ends of forearms within 10 cm of a wrist."""
-    rest = np.zeros((1, len(PARENTS), 4))
-    rest[..., 0] = 1
-    centres, _ = body_spheres(np.zeros((1, 3)), rest)
-    positions, _ = forward_kinematics(np.zeros((1, 3)), rest)
-    wrists = positions[0, [INDEX["RightWrist"], INDEX["LeftWrist"]]]
-    # In the rest pose the arms are stretched sideways: what lies farther out than 10 cm before a wrist is hand.
-    return np.abs(centres[0, :, 0]) > np.abs(wrists[:, 0]).min() - 0.101
+            hands.append(a.endswith("Wrist"))
+    return np.stack(centres, axis=1), np.array(radii), np.array(hands)
 
 
 def backward_bend(hips_position: Array, local_rotations: Array) -> dict[str, float]:
