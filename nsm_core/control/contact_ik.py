@@ -22,7 +22,8 @@ LOW_TOE, MAX_STRETCH, MAX_SHORTFALL, MAX_PIVOT = 0.08, 0.12, 0.03, np.radians(25
 # A free foot clears the floor by CLEARANCE once it moves at full speed over it, m and m/s; rise and fall of that lift, m/s.
 NEXT_SEAT = 0.05  # metres between goals of one and the same seat
 CLEARANCE, SLOW_FOOT, FAST_FOOT, LIFT_UP, LIFT_DOWN, LIFT_EASE = 0.028, 0.15, 0.5, 0.5, 0.35, 0.45
-MAX_DRAW, MAX_DRAW_TURN, HIP_PLAY, HIP_PLAY_TURN = 0.3, np.radians(45), 0.01, np.radians(1)
+MAX_DRAW, MAX_DRAW_TURN, HIP_PLAY, HIP_PLAY_TURN = 0.3, np.radians(45), 0.008, np.radians(0.4)
+ASKEW = np.radians(20)  # from here to MAX_DRAW_TURN the draw fades: who still turns on the seat is not twisted round
 PELVIS_SPEED_DOWN, PELVIS_SPEED_UP, SETTLE_SPEED, MAX_PELVIS_DROP = 0.5, 0.25, 0.15, 0.08
 SETTLE = 0.015  # metres by which a foot that stands is raised or lowered onto the floor
 # The same on top of things, where a network knows the height less well; the rise of a foot over an edge and of one that has
@@ -224,7 +225,8 @@ class ContactIK:
             hips += weight * gap * (min(far - HIP_PLAY, MAX_DRAW) / far)
         now = float(foot_heading(local[0])) if heading is None else heading
         turn = float(wrap_angle(self._goal[1] - now))
-        turn = np.sign(turn) * min(max(abs(turn) - HIP_PLAY_TURN, 0), MAX_DRAW_TURN)
+        share = float(smooth_step((MAX_DRAW_TURN - abs(turn)) / (MAX_DRAW_TURN - ASKEW)))
+        turn = np.sign(turn) * max(abs(turn) - HIP_PLAY_TURN, 0) * share
         local[0] = mul(heading_quat(np.asarray(weight * turn)), local[0])
 
     def _lower_pelvis(self, hips: Array, starts: Array, targets: Array) -> None:
