@@ -11,7 +11,7 @@ import pytest
 from nsm_core.clip import transform
 from nsm_core.control.stepping import advance
 from nsm_core.dataset.export import Dataset
-from nsm_core.dataset.take import Command, Placed, Take
+from nsm_core.dataset.take import Command, Placed, Take, Thing
 from nsm_core.features import (
     FRAME,
     GATING,
@@ -39,7 +39,8 @@ from nsm_core.skeleton import MIRROR, mirror
 def take(tmp_path_factory) -> Take:
     """A composed take with a seat and with obstacles about."""
     found = captures.takes(captures.capture_folder(tmp_path_factory))
-    return max((t for t in found if t.seats), key=lambda t: len(t.obstacles))
+    seats = (t for t in found if t.things and all(x.furniture.seat and not x.moves for x in t.things))
+    return max(seats, key=lambda t: len(t.obstacles))
 
 
 @pytest.fixture(scope="module")
@@ -49,11 +50,11 @@ def data(take) -> Dataset:
 
 def sensed(take: Take, which: int, state: State) -> Surroundings:
     """What the product's own sensors read at a state: the way a take in Blender is fed."""
-    scene = cuboids([(p.furniture, p.position, p.heading) for p in take.seats + take.obstacles])
+    scene = cuboids([(p.furniture, p.position, p.heading) for p in take.things + take.obstacles])
     environment = environment_sensor(scene, state.root[0, :2], float(state.root[0, 2]))
     cells, occupancy = no_object(state.root)
     if which >= 0:
-        s = take.seats[which]
+        s = take.things[which]
         centre = s.furniture.centre.copy()
         centre[:2] = s.position + rotate_planar(centre[:2], np.float64(s.heading))
         volume = interaction_sensor(cuboids([(s.furniture, s.position, s.heading)]), centre, s.furniture.size, s.heading)
@@ -163,11 +164,12 @@ def elsewhere(take: Take, shift: np.ndarray, turn: float) -> Take:
     move = lambda p: rotate_planar(np.asarray(p, np.float64)[:2], np.float64(turn)) + shift  # noqa: E731
     hips, rotations = transform(take.hips, take.rotations, shift.astype(np.float32), np.float32(turn))
     commands = [
-        c if c.position is None else Command(c.frame, c.action, np.append(move(c.position), c.position[2]), c.heading + turn, c.seat)
+        c if c.position is None else Command(c.frame, c.action, np.append(move(c.position), c.position[2]), c.heading + turn, c.thing)
         for c in take.commands
     ]
-    moved = [[Placed(p.furniture, move(p.position), p.heading + turn) for p in pieces] for pieces in (take.seats, take.obstacles)]
-    return replace(take, hips=hips, rotations=rotations, commands=commands, seats=moved[0], obstacles=moved[1])
+    things = [Thing.standing(p.furniture, move(p.position), p.heading + turn) for p in take.things]
+    obstacles = [Placed(p.furniture, move(p.position), p.heading + turn) for p in take.obstacles]
+    return replace(take, hips=hips, rotations=rotations, commands=commands, things=things, obstacles=obstacles)
 
 
 def test_features_do_not_depend_on_the_place_in_the_world(take, data):
@@ -190,15 +192,15 @@ def test_a_reflected_world_gives_reflected_features(take, data):
     flip = np.array((-1.0, 1.0))
     reflected = [
         [
-            Placed(replace(p.furniture, mins=m * (-1, 1, 1), maxs=n * (-1, 1, 1)), p.position * flip, -p.heading)
+            make(replace(p.furniture, mins=m * (-1, 1, 1), maxs=n * (-1, 1, 1)), p.position * flip, -p.heading)
             for p, m, n in ((p, _swap(p, 0), _swap(p, 1)) for p in pieces)
         ]
-        for pieces in (take.seats, take.obstacles)
+        for make, pieces in ((Thing.standing, take.things), (Placed, take.obstacles))
     ]
-    commands = [c if c.position is None else Command(c.frame, c.action, c.position * (-1, 1, 1), -c.heading, c.seat) for c in take.commands]
+    commands = [c if c.position is None else Command(c.frame, c.action, c.position * (-1, 1, 1), -c.heading, c.thing) for c in take.commands]
     hips, rotations = mirror(take.hips, take.rotations)
     other = captures.data_of(
-        Take(hips, rotations, take.contacts, take.sitting, commands, reflected[0], reflected[1], phase_keys=take.phase_keys)
+        Take(hips, rotations, take.contacts, take.labels, commands, reflected[0], reflected[1], phase_keys=take.phase_keys)
     )
     frames = np.arange(0, len(data.frames), 31)
     (x, g), (x2, g2) = (build_inputs(d.state(frames), d.surroundings(frames, d.state(frames).root)) for d in (data, other))
@@ -220,7 +222,7 @@ def test_a_reflected_world_gives_reflected_features(take, data):
     assert occupancy.max() > 0.9
 
 
-def _swap(placed: Placed, which: int) -> np.ndarray:
+def _swap(placed: Placed | Thing, which: int) -> np.ndarray:
     """Minima or maxima whose x exchange places, as a reflection at x = 0 wants before the sign changes."""
     f = placed.furniture
     a, b = (f.mins, f.maxs) if which == 0 else (f.maxs, f.mins)

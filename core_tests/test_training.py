@@ -12,6 +12,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="training needs PyTorch")
 
 from nsm_core.control.stepping import advance
+from nsm_core.conventions import STYLES
 from nsm_core.features import GATING, INPUT, OUTPUT, build_targets, read_outputs
 from nsm_core.inference import load_model
 from nsm_core.networks.config import NsmConfig
@@ -69,7 +70,7 @@ def test_a_few_steps_lower_the_loss(trained):
     trainer, (before, after), losses = trained
     assert trainer.step == STEPS and np.isfinite(losses).all()
     assert losses[-5:, 0].mean() < 0.8 * losses[:5, 0].mean()
-    assert after < 0.75 * before
+    assert after < 0.8 * before
     assert 0 < trainer.validate(100) < 10
 
 
@@ -105,7 +106,8 @@ def test_exported_weights_load_without_torch_and_predict_the_same(trained, tmp_p
     np.testing.assert_allclose(experts, coefficients.numpy(), atol=0.01)
     m = model.metadata
     assert m["config"]["hidden"] == 48 and m["training"]["steps_done"] == STEPS and m["training"]["seed"] == 4
-    assert m["seeds"] == {"data": 4, "training": 4} and m["actions"] == ["idle", "walk", "sit"] and m["credits"]
+    assert m["seeds"] == {"data": 4, "training": 4} and {"idle", "walk"} <= set(m["actions"]) and m["credits"]
+    assert m["actions"] == [name for name in STYLES if name in m["actions"]]
     assert np.shape(m["stance"]["local_rotations"]) == (23, 4) and 0.8 < m["stance"]["hips_height"] < 1.1
     assert "1.5 minutes" in m["data"]
 
