@@ -206,6 +206,6 @@ def test_loaders_pass_damage_on_and_name_the_file(tmp_path):
     with pytest.raises(CaptureError, match=r"cmu_09_01\.bvh"):
         load_walks(folder)
     (folder / "clips" / "accad_male1" / "male1_a1_stand.bvh").unlink()
-    for loader in (stance, load_sits):
-        with pytest.raises(CaptureError, match="male1_a1_stand"):
+    for loader in (stance, load_sits):  # without the known stand the longest of the walks is looked for
+        with pytest.raises(CaptureError, match=r"cmu_09_01\.bvh"):
             loader(folder)

@@ -110,7 +110,8 @@ def test_loaders_choose_by_name_and_measure(tmp_path_factory):
     assert "male1_a1_stand" in names and "cmu_09_03" in names
     assert not {"hop_in_place", "opencap_sts1", "quaternius_sit_full"} & set(names)
     loaded = source(folder)
-    assert len(loaded.sits) == 4  # two and their mirror images
-    for first, down, up, end in loaded.sits:
-        height = loaded.library.hips[:, 2]
-        assert first < down < up < end and height[down:up].max() < height[[first, end - 1]].min() - 0.3
+    sits = loaded.segments["sit"]
+    assert len(sits) == 4  # two and their mirror images
+    for s in sits:
+        height, down, up = loaded.library.hips[:, 2], s.marks["down"], s.marks["up"]
+        assert s.first < down < up < s.last and height[down:up].max() < height[[s.first, s.last - 1]].min() - 0.3

@@ -253,7 +253,7 @@ def test_furniture_is_put_beside_the_path_and_never_on_it(takes, folder):
 
 
 def test_folders_that_are_no_captures_or_no_data(tmp_path, folder):
-    with pytest.raises(CaptureError, match=r"has no folder 'clips'; name the capture folder\.$"):
+    with pytest.raises(CaptureError, match=r"is no folder; name the one with the captures\.$"):
         export(str(tmp_path / "nowhere"), tmp_path / "out", 0.1)
     with pytest.raises(CaptureError, match=r"holds no finished training data; compose it again\.$"):
         Dataset.open(tmp_path / "out")

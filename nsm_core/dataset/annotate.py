@@ -18,15 +18,16 @@ from ..errors import CaptureError, NsmError
 from . import sidecar
 from .annotation import arrays_of, propose
 from .annotation_picture import draw
+from .capture_folder import capture_paths, read_capture
 from .phases import keys_of_phase
 from .sidecar import Sheet, fingerprint
 
 _PHASES = ("phase", "phase_mirrored")
 
 
-def annotate_clip(path: Path, mapping: Mapping | None, overwrite: bool) -> tuple[Clip, Sheet, dict[int, str], list[str]]:
+def annotate_clip(path: Path, folder: Path, mapping: Mapping | None, overwrite: bool) -> tuple[Clip, Sheet, dict[int, str], list[str]]:
     """Read a clip and propose its sheet; the fourth value names the sections that a person's edits have kept."""
-    clip = bvh.read(path, mapping=mapping)
+    clip = read_capture(path, folder) if mapping is None else bvh.read(path, mapping=mapping)
     target = sidecar.sidecar_of(path)
     kept = sidecar.read(target) if target.exists() and not overwrite else None
     if kept is not None and kept.frames != len(clip):
@@ -50,21 +51,19 @@ def main(arguments: list[str]) -> int:
     """Annotate every BVH file below a folder; exit code 1 if a file could not be read."""
     parser = argparse.ArgumentParser(prog="python -m nsm_core annotate", description=__doc__)
     parser.add_argument("folder", type=Path, help="folder with BVH files; those below it count too")
-    parser.add_argument("--mapping", type=Path, help="mapping file (TOML) for hierarchies whose joints' names say nothing")
+    parser.add_argument("--mapping", type=Path, help="mapping file (TOML) for all files (default: mapping.toml beside or above them)")
     parser.add_argument("--overwrite", action="store_true", help="propose everything anew, edits too")
     parser.add_argument("--phase", choices=("rule", "pae"), default="rule", help="by foot landings, or by a Periodic Autoencoder")
     parser.add_argument("--minutes", type=float, default=2.0, help="time to train the autoencoder")
     parser.add_argument("--no-pictures", action="store_true", help="write the sidecars only")
     options = parser.parse_args(arguments)
-    paths = sorted(options.folder.rglob("*.bvh"))
-    if not paths:
-        raise CaptureError(f"no BVH file lies in {options.folder}; name the folder with the captures.")
+    paths = capture_paths(options.folder)
     mapping = load_mapping(options.mapping) if options.mapping else None
     done: list[tuple[Path, Clip, Sheet, dict[int, str], list[str]]] = []
     failed = 0
     for path in paths:
         try:
-            done.append((path, *annotate_clip(path, mapping, options.overwrite)))
+            done.append((path, *annotate_clip(path, options.folder, mapping, options.overwrite)))
         except NsmError as error:
             failed += 1
             print(f"{path.relative_to(options.folder)}: {error}", file=sys.stderr)

@@ -14,6 +14,7 @@ from ..rotations import Array
 from ..skeleton import HIPS, INDEX
 from .labels import propose_actions
 from .measures import Motion, Span, motion_of
+from .other_labels import others
 from .phases import phase_of_keys, rule_keys
 from .sidecar import SECTIONS, GoalKey, Key, Sheet, fingerprint, read, sidecar_of
 
@@ -128,6 +129,7 @@ def propose(clip: Clip, kept: Sheet | None = None) -> tuple[Sheet, dict[int, str
     """
     motion = motion_of(clip)
     actions, spans, contacts = propose_actions(motion)
+    actions["other"] = others(motion, spans)
     on = {name: _step_keys(contacts[:, k]) if contacts[:, k].any() else [] for k, name in enumerate(CONTACTS)}
     sheet = Sheet(clip.name, len(clip), actions, on, [], [], [])
     edited = kept.edited() if kept is not None else []

@@ -7,14 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import bvh
 from ..clip import Clip
 from ..conventions import FPS
 from ..limbs import place_wrists
 from ..rotations import Array, quat_rotate, rotate_planar
 from ..skeleton import ARMS, FEET, HIPS, INDEX, forward_kinematics
+from .capture_folder import has_sidecar, labelled, read_capture
 from .hands import COMFORT, LEAN, shift_of
-from .library import _ARM_JOINTS, _NEUTRAL_ARMS, gaussian_smooth
+from .labelled import grasps
+from .library import _ARM_JOINTS, gaussian_smooth, neutral
 from .session import LaidSegment, Segment, Session
 
 _WORDS = ("pickupbox", "pick_up_box", "lift_box", "putdownbox", "put_down_box")
@@ -25,16 +26,22 @@ _AMOUNTS = np.linspace(0, 1, 6)  # of the extra lean, see ``hands.lean_into_reac
 
 
 def load_bends(folder: str | Path) -> list[Segment]:
-    """Cut captured pick-ups and put-downs into halves that lead from upright (frame 0) to low; the arms hang. May be empty."""
+    """Cut pick-ups and put-downs into halves that lead from upright (frame 0) to low; the arms hang.  May be empty.
+
+    By the hands' contacts where there are sidecars, else by names.
+    """
     paths = sorted(p for p in (Path(folder) / "clips").glob("*/*.bvh") if any(w in p.stem for w in _WORDS) and "run" not in p.stem)
-    halves: list[Segment] = []
-    if not paths:
-        return halves
-    source, name, frame = _NEUTRAL_ARMS
-    arms = bvh.read(Path(folder) / "clips" / source / f"{name}.bvh")[frame : frame + 1]
-    for clip in map(bvh.read, paths):
+    found = [(read_capture(p, folder), None) for p in paths if not has_sidecar(p)]
+    found += [(piece.clip, frame) for piece in labelled(folder) for frame in grasps(piece)]
+    halves: dict[str, Segment] = {}
+    if not found:
+        return []
+    arms = neutral(folder)
+    for clip, grasp in found:
         height = gaussian_smooth(clip.world()[0][:, _CHEST, 2], 2.0)
-        low, upright = int(height.argmin()), float(np.percentile(height, 97)) - _LEVEL
+        near = 0 if grasp is None else max(grasp - FPS, 0)
+        low = near + int(height[near : None if grasp is None else grasp + FPS].argmin())
+        upright = float(np.percentile(height, 97)) - _LEVEL
         bottom = np.flatnonzero(height < height[low] + 0.02)
         before, after = np.flatnonzero(height[:low] > upright), np.flatnonzero(height[low:] > upright)
         spans = []
@@ -45,9 +52,9 @@ def load_bends(folder: str | Path) -> list[Segment]:
             spans.append((int(bottom[bottom < end][-1]), end, -1))
         for first, last, way in spans:
             half = Clip(f"{clip.name}@{first}", clip.hips_position[first : last + 1][::way], clip.local_rotations[first : last + 1][::way])
-            if len(half) >= 20 and np.ptp(height[first : last + 1]) > _LEAST and _stands(half):
-                halves.append(Segment(hang_arms(half, arms), {}))
-    return halves
+            if len(half) >= 20 and np.ptp(height[first : last + 1]) > _LEAST and _stands(half) and half.name not in halves:
+                halves[half.name] = Segment(hang_arms(half, arms), {})
+    return list(halves.values())
 
 
 def _stands(clip: Clip) -> bool:

@@ -183,7 +183,7 @@ def main(arguments: list[str]) -> int:
     from .export import export
 
     parser = argparse.ArgumentParser(prog="compose", description="Stitch goal-directed performances from a capture folder.")
-    parser.add_argument("captures", help="folder with clips/ of 23-joint BVH files")
+    parser.add_argument("captures", help="folder with BVH captures")
     parser.add_argument("--objects", default=None, help="folder of furniture meshes to put beside the parametric pieces")
     parser.add_argument("--out", default="runs/data")
     parser.add_argument("--minutes", type=float, default=60.0)

@@ -150,8 +150,8 @@ def export(
     """
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
-    if not (Path(captures) / "clips").is_dir():
-        raise CaptureError(f"{captures} has no folder 'clips'; name the capture folder.")
+    if not Path(captures).is_dir():
+        raise CaptureError(f"{captures} is no folder; name the one with the captures.")
     load(captures)  # a damaged capture is told here, not as a broken pool of workers
     cache = str(out / "objects.npz")
     _pool(meshes, cache)  # converted once, before the workers ask for it

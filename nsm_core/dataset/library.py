@@ -11,14 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import bvh
 from ..clip import Clip, transform
-from ..control.foot_lock import detect_foot_contacts
+from ..control.foot_lock import detect_foot_contacts, intervals
 from ..conventions import FPS
 from ..errors import CaptureError
 from ..limbs import place_wrists
 from ..rotations import Array, quat_normalize, rotate_planar
 from ..skeleton import ARMS, HIPS, INDEX, forward_kinematics, root_of
+from .capture_folder import has_sidecar, labelled, read_capture
+from .labelled import sit_downs, walks_and_runs
 
 # Clips whose names hold one of these words are left out of level walking: they hop, skip, crouch or carry.
 _LEFT_OUT = tuple(
@@ -27,6 +28,7 @@ _LEFT_OUT = tuple(
 )
 _WALK_SOURCES = ("accad_female1", "accad_male1", "accad_male2", "cmu", "opencap", "quaternius")
 _SIT_CLIPS = ("opencap_sts1", "opencap_stsasym1", "opencap_stsweaklegs1", "quaternius_sit_full")
+_QUIET, _HANGING = 0.12, 0.2  # m/s of any joint in a quiet stand; metres between hips and hanging wrists, in height
 ROOT_SMOOTHING = 0.12  # seconds: standard deviation of the Gaussian over root position and heading
 
 
@@ -121,7 +123,7 @@ def _is_level_walk(clip: Clip) -> bool:
 
 
 def load_walks(folder: str | Path) -> list[Clip]:
-    """Read the level idle and walking clips below the capture folder, by name and by measure."""
+    """Read the level idle and walking clips below the capture folder: by labels where there are sidecars, else by name and measure."""
     paths = [p for source in _WALK_SOURCES for p in sorted((Path(folder) / "clips" / source).glob("*.bvh"))]
     paths = [p for p in paths if not (p.parent.name == "cmu" and p.stem.split("_")[1] in ("01", "03"))]
     paths = [
@@ -132,19 +134,21 @@ def load_walks(folder: str | Path) -> list[Clip]:
             and p.stem.startswith(("cmu_02_04", "cmu_02_05", "cmu_02_06", "cmu_02_07", "cmu_02_08", "cmu_02_09", "cmu_02_10", "cmu_06"))
         )
     ]
-    return [c for c in map(bvh.read, paths) if _is_level_walk(c)]
+    named = [read_capture(p, folder) for p in paths if not has_sidecar(p)]
+    return [c for c in named if _is_level_walk(c)] + [c for piece in labelled(folder) for c in walks_and_runs(piece)[0]]
 
 
 _RUN_LEFT_OUT = tuple("hop skip leap jump crouch box side hop2 jump2 quick".split())
 
 
 def load_runs(folder: str | Path) -> list[Clip]:
-    """Read the clips that run, start to run or stop running, by name and by measure."""
+    """Read the clips that run, start to run or stop running: by labels where there are sidecars, else by name and measure."""
     paths = [p for source in _WALK_SOURCES for p in sorted((Path(folder) / "clips" / source).glob("*.bvh"))]
     runs = ("run", "jog", "cmu_02_03", "cmu_09")
     named = [p for p in paths if any(r in p.stem for r in runs) and not any(word in p.stem for word in _RUN_LEFT_OUT)]
-    clips = [bvh.read(p) for p in named]
-    return [c for c in clips if c.hips_position[:, 2].min() > 0.6]
+    clips = [read_capture(p, folder) for p in named if not has_sidecar(p)]
+    clips = [c for c in clips if c.hips_position[:, 2].min() > 0.6]
+    return clips + [c for piece in labelled(folder) for c in walks_and_runs(piece)[1]]
 
 
 @dataclass(frozen=True)
@@ -157,17 +161,39 @@ class SitDown:
 
 
 # Frame of a quiet stand whose arms the sitters get: the chair captures have no hand markers and hold the arms folded.
+# A folder without it gives the longest quiet stand of its own.
 _NEUTRAL_ARMS = ("accad_male1", "male1_a1_stand", 90)
 _ARM_JOINTS = [INDEX[s + n] for s in ("Right", "Left") for n in ("Collar", "Shoulder", "Elbow", "Wrist")]
 
 
 def stance(folder: str | Path) -> dict[str, object]:
     """The quiet stand that takes start from: hips height, metres, and local rotations (23 x 4), facing -Y."""
-    source, name, frame = _NEUTRAL_ARMS
-    clip = bvh.read(Path(folder) / "clips" / source / f"{name}.bvh")[frame : frame + 1]
+    clip = neutral(folder)
     _, heading = clip.root()
     hips, rotations = transform(clip.hips_position, clip.local_rotations, np.zeros(2), -heading)
     return {"hips_height": float(hips[0, 2]), "local_rotations": np.round(rotations[0], 5).tolist()}
+
+
+def neutral(folder: str | Path) -> Clip:
+    """One frame of a quiet stand with hanging arms; CaptureError where nobody stands still."""
+    source, name, frame = _NEUTRAL_ARMS
+    path = Path(folder) / "clips" / source / f"{name}.bvh"
+    if path.exists():
+        return read_capture(path, folder)[frame : frame + 1]
+    best: tuple[int, Clip] | None = None
+    for clip in load_walks(folder):
+        positions, _ = clip.world()
+        quiet = (np.linalg.norm(np.gradient(positions, axis=0), axis=-1) * FPS < _QUIET).all(axis=1)
+        wrists = positions[:, [arm[2] for arm in ARMS]]
+        quiet &= detect_foot_contacts(positions).all(axis=1) & (np.abs(wrists[..., 2] - positions[:, HIPS, None, 2]) < _HANGING).all(axis=1)
+        for a, b in intervals(quiet):
+            if best is None or b - a > best[0]:
+                best = b - a, clip[(a + b) // 2 : (a + b) // 2 + 1]
+    if best is None:
+        raise CaptureError(
+            f"nobody stands still with hanging arms in {folder}; add a capture of a quiet stand and run `python -m nsm_core annotate`."
+        )
+    return best[1]
 
 
 def rest_hands_on_thighs(clip: Clip, arms: Array) -> Clip:
@@ -197,14 +223,15 @@ def align_quaternions(q: Array) -> Array:
 
 
 def load_sits(folder: str | Path) -> list[SitDown]:
-    """Cut the sitting clips below the capture folder into sit-downs that start and end standing."""
-    sits = []
-    source, name, frame = _NEUTRAL_ARMS
-    arms = bvh.read(Path(folder) / "clips" / source / f"{name}.bvh").local_rotations[frame, _ARM_JOINTS]
-    for path in sorted((Path(folder) / "clips").glob("*/*.bvh")):
-        if path.stem not in _SIT_CLIPS:
-            continue
-        clip = bvh.read(path)
+    """Cut out sit-downs that start and end standing: by labels where there are sidecars, else by name and height; may be empty."""
+    sits: list[SitDown] = []
+    labels = [cut for piece in labelled(folder) for cut in sit_downs(piece)]
+    paths = [p for p in sorted((Path(folder) / "clips").glob("*/*.bvh")) if p.stem in _SIT_CLIPS and not has_sidecar(p)]
+    if not paths and not labels:
+        return sits
+    arms = neutral(folder).local_rotations[0, _ARM_JOINTS]
+    for path in paths:
+        clip = read_capture(path, folder)
         height = gaussian_smooth(clip.hips_position[:, 2], 2.0)
         seat = np.percentile(height, 5)
         standing = np.percentile(height, 97)
@@ -220,6 +247,4 @@ def load_sits(folder: str | Path) -> list[SitDown]:
             start, end = int(before[-1]), int(up + after[0])
             cut = Clip(f"{clip.name}@{start}", clip.hips_position[start : end + 1], clip.local_rotations[start : end + 1])
             sits.append(SitDown(rest_hands_on_thighs(cut, arms), int(down - start), int(up - start)))
-    if not sits:
-        raise CaptureError("no sit-down was found among the captures; the folder must hold clips that sit and rise again.")
-    return sits
+    return sits + [SitDown(rest_hands_on_thighs(cut, arms), down, up) for cut, down, up in labels]

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..clip import Clip
 from ..control.course import Course
+from ..errors import CaptureError
 from ..furniture import Furniture
 from ..rotations import Array, heading_to_direction, wrap_angle
 from ..skeleton import HIPS
@@ -60,6 +61,11 @@ def gather(folder: str | Path, segments: dict[str, list[Segment]]) -> Source:
     """Build the source from a capture folder and the ``segments`` cut from it, all with their mirror images."""
     walks, runs = load_walks(folder), load_runs(folder)
     walks, runs = ([c for c in clips if len(c) >= 20] for clips in (walks, runs))
+    if not walks:
+        raise CaptureError(
+            f"no level walk was found in {folder}; run `python -m nsm_core annotate` on it, whose labels say what captures are used for, "
+            "or add captures that stand, walk and stand again."
+        )
     walks += [c.mirrored() for c in walks]
     runs += [c.mirrored() for c in runs]
     clips, laid = walks + runs, {}
@@ -74,6 +80,8 @@ def gather(folder: str | Path, segments: dict[str, list[Segment]]) -> Source:
     n, walked, run = np.arange(len(library)), sum(map(len, walks)), sum(map(len, walks + runs))
     slow = np.linalg.norm(library.velocity[:, HIPS, :2], axis=1) < 0.06
     still = np.flatnonzero(slow & (library.end - n > 50) & (n < walked) & library.contacts.all(axis=1))
+    if not len(still):
+        raise CaptureError(f"nobody stands still for two seconds in {folder}; add a capture of a quiet stand, from which takes start.")
     return Source(library, Matcher(library, n < walked), Matcher(library, n < run) if runs else Matcher(library, n < walked), still, laid)
 
 

@@ -21,7 +21,9 @@ _HEADER = """\
 # (from your labels and contacts); --overwrite proposes everything anew.  Leave [proposal] as it is: it tells which are yours.
 #
 # actions   0..1, straight lines between key frames.  carry and open are on besides idle, walk and run; sit and climb take their
-#           share away from them when the file is read.  No lines: never.
+#           share away from them when the file is read.  other is none of these (a hop, a gesture).  No lines: never.
+#           Training data is composed from what these labels say: walks of idle and walk, runs, sit-downs that rise again, and
+#           bends where both hands take a box; where other is on, or nothing is, the clip is not used.
 # contacts  0 or 1, kept until the next key frame.
 # phase     1 where a cycle ends (the left foot lands, a transition is over), even growth in between; phase_mirrored is for the clip
 #           mirrored left to right, where the right foot's landings count.
@@ -71,7 +73,8 @@ class Sheet:
         return [n for n in SECTIONS if self.proposal.get(n) != fingerprint(self.section(n)) and (n in self.proposal or n in self.present)]
 
 
-SECTIONS = (*(f"actions.{s}" for s in STYLES), *(f"contacts.{c}" for c in CONTACTS), "phase", "phase_mirrored", "goals")
+LABELS = (*STYLES, "other")  # of [actions]
+SECTIONS = (*(f"actions.{s}" for s in LABELS), *(f"contacts.{c}" for c in CONTACTS), "phase", "phase_mirrored", "goals")
 
 
 def fingerprint(content: object) -> str:
@@ -124,7 +127,7 @@ def read(path: str | Path) -> Sheet:
         raise CaptureError(f"{path.name}: `frames` must say how many frames the clip has.")
     present = {k for k in ("phase", "phase_mirrored", "goals") if k in table}
     groups: dict[str, dict[str, list[Key]]] = {}
-    for group, names in (("actions", STYLES), ("contacts", CONTACTS)):
+    for group, names in (("actions", LABELS), ("contacts", CONTACTS)):
         parts = table.get(group, {})
         for part in parts:
             if part not in names:

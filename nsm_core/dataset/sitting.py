@@ -28,7 +28,7 @@ _AT_TABLE = ("chair", "chair", "stool")
 
 
 def segments(folder: str | Path) -> list[Segment]:
-    """Captured sit-downs: stand at 0, seat reached at "down", left at "up", stand at the end."""
+    """Captured sit-downs: stand at 0, seat reached at "down", left at "up", stand at the end; without any, nobody sits."""
     return [Segment(s.clip, {"down": s.down, "up": s.up}) for s in load_sits(folder)]
 
 
@@ -132,6 +132,8 @@ def lay(session: Session) -> Sit | None:
     Some seats stand partly under a table: they are taken from the side, with a turn on the seat.
     """
     rng, lib, tape = session.rng, session.lib, session.tape
+    if not session.source.segments.get(NAME):
+        return None
     sideways = rng.random() < SIDEWAYS
     piece = session.draw(str(rng.choice(_AT_TABLE if sideways else SEATS)))
     seat, size = piece.seat, piece.size

@@ -176,7 +176,7 @@ def main(arguments: list[str]) -> int:
     """Entry of ``dev.py train``."""
     parser = argparse.ArgumentParser(prog="train", description="Train the Neural State Machine from a capture folder.")
     defaults = TrainingSettings()
-    parser.add_argument("captures", help="folder with clips/ of 23-joint BVH files")
+    parser.add_argument("captures", help="folder with BVH captures")
     parser.add_argument("--objects", default=None, help="folder of furniture meshes to put beside the parametric pieces")
     parser.add_argument("--run", default="runs/nsm", help="folder for data, checkpoints, log and plot (default: runs/nsm)")
     parser.add_argument("--weights", default=None, help="weights file to write at the end (default: RUN/nsm.npz)")
