@@ -12,7 +12,8 @@ from ..skeleton import ARMS, INDEX
 from .library import gaussian_smooth
 
 ANGLES = np.radians(np.arange(0, 111.0, 2))  # angles of the leaf that are weighed against one another
-REACH, FURTHEST = 0.59, 0.64  # metres from shoulder to wrist: of an arm alone, and of one that the trunk's lean helps
+REACH, FURTHEST = 0.62, 0.7  # metres from shoulder to wrist: of an arm alone, and of one that the trunk's lean helps
+HASTES = (1.0, 1.35, 1.8)  # how much of a shove a leaf is given so that it keeps ahead of the body
 FOLDED = 0.33  # metres from shoulder to wrist under which an arm gets in its own way
 CLEAR = 0.02  # metres that the body keeps off the leaf
 # The body as joints with radii, metres; the arm that holds the handle is left out.
@@ -20,7 +21,7 @@ _BODY = {"Hips": 0.11, "Chest2": 0.11, "Chest4": 0.11, "Head": 0.11} | {
     side + joint: radius
     for side in ("Right", "Left")
     for joint, radius in (("Shoulder", 0.065), ("Elbow", 0.055), ("Wrist", 0.05), ("Hip", 0.07), ("Knee", 0.065),
-                          ("Ankle", 0.055), ("Toe", 0.085))
+                          ("Ankle", 0.055), ("Toe", 0.1))
 }  # fmt: skip
 
 
@@ -68,10 +69,13 @@ class Doorway:
         return result
 
 
-def swing_on(angle: float, speed: float, end: float, count: int) -> Array:
-    """Angles (count,) of a leaf let go at ``angle`` with ``speed`` (radians per frame) that comes to rest at ``end``."""
+def swing_on(angle: float, speed: float, end: float, count: int, haste: float = 1.0) -> Array:
+    """Angles (count,) of a leaf let go at ``angle`` with ``speed`` (radians per frame) that comes to rest at ``end``.
+
+    ``haste`` over 1 is the shove it is given: it swings faster before it slows down.
+    """
     way = max(end - angle, 6 * speed)
-    n = float(min(1.9 * way / max(speed, 0.01), 50))
+    n = float(min(1.9 * way / max(speed, 0.01), 50)) / haste
     x = np.clip(np.arange(1, count + 1) / n, 0, 1)
     return angle + way * (10 * x**3 - 15 * x**4 + 6 * x**5) + speed * n * (x - 6 * x**3 + 8 * x**4 - 3 * x**5)
 
@@ -119,8 +123,10 @@ def turn(door: Doorway, joints: Array, start: int, panel: float, backed: int, rn
     if angles[released] < np.radians(35):
         return None
     end = np.radians(rng.uniform(85, 100))
-    angles[released + 1 :] = swing_on(angles[released], max(angles[released] - angles[released - 1], 0.008), end, count - released - 1)
-    at = np.clip(np.round(angles / ANGLES[1]).astype(int), 0, last)
-    if clear[t, at].min() < 0 or (np.diff(angles) < -1e-6).any():
-        return None
-    return Turning(angles, released)
+    speed = max(angles[released] - angles[released - 1], 0.008)
+    for haste in HASTES:
+        angles[released + 1 :] = swing_on(angles[released], speed, end, count - released - 1, haste)
+        at = np.clip(np.round(angles / ANGLES[1]).astype(int), 0, last)
+        if clear[t, at].min() > 0 and (np.diff(angles) > -1e-6).all():
+            return Turning(angles, released)
+    return None

@@ -31,7 +31,7 @@ KEEP_OFF, SQUEEZE = 0.32, 0.2  # metres that roots keep off the wall and the lea
 OTHERS_OFF = 0.8  # metres between the wall and the middle of what other actions are done with
 RETURN = 16  # frames in which a hand comes back
 PUSHES, LED_ON = 0.55, 0.4  # shares: of doors that swing away, and of passages that do not end standing
-DOORS = 14  # doors that are tried about one walk
+DOORS, INSIST = 18, 12  # doors that are tried about one walk, and how many of them are of the same size
 DEEPEST, ASTRAY = 0.02, 0.01  # metres: of the body in leaf or wall, and of the wrist from the handle it holds
 
 
@@ -224,8 +224,10 @@ def lay(session: Session) -> Open | None:
     if not straight_on(session, tape.roots[start], heading):
         return None
     joints = joints_from(session, start)
-    for _ in range(DOORS):
-        episode = _door_before(session, start, push)
+    # Low handles and narrow doors fit fewer walks; they are drawn once and insisted on for a while, lest they become rare.
+    measures = {"width": float(rng.uniform(0.75, 1.0)), "handle_height": float(rng.uniform(0.9, 1.1))}
+    for attempt in range(DOORS):
+        episode = _door_before(session, start, push, measures if attempt < INSIST else {})
         episode.ask, episode.pull, episode.through, episode.start, episode.grip = ask, pull, through, start, grip
         if not episode.opens(joints, pressed - start, backed - start, rng):
             continue
@@ -238,10 +240,10 @@ def lay(session: Session) -> Open | None:
     return None
 
 
-def _door_before(session: Session, start: int, push: bool) -> Open:
+def _door_before(session: Session, start: int, push: bool, measures: dict[str, float]) -> Open:
     """Make a door whose handle is reached from where frame ``start`` stands, give or take a few centimetres."""
     rng, tape = session.rng, session.tape
-    door = make_door(rng, near=float(rng.uniform(0.8, 1.6)), far=float(rng.uniform(0.8, 1.6)))
+    door = make_door(rng, near=float(rng.uniform(0.8, 1.6)), far=float(rng.uniform(0.8, 1.6)), **measures)
     heading = tape.headings[start] + rng.normal(0, 0.03)
     go = heading_to_direction(np.array(heading))
     side = float(rng.choice((-1, 1)))

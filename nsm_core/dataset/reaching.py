@@ -11,7 +11,7 @@ from .library import align_quaternions, gaussian_smooth
 
 ARM = 0.53  # metres from shoulder to wrist that an arm reaches without being quite straight
 STRAIGHT = 0.541  # metres from shoulder to wrist of an arm that is not to be stretched further
-LEAN, TWIST = np.radians(20), np.radians(30)  # most that the trunk leans towards a place and turns the shoulder to it
+LEAN, TWIST = np.radians(30), np.radians(32)  # most that the trunk leans towards a place and turns the shoulder to it
 BEND = np.radians(70)  # most that a hand turns in its wrist to lie on a surface
 INWARD = 0.15  # slope at which the fingers come down on it
 _SPINE = [INDEX[n] for n in ("Chest", "Chest2", "Chest3", "Chest4")]
