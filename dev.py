@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """One door to the project: python3 dev.py VERB [arguments].  Standard library only; Linux, macOS, Windows.
 
-  demo       furnish a room, let the character walk and sit twice; writes out/demo (a .blend, a picture, a video)
+  demo       furnish two rooms, let the character sit, open a door, carry a box, climb and run; writes out/demo
+             (a .blend, a picture, a video); --two-seats: walk and sit alone
   test       run all tests; --matrix adds every Blender version this machine has a Python for;
              other arguments go to pytest (for example: test core_tests/test_network.py -k gradient)
   build      write the extension for Blender to dist/

@@ -1,4 +1,4 @@
-"""Show the whole path: a room and a character by code, a take to two seats, and its scene, pictures and report.
+"""Show the whole path: rooms and a character by code, a take of every action, and its scene, pictures and report.
 
 ``python nsm_blender/demo.py --out out/demo`` under the bpy wheel, or
 ``blender --background --python nsm_blender/demo.py -- --out out/demo``.
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     out = Path(options.out).absolute()
     for name in ("demo.blend", "demo.png", "demo.mp4", "demo.json"):
         render.require_writable(out / name, Path(name).suffix)
-    room, character = build_scene(options.second_seat, options.all_actions)
+    room, character = build_scene(options.second_seat, not options.two_seats)
     scene = bpy.context.scene
     goals = goals_in(room, options.hold)
     plan = ", ".join(f"{goal.action} {goal.label}" for goal in goals)
@@ -81,10 +81,10 @@ def goals_in(room: Room, hold: float = 2.0) -> list[GoalSpec]:
     return [GoalSpec("sit", bpy.data.objects[name], hold=hold) for name in room.seats]
 
 
-def build_scene(second_seat: str = "armchair", all_actions: bool = False) -> tuple[Room, bpy.types.Object]:
+def build_scene(second_seat: str = "armchair", all_actions: bool = True) -> tuple[Room, bpy.types.Object]:
     """Replace the open file by the demo's room with the character in it; returns room and armature.
 
-    ``all_actions`` builds two rooms with a door, a box and a podium instead of the room with two seats.
+    ``all_actions`` builds two rooms with a door, a box and a podium; without, one room with a chair and a ``second_seat``.
     """
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
@@ -181,13 +181,13 @@ def _light_and_look(scene: bpy.types.Scene, room: Room) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    about = "Build a room, have a character use two seats, and save scene, pictures and report."
+    about = "Build two rooms, have a character sit, open a door, carry a box, climb and run, and save scene, pictures and report."
     parser = argparse.ArgumentParser(prog="demo", description=about)
     parser.add_argument("--out", default="out/demo", help="folder for demo.blend, demo.png, demo.mp4 and demo.json")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--hold", type=float, default=2.0, help="seconds to stay on each seat")
-    parser.add_argument("--second-seat", default="armchair", choices=("armchair", "bench", "stool", "sofa"))
-    parser.add_argument("--all-actions", action="store_true", help="sit, open a door, carry a box, climb a podium and run")
+    parser.add_argument("--two-seats", action="store_true", help="a shorter take in one room: walk, and sit on two seats")
+    parser.add_argument("--second-seat", default="armchair", choices=("armchair", "bench", "stool", "sofa"), help="with --two-seats")
     parser.add_argument("--no-contact-ik", action="store_true", help="show the network alone")
     parser.add_argument("--tiles", type=int, default=15, help="pictures on the contact sheet")
     parser.add_argument("--no-video", action="store_true")
