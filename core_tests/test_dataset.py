@@ -290,15 +290,18 @@ def test_coverage_counts_goals_by_kind_and_draws_them(tmp_path_factory, folder, 
     where = captures.data_folder(tmp_path_factory)
     meta = json.loads((where / "data.json").read_text())
     found = coverage.approaches(data)
-    asked = 0
+    asked = {"sit": 0, "open: reach": 0}
     for seed in meta["takes"]:
         take = Composer(captures.source(folder)).compose(int(seed))
         actions = ["", *(c.action for c in take.commands)]
-        asked += sum(now == "sit" != before for before, now in zip(actions[:-1], actions[1:], strict=True))
-    assert len(found["sit"].distance) == asked > 0
-    assert (found["sit"].distance < 6).all() and (found["sit"].bearing <= 180).all() and (found["sit"].height > 0.3).all()
+        for kind, action in zip(asked, ("sit", "open"), strict=True):
+            asked[kind] += sum(now == action != before for before, now in zip(actions[:-1], actions[1:], strict=True))
+    assert sum(asked.values()) > 0
+    for kind, count in asked.items():
+        assert len(found[kind].distance) == count
+        assert (found[kind].distance < 6).all() and (found[kind].bearing <= 180).all() and (found[kind].height > 0.3).all()
     text = coverage.report(where)
-    assert f"in {len(meta['takes'])} takes" in text and f"sit: {asked} goals" in text
+    assert f"in {len(meta['takes'])} takes" in text and all(f"{kind}: {count} goals" in text for kind, count in asked.items() if count)
     assert coverage.picture(where, tmp_path / "coverage.png").stat().st_size > 20_000
     with pytest.raises(OutputError, match="choose a folder you may write to"):
         coverage.picture(where, tmp_path / "nowhere" / "coverage.png")
