@@ -1,4 +1,4 @@
-"""Command line of the core: python -m nsm_core train | evaluate | bench | annotate | pool | compose [arguments]."""
+"""Command line of the core: python -m nsm_core train | evaluate | bench | annotate | pool | augment | compose [arguments]."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ COMMANDS = {
     "bench": ("nsm_core.bench", "measure the speed of the network"),
     "annotate": ("nsm_core.dataset.annotate", "propose labels, contacts, phases and goals of captures"),
     "pool": ("nsm_core.dataset.pool", "convert a folder of furniture meshes to the object pool"),
+    "augment": ("nsm_core.dataset.switch_seats", "put captured sit-downs on other seats"),
     "compose": ("nsm_core.dataset.compose", "stitch performances for training from captures"),
 }
 

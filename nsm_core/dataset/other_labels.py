@@ -13,6 +13,7 @@ _CHEST = INDEX["Chest4"]
 _SHOULDERS, _WRISTS = [INDEX[s + "Shoulder"] for s in ("Right", "Left")], [INDEX[s + "Wrist"] for s in ("Right", "Left")]
 _AIRBORNE = 0.048  # metres over the ground of the lower toe joint: captured walks stay under 4.7 cm, skips do not
 _SLOWER = 1.9  # m/s: below it no step leaves the floor, and turns do not lean
+_LEAPT = 1.0  # metres of the hips over the ground that neither walks nor runs reach
 _CROUCHED, _TILT = (0.8, 0.65), np.radians((35, 55))  # metres of the hips over the ground, lean of the trunk; slower and faster
 _APART = round(0.7 * FPS)  # frames between two such moments that belong to them
 
@@ -24,8 +25,9 @@ def others(motion: Motion, spans: list[Span]) -> list[tuple[int, float]]:
     nearby = np.pad(lower, 15, mode="edge")
     ground = np.lib.stride_tricks.sliding_window_view(nearby, 31).min(1)
     slow = motion.speed < _SLOWER
-    flies = (lower > ground + _AIRBORNE) & slow
-    crouches = p[:, HIPS, 2] - ground < np.where(slow, *_CROUCHED)
+    height = p[:, HIPS, 2] - ground
+    flies = ((lower > ground + _AIRBORNE) & slow) | (height > _LEAPT)
+    crouches = height < np.where(slow, *_CROUCHED)
     trunk = p[:, _CHEST] - p[:, HIPS]
     leans = np.arctan2(np.linalg.norm(trunk[:, :2], axis=1), trunk[:, 2]) > np.where(slow, *_TILT)
     raised = (p[:, _WRISTS, 2] > p[:, _SHOULDERS, 2] + 0.05).any(1)
