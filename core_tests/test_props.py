@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nsm_core.control.props import BODY_TO_BOX, WRIST_OFF_SIDE, Box, Leaf, passage, sense
+from nsm_core.control.props import BODY_TO_BOX, WRIST_OFF_HANDLE, WRIST_OFF_SIDE, Box, Leaf, passage, sense
 from nsm_core.control.reaching import ARM
 from nsm_core.errors import GoalError
 from nsm_core.rotations import heading_to_direction, rotate_planar
@@ -67,7 +67,7 @@ def test_a_prop_without_a_place_is_refused_in_a_sentence(pose):
 def test_handle_goes_round_the_hinge(swing):
     leaf = door(swing)
     grips = np.array([leaf.grip(1.0, a) for a in np.linspace(0, 1.5, 7)])
-    np.testing.assert_allclose(np.linalg.norm(grips[:, :2] - leaf.pose[:2], axis=1), np.hypot(0.83, 0.06), atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(grips[:, :2] - leaf.pose[:2], axis=1), np.hypot(0.83, 0.06 + WRIST_OFF_HANDLE), atol=1e-9)
     np.testing.assert_allclose(grips[:, 2], 1.0)
     leaf.pose = leaf.pose_at(0.8)
     assert leaf.angle == pytest.approx(0.8)

@@ -11,6 +11,7 @@ from ..rotations import Array
 from .contact_ik import ContactIK
 from .goals import Goal, Moment
 from .hands import HandClearance
+from .heels import Heels
 from .reaching import Pose
 from .scene import Scene
 from .stages import Grasp
@@ -24,6 +25,7 @@ class Finishing:
     def __init__(self, scene: Scene, ik: bool = True, terrain: Terrain | None = None) -> None:
         self.scene, self.ik = scene, ik
         self._contact = ContactIK(terrain=terrain)
+        self._heels = Heels()
         self._trunk, self._hands = TrunkClearance(scene.environment), HandClearance(scene.environment)
 
     def apply(self, hips: Array, rotations: Array, moment: Moment, goal: Goal | None, grasps: Sequence[Grasp]) -> tuple[Array, Array]:
@@ -36,6 +38,7 @@ class Finishing:
         if self.ik:
             seat = (goal.position, goal.heading) if goal is not None and goal.action == "sit" else None
             kept_hips, kept = self._contact.apply(hips, rotations, moment.contacts, seat, moment.heading)
+            kept = self._heels.apply(kept_hips, kept, float(moment.style[SIT]), seat[0] if seat else None)
             self._trunk.query = self.scene.but(*(g.prop for g in grasps))
             kept = self._trunk.apply(kept_hips, kept, float(moment.style[SIT]))
         if grasps:

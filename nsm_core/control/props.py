@@ -22,6 +22,7 @@ WIDEST_BOX, HEAVIEST_SIDE = 0.6, 0.6  # metres across and in depth that two hand
 
 # Doors: places on the floor seen from the handle and the opening, metres.
 HANDLE_STAND = 0.42  # from the closed leaf to the root of who reaches for its handle: an arm reaches low handles from here
+WRIST_OFF_HANDLE = 0.03  # from where a hand holds it to the wrist
 HANDLE_ASIDE = 0.25  # from the handle towards the hinge: from here straight on the way leads through the opening
 PULL_BACK = 0.55  # how much further off one stands once a leaf is pulled open
 PASS_BEYOND = 1.0  # from the opening to where one stands on the far side
@@ -122,8 +123,8 @@ class Leaf(Prop):
         return np.append(self.pose[:3], self.closed + self.swing * angle)
 
     def grip(self, side: float, angle: float | None = None) -> Array:
-        """World place (3,) of the handle on the side towards +Y (``side`` 1) or -Y (-1) of its frame, when open by ``angle``."""
-        point = np.asarray(self.handle, dtype=np.float64) + (0.0, side * self.thickness / 2, 0.0)
+        """World place (3,) of a wrist at the handle on the side towards +Y (``side`` 1) or -Y (-1) of its frame, when open by ``angle``."""
+        point = np.asarray(self.handle, dtype=np.float64) + (0.0, side * (self.thickness / 2 + WRIST_OFF_HANDLE), 0.0)
         return self.to_world(point, None if angle is None else self.pose_at(angle))
 
 

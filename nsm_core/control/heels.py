@@ -1,0 +1,48 @@
+"""Heels rise on high seats: a thigh that would press into the seat's front edge is lifted by the foot under it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..limbs import chain_frames, mul, place_limbs, rotate
+from ..rotations import Array, quat_from_axis_angle
+from ..skeleton import FEET, HIP_OVER_SEAT, OFFSETS
+from .foot_lock import LEGS, TOE_OFFSET
+
+KNEE_OVER_SEAT = 0.05  # metres that a knee keeps over the level of the seat
+MOST, SPEED, EASE = 0.08, 0.008, 0.3  # metres an ankle is lifted at most; metres per frame and share by which that changes
+_LEVER = float(np.hypot(*TOE_OFFSET[:2]))
+_AXIS = np.array((1.0, 0.0, 0.0))
+
+
+class Heels:
+    """Lifts the heels of one sitter, smoothly; one call a frame."""
+
+    def __init__(self) -> None:
+        self.lift = np.zeros(2)
+
+    def apply(self, hips_position: Array, local_rotations: Array, seated: float, hip_goal: Array | None) -> Array:
+        """Return new local rotations (23, 4).
+
+        ``hips_position`` (3,) world metres, ``seated`` the sit label 0..1, ``hip_goal`` (3,) where the hips sit, None for nowhere.
+        """
+        if hip_goal is None and not self.lift.any():
+            return local_rotations
+        hips, local = hips_position.astype(np.float64), local_rotations.astype(np.float64)
+        position, rotation = chain_frames(hips, local, tuple(leg[0] for leg in LEGS))
+        joints = [position]
+        for k in range(3):
+            rotation = mul(rotation, local[[leg[k] for leg in FEET]])
+            position = position + rotate(rotation, OFFSETS[FEET[0][k + 1]].astype(np.float64))
+            joints.append(position)
+        _, knees, _, toes = joints
+        wanted = np.zeros(2)
+        if hip_goal is not None and seated > 0.3:
+            wanted = np.clip(float(hip_goal[2]) - HIP_OVER_SEAT + KNEE_OVER_SEAT - knees[:, 2], 0, MOST) * min(1.0, (seated - 0.3) / 0.5)
+        self.lift += np.clip(EASE * (wanted - self.lift), -SPEED, SPEED)
+        self.lift[self.lift < 1e-4] = 0
+        if not self.lift.any():
+            return local_rotations
+        pitch = quat_from_axis_angle(_AXIS, np.arcsin(np.clip(self.lift / _LEVER, 0, 0.95)))
+        feet = mul(rotation, pitch)
+        return place_limbs(hips, local, LEGS, toes - rotate(feet, TOE_OFFSET), feet).astype(local_rotations.dtype)
