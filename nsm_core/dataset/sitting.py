@@ -49,6 +49,7 @@ class Sit:
     places: list[tuple[Array, float]] = field(default_factory=list)
     turn: float = 0.0  # from the way one sits down to the way one sits, radians
     table: Placed | None = None
+    back: int = 0  # frames in which one turns back before rising
 
     def clear(self, session: Session) -> bool:
         """Whether nobody walks through the seat: roots stay off its boxes but for the sit itself."""
@@ -87,11 +88,10 @@ class Sit:
     def _turn_on_the_seat(self, motion: Motion) -> slice:
         """Turn to the table once seated, and back before rising; returns the frames in between."""
         there = (self.reached + 4, int(motion.rng.integers(34, 48)))
-        back = int(motion.rng.integers(34, 48))
-        last = self.leaving - back
+        last = self.leaving - self.back
         turn_about_hips(motion, sum(there), self.leaving, self.turn)
         swivel(motion, *there, self.turn)
-        swivel(motion, last, back, -self.turn)
+        swivel(motion, last, self.back, -self.turn)
         motion.phase_keys += [there[0], sum(there), last, self.leaving]
         if self.table is not None:
             motion.obstacles.append(self.table)
@@ -148,6 +148,7 @@ def lay(session: Session) -> Sit | None:
     target = hips + STAND_AHEAD * heading_to_direction(np.array(heading))
     sit = Sit(piece, target, session.command("sit", session.lead()), places=[(target, 1.5)])
     if sideways:
+        sit.back = int(rng.integers(34, 48))
         sit.turn = float(rng.choice((-1, 1)) * rng.uniform(np.radians(75), np.radians(100)))
         ahead = heading_to_direction(np.array(heading + sit.turn))
         table = furniture.make("table", rng, width=rng.uniform(0.9, 1.6), depth=rng.uniform(0.6, 0.8), legs="posts")
@@ -175,7 +176,8 @@ def lay(session: Session) -> Sit | None:
 
 def _rise(session: Session, sit: Sit, segment: LaidSegment) -> None:
     rng, tape = session.rng, session.tape
-    mark = session.command("idle", int(rng.integers(3, 9)))
+    # Turning back to rise answers to the command that ends the sit.
+    mark = session.command("idle", int(rng.integers(3, 9)) + (sit.rise - sit.leaving + sit.back if sit.back else 0))
     tape.run_on(np.arange(segment.marks["up"], segment.last - 1, 1 / rng.uniform(0.85, 1.2)), seam=False)
     sit.risen = len(tape)
     if rng.random() < 0.5:
