@@ -197,7 +197,9 @@ def test_a_reflected_world_gives_reflected_features(take, data):
         ]
         for make, pieces in ((Thing.standing, take.things), (Placed, take.obstacles))
     ]
-    commands = [c if c.position is None else Command(c.frame, c.action, c.position * (-1, 1, 1), -c.heading, c.thing) for c in take.commands]
+    commands = [
+        c if c.position is None else Command(c.frame, c.action, c.position * (-1, 1, 1), -c.heading, c.thing) for c in take.commands
+    ]
     hips, rotations = mirror(take.hips, take.rotations)
     other = captures.data_of(
         Take(hips, rotations, take.contacts, take.labels, commands, reflected[0], reflected[1], phase_keys=take.phase_keys)
