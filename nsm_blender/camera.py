@@ -60,7 +60,8 @@ def follow_camera(camera: bpy.types.Object, take: KeyedTake, shot: Shot) -> None
     targets = _soften(shot.hips, shot.softness * take.fps)
     targets = shot.tracking * targets + (1 - shot.tracking) * (shot.hips.min(0) + shot.hips.max(0)) / 2
     floor = take.armature.matrix_world.translation.z
-    targets[:, 2] = floor + 0.86 * scale  # a level camera, at the middle of the body
+    # A camera at the middle of the body: level, but that it rises with who stands on something.
+    targets[:, 2] = np.maximum(targets[:, 2] - 0.16 * scale, floor + 0.86 * scale)
     camera.rotation_mode = "QUATERNION"
     camera.rotation_quaternion = (-direction).to_track_quat("-Z", "Y")
     channels = new_action("NSM Picture", camera.name)

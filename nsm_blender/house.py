@@ -15,6 +15,7 @@ from .room import Room, floor, palette, place
 
 LEFT, RIGHT, HALF_DEPTH, HEIGHT = -4.3, 6.3, 2.6, 2.5  # metres; the wall with the door stands at x = 0
 WALL = 0.12  # its thickness
+PIER, PARAPET = 0.2, 0.85  # of it beside the door, and the height of the rest towards the front
 HINGE = (WALL / 2, 0.43)  # the door opens into the right room
 LOW_TABLE, SIDEBOARD = 0.44, 0.82  # heights
 BOX = (0.38, 0.29, 0.25)
@@ -77,28 +78,30 @@ def _living_room(rng: np.random.Generator) -> list[bpy.types.Object]:
 
 def _studio(rng: np.random.Generator) -> list[bpy.types.Object]:
     tones = palette()
-    low = furniture.make("table", rng, width=1.0, depth=0.5, height=LOW_TABLE, legs="posts")
+    low = furniture.make("table", rng, width=1.05, depth=0.46, height=LOW_TABLE, legs="posts")
     side = furniture.make("table", rng, width=1.5, depth=0.5, height=SIDEBOARD, legs="sides")
     bench = furniture.make("bench", rng, seat_height=0.44, width=1.2, depth=0.36, back=False, legs="sides")
-    y = HALF_DEPTH - 0.32
+    # Whoever takes the box from the left of the low table and brings it to the right wall is seen from the side.
+    low_x, low_y, side_y = 2.55, HALF_DEPTH - 0.57, 1.15
+    edge = low_x - 0.23 + 0.03
     made = [
-        place(low, "Low Table", (2.0, y), 0.0, "Walnut", "Walnut"),
-        place(side, "Sideboard", (4.7, y), 0.0, "Oak", "Oak"),
-        place(bench, "Bench", (RIGHT - 0.35, 0.2), np.radians(-90), "Walnut", "Teal"),
-        room_props.box("Podium", (4.05, -1.05, 0), (5.45, -0.25, 0.3), tones["Rug Border"], bevel=0.008),
-        _box_to_carry(tones, (2.05, y - 0.25 + 0.04 + BOX[1] / 2, LOW_TABLE), np.radians(2)),
+        place(low, "Low Table", (low_x, low_y), np.radians(-90), "Walnut", "Walnut"),
+        place(side, "Sideboard", (RIGHT - 0.32, side_y), np.radians(-90), "Oak", "Oak"),
+        place(bench, "Bench", (4.25, HALF_DEPTH - 0.3), 0.0, "Walnut", "Teal"),
+        room_props.box("Podium", (4.05, -1.15, 0), (5.45, -0.35, 0.3), tones["Rug Border"], bevel=0.008),
+        _box_to_carry(tones, (edge + BOX[1] / 2, low_y - 0.22, LOW_TABLE), np.radians(-88)),
     ]
     small = [
-        room_props.box("Podium Edge", (4.045, -1.055, 0.262), (5.455, -0.245, 0.288), tones["Brass"]),
-        room_props.box("Podium Foot", (4.044, -1.056, 0.0), (5.456, -0.244, 0.05), tones["Walnut"]),
+        room_props.box("Podium Edge", (4.045, -1.155, 0.262), (5.455, -0.345, 0.288), tones["Brass"]),
+        room_props.box("Podium Foot", (4.044, -1.156, 0.0), (5.456, -0.344, 0.05), tones["Walnut"]),
         room_props.rug(tones, (3.3, -1.95), (2.5, 0.38)),
-        room_props.lamp(tones, (3.1, y + 0.05)),
-        room_props.plant(tones, rng, (RIGHT - 0.5, y - 0.1)),
-        room_props.vase(tones, rng, (5.28, y + 0.08, SIDEBOARD)),
-        *room_props.books(tones, rng, (1.72, y + 0.05, LOW_TABLE)),
-        *room_props.picture(tones, 2.0, HALF_DEPTH, 1.55, 0.62, 0.78, "Sage"),
-        *room_props.picture(tones, 4.25, HALF_DEPTH, 1.62, 0.40, 0.52, "Teal"),
-        *room_props.picture(tones, 4.95, HALF_DEPTH, 1.62, 0.62, 0.46, "Mustard"),
+        room_props.lamp(tones, (3.25, HALF_DEPTH - 0.3)),
+        room_props.plant(tones, rng, (RIGHT - 0.45, HALF_DEPTH - 0.4)),
+        room_props.vase(tones, rng, (RIGHT - 0.2, side_y + 0.58, SIDEBOARD)),
+        *room_props.books(tones, rng, (low_x + 0.02, low_y + 0.3, LOW_TABLE)),
+        *room_props.picture(tones, 2.45, HALF_DEPTH, 1.55, 0.62, 0.78, "Sage"),
+        *room_props.picture(tones, 4.0, HALF_DEPTH, 1.62, 0.40, 0.52, "Teal"),
+        *room_props.picture(tones, 4.7, HALF_DEPTH, 1.62, 0.62, 0.46, "Mustard"),
     ]
     for trim in small[:2]:
         trim["nsm_collider"] = False  # a finger's breadth of moulding, which no foot needs to know of
@@ -128,7 +131,9 @@ def _walls() -> list[bpy.types.Object]:
     low, high = HINGE[1] - door_parts.OPENING[1], HINGE[1] - door_parts.OPENING[0]
     top = door_parts.HEIGHT + door_parts.GAP + door_parts.LINING
     x = WALL / 2
-    between = [((-x, -d, 0), (x, low, h)), ((-x, high, 0), (x, d, h)), ((-x, low, top), (x, high, h))]
+    # Its front part is no higher than a table, so that one sees both rooms.
+    between = [((-x, -d, 0), (x, low - PIER, PARAPET)), ((-x, low - PIER, 0), (x, low, h))]
+    between += [((-x, high, 0), (x, d, h)), ((-x, low, top), (x, high, h))]
     made = [
         room_props.box("Wall Back", (LEFT - t, d, 0), (RIGHT, d + t, h), tones["Wall"]),
         room_props.box("Wall Side", (LEFT - t, -d, 0), (LEFT, d, h), tones["Sage"]),
