@@ -9,7 +9,7 @@ from actors import Actor, drive
 from nsm_core.control.goals import Goal
 from nsm_core.control.planning import FloorPlan
 from nsm_core.control.props import Box, sense
-from nsm_core.control.stages.carrying import choose_side, standing_place
+from nsm_core.control.stages.carrying import TOES_CLEAR, choose_side, standing_place
 from nsm_core.conventions import GOAL_ACTIONS
 from nsm_core.errors import GoalError
 from nsm_core.rotations import heading_to_direction, wrap_angle
@@ -80,7 +80,7 @@ def test_commands_are_those_of_the_training_data(carried):
         np.testing.assert_allclose(told[k][1], box.pose[:3], atol=1e-5)
         assert abs(wrap_angle(2 * (told[k][2] - box.pose[3] - np.pi / 2))) < 1e-5 or abs(wrap_angle(2 * (told[k][2] - box.pose[3]))) < 1e-5
     for k in near:
-        np.testing.assert_allclose(told[k][1], ON_TABLE, atol=1e-5)
+        np.testing.assert_allclose(told[k][1], ON_TABLE + (0, TOES_CLEAR, 0), atol=1e-5)
         assert told[k][2] == 0.0
     assert all(told[k][1][2] == 0 for k in far)
     np.testing.assert_allclose(told[idle[0]][1][2], 0)
