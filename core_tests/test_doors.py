@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nsm_core.control.props import OPENED, WIDE_OPEN, passage
+from nsm_core.control.props import OPENED, WIDE_OPEN, WRIST_OFF_HANDLE, passage
 from nsm_core.doors import make_door
 from nsm_core.errors import GeometryError
 from nsm_core.furniture import cuboids
@@ -59,7 +59,7 @@ def test_the_grips_are_on_the_handles_and_the_passage_leads_through_the_opening(
     for d in doors(4):
         leaf = d.leaf((1.0, 2.0, 0.0, -0.3))
         for side in (-1.0, 1.0):
-            assert abs(leaf.signed_distance(leaf.grip(side, 0.0)[None], 1.0)[0]) < 1e-5
+            assert abs(leaf.signed_distance(leaf.grip(side, 0.0)[None], 1.0)[0] - WRIST_OFF_HANDLE) < 1e-5
         way = passage(leaf, leaf.to_world(np.array((0.4, -2.0, 0.0)))[:2])
         local = leaf.to_local(np.append(way.middle, 0.0))
         assert d.wall.opening[0] < local[0] < d.wall.opening[1] and abs(local[1]) < 1e-6
