@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import types
 
 import bpy
 import numpy as np
 import pytest
+from modal import Modal, Window
 from scenes import box, furnish
 
 import nsm_blender
@@ -15,7 +15,6 @@ from nsm_blender import running
 from nsm_blender.character import add_character
 from nsm_blender.goals import GoalSpec, show_goal_point
 from nsm_blender.keying import read_back
-from nsm_blender.operators.generate import NSM_OT_generate
 from nsm_blender.report import result_lines
 from nsm_blender.scene import SceneState, WorldFrame
 from nsm_blender.session import Session
@@ -231,50 +230,6 @@ class TestOnTheNetwork:
             assert old.name in bpy.data.actions
         finally:
             nsm_blender.unregister()
-
-
-class Window:
-    """Takes the place of a window's context, which background mode has not: notes what the modal operator asks of it."""
-
-    def __init__(self, scene: bpy.types.Scene) -> None:
-        self.scene, self.window, self.workspace, self.window_manager = scene, self, self, self
-        self.windows: list[object] = []
-        self.timers, self.handlers, self.status = 0, 0, None
-
-    def event_timer_add(self, _step, window):
-        assert window is self
-        self.timers += 1
-        return "timer"
-
-    def event_timer_remove(self, timer):
-        assert timer == "timer"
-        self.timers -= 1
-
-    def modal_handler_add(self, _operator):
-        self.handlers += 1
-
-    def status_text_set(self, text):
-        self.status = text
-
-    def progress_begin(self, *_):
-        pass
-
-    progress_update = progress_end = progress_begin
-
-
-class Modal:
-    """The modal operator's functions on a plain object, as Blender would call them."""
-
-    def __init__(self, window: Window) -> None:
-        self.window, self.reports = window, []
-        for name in ("modal", "cancel", "_start", "_end", "_keep", "_fail"):
-            setattr(self, name, types.MethodType(getattr(NSM_OT_generate, name), self))
-
-    def report(self, kind, text):
-        self.reports.append((kind, text))
-
-    def event(self, kind: str) -> set[str]:
-        return self.modal(self.window, types.SimpleNamespace(type=kind, value="PRESS"))
 
 
 @pytest.fixture
