@@ -175,6 +175,7 @@ def folder(tmp_path):
 
 
 def test_the_command_writes_sidecars_and_pictures_and_keeps_edits(folder, capsys):
+    pytest.importorskip("matplotlib", reason="pictures need matplotlib")
     assert main(["annotate", str(folder)]) == 0
     path = folder / "walk.nsm.toml"
     assert (folder / "walk.nsm.png").stat().st_size > 10_000 and (folder / "deep" / "sit.nsm.toml").exists()

@@ -287,6 +287,7 @@ def test_hips_stay_under_a_walkers_speed(takes):
 
 
 def test_coverage_counts_goals_by_kind_and_draws_them(tmp_path_factory, folder, data, tmp_path):
+    pytest.importorskip("matplotlib", reason="pictures need matplotlib")
     where = captures.data_folder(tmp_path_factory)
     meta = json.loads((where / "data.json").read_text())
     found = coverage.approaches(data)

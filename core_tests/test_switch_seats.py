@@ -39,6 +39,7 @@ def test_hips_come_to_the_seat_hands_to_its_arms_and_feet_stay(tmp_path_factory)
 
 
 def test_the_command_writes_clips_and_pictures_from_which_one_can_go_on(tmp_path_factory, tmp_path, capsys):
+    pytest.importorskip("matplotlib", reason="pictures need matplotlib")
     folder = captures.capture_folder(tmp_path_factory)
     assert main(["augment", str(folder), "--out", str(tmp_path / "out"), "--count", "2", "--seed", "1"]) == 0
     files = sorted((tmp_path / "out").glob("*.bvh"))
