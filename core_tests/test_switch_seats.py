@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import captures
 import numpy as np
+import pytest
 
 from nsm_core import bvh
 from nsm_core.__main__ import main
