@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import bpy
@@ -31,8 +31,9 @@ def contact_sheet(
     numbers: bool = True,
     scene: bpy.types.Scene | None = None,
     progress: Progress | None = None,
+    frames: Sequence[int] | None = None,
 ) -> Path:
-    """Render evenly spaced frames of a take, side by side, into one PNG and return its path.
+    """Render frames of a take, evenly spaced or those in ``frames``, side by side into one PNG and return its path.
 
     The camera stays with the character and looks from ``direction`` (from the character towards the camera) or from
     the clearest side.  ``size`` is of a tile, pixels; ``numbers`` writes the time into each.  ``progress`` hears 0..1.
@@ -40,7 +41,8 @@ def contact_sheet(
     """
     scene = scene or bpy.context.scene
     path = require_writable(path, ".png")
-    frames = np.unique(np.linspace(take.frame_start, take.frame_end, tiles).round().astype(int))
+    if frames is None:
+        frames = np.unique(np.linspace(take.frame_start, take.frame_end, tiles).round().astype(int))
     pictures = []
     with tempfile.TemporaryDirectory() as folder, studio(scene, size) as temporary:
         hips, facing = path_of(take, scene)
