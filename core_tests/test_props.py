@@ -52,7 +52,7 @@ def test_reading_moves_with_the_prop():
     box = crate()
     seen = box.sensed()
     np.testing.assert_allclose(seen.centre, box.pose[:3], atol=1e-6)
-    assert seen.heading == pytest.approx(0.6) and seen.occupancy is box.volume.occupancy and seen.occupancy.max() == 1
+    assert seen.heading == pytest.approx(0.6) and (seen.occupancy == 1).all()
     box.pose[:] = (0, 0, 2, -1)
     np.testing.assert_allclose(box.sensed().centre, (0, 0, 2), atol=1e-6)
 
@@ -98,3 +98,14 @@ def test_passage_leads_through_the_opening(swing, side):
     joints, _ = forward_kinematics(np.append(way.reach, 0.93), local)
     gap = np.linalg.norm(joints[ARMS[way.hand][0]] - leaf.grip(way.side, 0.0))
     assert gap < ARM + 0.12 and joints[INDEX["Hips"], 2] == pytest.approx(0.93)
+
+
+def test_an_open_box_reads_as_a_full_one():
+    """Hands hold what is around it: a bin without a lid must not look like another thing to the network."""
+    walls = ([(-0.2, -0.2, -0.2), (0.18, -0.2, -0.2), (-0.2, -0.2, -0.2)], [(-0.18, 0.2, 0.2), (0.2, 0.2, 0.2), (0.2, 0.2, -0.18)])
+    query = Cuboids([((0, 0, 0), 0.0, *walls)])
+    bin_ = Box("bin", query, sense(query, (-0.2, -0.2, -0.2), (0.2, 0.2, 0.2)), (1.0, 0, 0.2, 0.5), np.full(3, 0.4))
+    assert bin_.volume.occupancy.min() < 0.5
+    volume = bin_.sensed()
+    assert (volume.occupancy == 1).all() and volume.heading == pytest.approx(0.5)
+    np.testing.assert_allclose(volume.centre, (1.0, 0, 0.2), atol=1e-6)

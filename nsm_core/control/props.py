@@ -5,7 +5,7 @@ A prop stays upright: its pose is x, y, z and a heading.  Data and takes place h
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -80,6 +80,10 @@ class Box(Prop):
     """A thing to carry; its frame lies at the centre of its bounding box of ``size`` (3,), metres."""
 
     size: Array = None  # type: ignore[assignment]
+
+    def sensed(self) -> InteractionVolume:
+        """The interaction sensor's reading: hands hold the bounding box, so a bin or a basket reads as one that is full."""
+        return replace(super().sensed(), occupancy=np.ones_like(self.volume.occupancy))
 
     def across(self, facing: float) -> tuple[float, float]:
         """Width and depth as seen by a carrier whose heading is ``facing`` in the box's frame (a multiple of 90 degrees)."""

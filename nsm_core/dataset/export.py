@@ -67,7 +67,9 @@ def _objects(take: Take, which: Array) -> tuple[Array, Array, Array, Array]:
     for n, thing in enumerate(take.things):
         f = thing.furniture
         volume = interaction_sensor(cuboids([(f, np.zeros(3), 0.0)]), f.centre, f.size, 0.0)
-        cells[n], occupancy[n] = volume.cells_world(), volume.occupancy
+        cells[n] = volume.cells_world()
+        # What is carried reads as a full box, as in takes (``props.Box.sensed``).
+        occupancy[n] = 1 if thing.held is not None and f.kind != "leaf" else volume.occupancy
         mine = which == n
         poses[mine] = thing.track(len(take))[mine]
         if thing.held is not None and f.kind != "leaf":  # a leaf stays on its hinge, however the body strays
