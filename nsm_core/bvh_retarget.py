@@ -19,7 +19,7 @@ from .conventions import FPS
 from .errors import CaptureError, SkeletonError
 from .limbs import place_limbs
 from .rotations import Array, quat_from_matrix, quat_slerp, quat_to_matrix
-from .skeleton import ANKLE_HEIGHT, FEET, INDEX, OFFSETS, TOE_HEIGHT, J, forward_kinematics, local_from_world
+from .skeleton import ANKLE_HEIGHT, FEET, INDEX, OFFSETS, TOE_HEIGHT, J, local_from_world
 
 if TYPE_CHECKING:
     from .bvh import Bvh
@@ -234,10 +234,3 @@ def _level_soles(feet: Array, standing: Array) -> Array:
         share = min(1.0, _MAX_SOLE_TURN / max(angle, 1e-6))
         feet[:, side] = feet[:, side] @ shortest_turn(np.array((0, 0, 1.0)), normalized((1 - share) * np.array((0, 0, 1.0)) + share * up))
     return feet
-
-
-def describe(clip: Clip) -> str:
-    """One line about a retargeted clip: its length, the height of its hips and of its lowest toe."""
-    positions, _ = forward_kinematics(clip.hips_position, clip.local_rotations)
-    toes = positions[:, [foot[3] for foot in FEET], 2]
-    return f"{clip.name}: {len(clip) / FPS:.1f} s, hips {clip.hips_position[:, 2].mean():.2f} m, lowest toe {toes.min() * 100:.1f} cm"

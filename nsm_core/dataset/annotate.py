@@ -22,8 +22,6 @@ from .capture_folder import capture_paths, read_capture
 from .phases import keys_of_phase
 from .sidecar import Sheet, fingerprint
 
-_PHASES = ("phase", "phase_mirrored")
-
 
 def annotate_clip(path: Path, folder: Path, mapping: Mapping | None, overwrite: bool) -> tuple[Clip, Sheet, dict[int, str], list[str]]:
     """Read a clip and propose its sheet; the fourth value names the sections that a person's edits have kept."""

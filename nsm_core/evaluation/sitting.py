@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -131,20 +131,6 @@ def summarise(reports: Sequence[Report]) -> Report:
             reports, lambda r: r["reached"] and r["pe_cm"] < 20 and r["penetration_end_cm"] <= 5 and r["seconds"] <= 20
         ),
     }
-
-
-def run_all(
-    model: Model, chosen: list[Trial], progress: Callable[[int, int], None] | None = None, **more: object
-) -> tuple[list[TakeResult], list[Report]]:
-    """Run trials one after the other."""
-    takes, reports = [], []
-    for n, trial in enumerate(chosen):
-        take, report = run_trial(model, trial, **more)
-        takes.append(take)
-        reports.append(report)
-        if progress:
-            progress(n + 1, len(chosen))
-    return takes, reports
 
 
 def rows(s: Report) -> list[tuple[str, str, str, str]]:
