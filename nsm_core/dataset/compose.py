@@ -23,7 +23,7 @@ from ..rotations import (
     quat_to_rotvec,
 )
 from ..skeleton import FEET, forward_kinematics
-from . import carrying, climbing, opening, sitting, strolling
+from . import carrying, climbing, opening, sitting, strolling, unstitched
 from .fitting import lift_swinging_feet
 from .motion import Motion
 from .pool import Pool
@@ -36,6 +36,7 @@ from .take import Command, Take
 EPISODES: dict[str, ModuleType] = {"sit": sitting, "climb": climbing, "carry": carrying, "open": opening}
 SHARES = {"sit": 0.28, "carry": 0.17, "open": 0.26, "climb": 0.12, "walk": 0.1, "run": 0.07}
 RESTING = 0.3  # m/s of a toe that still counts as standing
+SHORTEST = 90  # frames of a take
 ATTEMPTS = 4  # draws for each part that is wanted
 
 
@@ -48,18 +49,21 @@ class Composer:
     """Composes takes from a source; one seed, one take.
 
     ``shares`` overrides how often each part is drawn; furniture comes from ``pool`` (default: the parametric generator alone).
+    Without ``stitch`` a take is one captured piece on its own (see ``unstitched``), to show what stitching brings.
     """
 
-    def __init__(self, source: Source, shares: dict[str, float] | None = None, pool: Pool | None = None) -> None:
-        self.source, self.pool = source, pool
+    def __init__(self, source: Source, shares: dict[str, float] | None = None, pool: Pool | None = None, stitch: bool = True) -> None:
+        self.source, self.pool, self.stitch = source, pool, stitch
         self.shares = {k: v for k, v in (SHARES if shares is None else shares).items() if v > 0}
 
     def compose(self, seed: int) -> Take | None:
         """Return the take of ``seed``, or None where the draw did not work out."""
         rng = np.random.default_rng(seed)
         session = Session(self.source, rng, self.pool)
+        if not self.stitch:
+            return _finish(session, unstitched.SHORTEST) if unstitched.perform(session, self.shares) else None
         _perform(session, self.shares)
-        return _finish(session)
+        return _finish(session, SHORTEST)
 
 
 def _perform(session: Session, shares: dict[str, float]) -> None:
@@ -91,10 +95,10 @@ def _part(session: Session, name: str) -> bool:
     return session.clear()
 
 
-def _finish(session: Session) -> Take | None:
-    """Turn the tape into motion, fit the episodes and furnish the scene; None where the take is of no use."""
+def _finish(session: Session, shortest: int) -> Take | None:
+    """Turn the tape into motion, fit the episodes and furnish the scene; None where it is of no use or ``shortest`` frames are more."""
     tape, rng = session.tape, session.rng
-    if len(tape) < 90:
+    if len(tape) < shortest:
         return None
     hips, rotations, feet, frames = _played(session)
     for seam in tape.seams:
