@@ -9,7 +9,8 @@ import numpy as np
 
 from nsm_core import bvh_write
 from nsm_core.dataset.compose import Composer, Source, load
-from nsm_core.dataset.export import Dataset, export, take_arrays
+from nsm_core.dataset.export import export, take_arrays
+from nsm_core.dataset.stored import Dataset
 from nsm_core.dataset.take import Take
 from nsm_core.limbs import place_limbs
 from nsm_core.rotations import heading_quat, heading_to_direction, quat_from_rotvec, quat_mul, quat_rotate

@@ -13,10 +13,11 @@ from nsm_core import furniture
 from nsm_core.conventions import CARRY, GOAL_ACTIONS, IDLE, SIT, WALK
 from nsm_core.dataset import coverage
 from nsm_core.dataset.compose import Composer, load
-from nsm_core.dataset.export import Dataset, export
+from nsm_core.dataset.export import export, held_back
 from nsm_core.dataset.scene import furnish
 from nsm_core.dataset.session import Session
 from nsm_core.dataset.stitching import BLEND_FRAMES, soften_seam
+from nsm_core.dataset.stored import Dataset
 from nsm_core.dataset.take import Take, annotate, goal_tables, phase_of, styles_of
 from nsm_core.errors import CaptureError, OutputError, SkeletonError
 from nsm_core.evaluation.metrics import penetration_depths
@@ -221,8 +222,10 @@ def test_exported_arrays_are_the_takes_and_their_sensors(tmp_path_factory, folde
         assert (which[a.style[:, SIT] > 0.25] >= 0).all()
         objects += len(take.things)
         known = set(captures.source(folder).library.names)
-        assert {name for name, _, _ in about["pieces"]} <= known
-        assert all(0 <= i < len(take) * 9 and i <= j for _, i, j in about["pieces"])
+        assert {name for name, _, _, _ in about["pieces"]} <= known
+        assert all(0 <= i < len(take) * 9 and i <= j for _, i, j, _ in about["pieces"])
+        clips = np.repeat([name.rstrip("~") for name, _, _, _ in about["pieces"]], [n for *_, n in about["pieces"]])
+        np.testing.assert_array_equal(data.arrays["validates"][rows], [held_back(c) for c in clips])
     assert data.arrays["environment"].max() > 200 and data.arrays["object_occupancy"].max() == 1
     assert meta["stance"]["hips_height"] == pytest.approx(0.89, abs=0.01) and len(meta["stance"]["local_rotations"]) == 23
 

@@ -10,7 +10,7 @@ import pytest
 
 from nsm_core.clip import transform
 from nsm_core.control.stepping import advance
-from nsm_core.dataset.export import Dataset
+from nsm_core.dataset.stored import Dataset
 from nsm_core.dataset.take import Command, Placed, Take, Thing
 from nsm_core.features import (
     FRAME,

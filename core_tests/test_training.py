@@ -13,6 +13,7 @@ torch = pytest.importorskip("torch", reason="training needs PyTorch")
 
 from nsm_core.control.stepping import advance
 from nsm_core.conventions import STYLES
+from nsm_core.dataset.stored import Dataset
 from nsm_core.features import GATING, INPUT, OUTPUT, build_targets, read_outputs
 from nsm_core.inference import load_model
 from nsm_core.networks.config import NsmConfig
@@ -20,14 +21,14 @@ from nsm_core.rotations import rotate_planar, wrap_angle
 from nsm_core.series import State
 from nsm_core.skeleton import FEET, INDEX
 from nsm_core.training.batches import Batches, RolloutSettings, loss_weights, statistics
-from nsm_core.training.run import Trainer, TrainingSettings
 from nsm_core.training.schedule import FLOOR, WARM_UP, cosine_restarts
+from nsm_core.training.trainer import Trainer, TrainingSettings
 
 CONFIG = NsmConfig(
     encoder_frame=48, encoder_goal=16, encoder_environment=24, encoder_interaction=16, gating_hidden=16, hidden=48, experts=3
 )
-SETTINGS = TrainingSettings(steps=60, data_batch=24, pool=24, learning_rate=1e-2, averaging=0.5, data_minutes=1.5, seed=4)
-STEPS = 60
+SETTINGS = TrainingSettings(steps=90, data_batch=24, pool=24, learning_rate=1e-2, averaging=0.5, data_minutes=1.5, seed=4)
+STEPS = 90
 
 
 @pytest.fixture(scope="module")
@@ -214,12 +215,28 @@ def test_roll_outs_end_where_they_are_worn_out(data):
     np.testing.assert_array_equal(batches.pool_state.goal_position, data.arrays["goal_position"][batches.pool_frames])
 
 
-def test_held_back_takes_are_not_trained_on(trained, data):
-    trainer, _, _ = trained
+def test_frames_of_clips_that_are_kept_are_not_trained_on(data):
+    some = np.zeros(len(data.arrays["end"]), bool)
+    some[200:260] = some[900:1000] = True
+    trainer = Trainer(Dataset({**data.arrays, "validates": some}, data.frames), SETTINGS, CONFIG)
+    mine, kept = trainer.batches.frames, trainer.validation.frames
+    assert not some[mine].any() and not some[mine + 1].any() and some[kept].all() and some[kept + 1].all()
+    assert len(kept) > 100 and len(mine) > 0.8 * len(data.frames)
+    # Roll-outs end where they would enter them.
+    trainer.batches.pool_frames[:] = 198
+    trainer.batches.pool_age[:] = 0
+    trainer.batches.pool_state = data.state(trainer.batches.pool_frames)
+    y = trainer.batches.from_pool()[2]
+    trainer.batches.step_pool(y)
+    assert not some[trainer.batches.pool_frames].any() and (trainer.batches.pool_frames != 199).all()
+
+
+def test_where_no_clip_is_kept_the_last_take_validates(data):
+    none = Dataset({**data.arrays, "validates": np.zeros(len(data.arrays["end"]), bool)}, data.frames)
+    trainer = Trainer(none, SETTINGS, CONFIG)
     start = data.arrays["start"]
-    mine, theirs = set(start[trainer.batches.frames]), set(start[trainer.validation.frames])
-    assert mine and theirs and not mine & theirs and mine | theirs == set(start[data.frames])
-    assert set(start[trainer.batches.pool_frames]) <= mine
+    mine, kept = set(start[trainer.batches.frames]), set(start[trainer.validation.frames])
+    assert kept == {start[data.frames].max()} and mine | kept == set(start[data.frames]) and not mine & kept
 
 
 def test_the_learning_rate_restarts_after_one_and_three_sevenths():

@@ -12,6 +12,8 @@ from .rotations import Array, quat_mul, quat_normalize, quat_rotate, quat_slerp
 from .rotations import heading_quat as _heading_quat
 from .skeleton import J, forward_kinematics, mirror, root_of
 
+MIRRORED = "~"  # ends the name of a mirror image
+
 
 @dataclass(frozen=True)
 class Clip:
@@ -45,7 +47,7 @@ class Clip:
     def mirrored(self) -> Clip:
         """Return the clip reflected left to right."""
         hips, rotations = mirror(self.hips_position, self.local_rotations)
-        return Clip(self.name + "~", hips, rotations)
+        return Clip(self.name + MIRRORED, hips, rotations)
 
     def __getitem__(self, frames: slice) -> Clip:
         return replace(self, hips_position=self.hips_position[frames], local_rotations=self.local_rotations[frames])

@@ -12,7 +12,7 @@ from ..conventions import FPS, GOAL_ACTIONS, STYLES
 from ..errors import OutputError
 from ..rotations import Array, direction_to_heading, wrap_angle
 from ..series import PIVOT
-from .export import Dataset
+from .stored import Dataset
 
 # Goals by what is asked for together, as in ``take.Command``; those with a static place have directions and distances.
 KINDS = {
@@ -65,7 +65,7 @@ def _seams(meta: dict) -> Array:
 
 def report(folder: str | Path) -> str:
     """Count what the data in ``folder`` holds, as text."""
-    data, meta = Dataset.open(folder, in_memory=False), json.loads((Path(folder) / "data.json").read_text())
+    data, meta = Dataset.open(folder), json.loads((Path(folder) / "data.json").read_text())
     lines = [f"{meta['frames'] / FPS / 60:.1f} minutes in {len(meta['takes'])} takes"]
     lines.append("minutes by action: " + ", ".join(f"{k} {m:.1f}" for k, m in _minutes(data).items() if m))
     for kind, found in approaches(data).items():
@@ -94,7 +94,7 @@ def picture(folder: str | Path, path: str | Path) -> Path:
         import matplotlib.pyplot as plt
     except ImportError as error:
         raise OutputError("Pictures need matplotlib; install the development requirements.") from error
-    data, meta = Dataset.open(folder, in_memory=False), json.loads((Path(folder) / "data.json").read_text())
+    data, meta = Dataset.open(folder), json.loads((Path(folder) / "data.json").read_text())
     found = {k: v for k, v in approaches(data).items() if len(v.bearing)}
     figure, axes = plt.subplots(len(found) + 1, 3, figsize=(13, 2.3 * (len(found) + 1)), squeeze=False)
     minutes = _minutes(data)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -79,6 +80,15 @@ class Thing:
         return self.poses if self.moves else np.repeat(self.poses[None], count, axis=0)
 
 
+class Piece(NamedTuple):
+    """What captured frames a stretch of a take shows: ``first`` to one past ``last`` of a ``clip``, in so many of the take's ``frames``."""
+
+    clip: str
+    first: int
+    last: int
+    frames: int
+
+
 @dataclass
 class Take:
     """One performance of T frames.
@@ -95,7 +105,7 @@ class Take:
     things: list[Thing] = field(default_factory=list)
     obstacles: list[Placed] = field(default_factory=list)
     phase_keys: list[int] = field(default_factory=list)
-    provenance: list[tuple[str, int, int]] = field(default_factory=list)
+    provenance: list[Piece] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.hips)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..conventions import CLIMB, FPS
-from ..dataset.export import Dataset
+from ..dataset.stored import Dataset
 from ..features import CELLS
 from ..rotations import Array, rotate_planar
 from ..sensors.cuboid import RESOLUTION
@@ -19,7 +19,7 @@ MOST = 240.0  # minutes of data that are looked at
 
 def slide_of_data(folder: str | Path, most: float = MOST) -> dict[str, float]:
     """Foot slide in cm/s by action of the first ``most`` minutes of composed data, feet over what they stand on."""
-    a = Dataset.open(folder, in_memory=False).arrays
+    a = Dataset.open(folder).arrays
     first = np.unique(np.asarray(a["start"]))
     sums, frames = [], 0
     for start in first:

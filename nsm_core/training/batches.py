@@ -13,7 +13,7 @@ import numpy as np
 
 from ..control.stepping import advance
 from ..conventions import DT, FOOT_CONTACTS, INTERACTIONS
-from ..dataset.export import Dataset
+from ..dataset.stored import Dataset
 from ..features import FRAME, INPUT, OUTPUT, build_inputs, build_targets, read_outputs
 from ..rotations import Array, rotate_planar, wrap_angle
 from ..series import FUTURE, KEY_STEP, State
@@ -76,16 +76,31 @@ class Batches:
     """Builds inputs, gating inputs and targets, physical units."""
 
     def __init__(self, data: Dataset, frames: Array, rng: np.random.Generator, pool: int, settings: RolloutSettings) -> None:
-        self.data, self.frames, self.rng, self.settings = data, frames, rng, settings
+        """``frames`` (n,) are those to draw from; a roll-out ends where it leaves them."""
+        self.rng, self.settings = rng, settings
+        self._draw_from(data, frames)
+        self.pool_frames = self.draw(pool)
+        self.pool_age = rng.integers(0, settings.length, pool)
+        self.pool_state = data.state(self.pool_frames)
+        self.drift = np.zeros(2)
+
+    def _draw_from(self, data: Dataset, frames: Array) -> None:
+        self.data, self.frames = data, frames
+        self._usable = np.zeros(len(data.arrays["end"]), bool)
+        self._usable[frames] = True
         weight = np.ones(len(frames))
         # Sitting down, reaching and the like are short: draw them more often than their share of the time.
         label = data.arrays["style"][frames][:, INTERACTIONS]
         weight[((label > 0.02) & (label < 0.98)).any(axis=1)] = 3.0
         self._cumulative = np.cumsum(weight) / weight.sum()
-        self.pool_frames = self.draw(pool)
-        self.pool_age = rng.integers(0, settings.length, pool)
-        self.pool_state = data.state(self.pool_frames)
-        self.drift = np.zeros(2)
+
+    def replace(self, data: Dataset, frames: Array, gone: slice) -> None:
+        """Go on with ``data`` whose frames ``gone`` show something else now: roll-outs in them start anew."""
+        self._draw_from(data, frames)
+        rows = np.flatnonzero((self.pool_frames >= gone.start) & (self.pool_frames < gone.stop))
+        if len(rows):
+            self._restart(rows, self.pool_state)
+            self._give_goals(self.pool_state)
 
     def draw(self, count: int) -> Array:
         """Random frames (count,)."""
@@ -144,20 +159,25 @@ class Batches:
         self.pool_frames = self.pool_frames + 1
         self.pool_age += 1
         self.drift = 0.98 * self.drift + 0.02 * np.array((self._shift.mean(), self._error.mean()))
-        a = self.data.arrays
-        over = self.pool_age >= s.length
-        over |= a["end"][self.pool_frames] - self.pool_frames <= 32
+        over = (self.pool_age >= s.length) | ~self._usable[self.pool_frames]
         over |= (self._shift > s.furthest) | (self._turn > s.turned) | (4 * self._error > s.furthest)
         over |= ~np.isfinite(state.joint_position).all(axis=(1, 2))
         rows = np.flatnonzero(over)
         if len(rows):
-            self.pool_frames[rows] = self.draw(len(rows))
-            self.pool_age[rows] = 0
-            state.assign(rows, self.data.state(self.pool_frames[rows]))
+            self._restart(rows, state)
+        self._give_goals(state)
+        self.pool_state = state
+
+    def _restart(self, rows: Array, state: State) -> None:
+        self.pool_frames[rows] = self.draw(len(rows))
+        self.pool_age[rows] = 0
+        state.assign(rows, self.data.state(self.pool_frames[rows]))
+
+    def _give_goals(self, state: State) -> None:
+        a = self.data.arrays
         state.goal_position = a["goal_position"][self.pool_frames]
         state.goal_heading = a["goal_heading"][self.pool_frames]
         state.goal_action = a["goal_action"][self.pool_frames]
-        self.pool_state = state
 
 
 def _turned(v: Array, turn: Array) -> Array:

@@ -1,0 +1,178 @@
+"""One run of training: the network, its average, the optimiser and what each step is drawn from."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from ..conventions import STYLES
+from ..dataset.stored import Dataset
+from ..features import layout_description
+from ..networks.config import NsmConfig
+from ..networks.nsm import NSM, STATISTICS
+from ..rotations import Array
+from ..weights_file import save_weights
+from .batches import Batches, RolloutSettings, loss_weights, statistics
+from .fresh import FreshSettings, FreshTakes
+from .schedule import cosine_restarts
+
+CREDITS = Path(__file__).parent.parent / "weights" / "CREDITS.md"
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """Everything a run depends on; stored in the weights."""
+
+    steps: int = 16000
+    data_batch: int = 192
+    pool: int = 320
+    learning_rate: float = 6e-4
+    weight_decay: float = 2.5e-3
+    noise: float = 0.05
+    averaging: float = 0.999
+    seed: int = 0
+    data_minutes: float = 240.0
+    rollout: RolloutSettings = RolloutSettings()
+    fresh: FreshSettings = FreshSettings()
+    stitched: bool = True
+
+
+def divide(data: Dataset) -> tuple[Array, Array]:
+    """Frames to train on and frames to validate with: of captured clips that are kept for that, none of which is trained on."""
+    kept = data.arrays["validates"]
+    here, following = kept[data.frames], kept[data.frames + 1]
+    return data.frames[~(here | following)], data.frames[here & following]
+
+
+class Trainer:
+    """State of one run: network, average, optimiser, batches."""
+
+    def __init__(
+        self, data: Dataset, settings: TrainingSettings, config: NsmConfig, seed_offset: int = 0, fresh: FreshTakes | None = None
+    ) -> None:
+        """``fresh`` takes fill their share of every batch, if there are any."""
+        self.settings, self.config = settings, config
+        torch.manual_seed(settings.seed)
+        self.rng = np.random.default_rng((settings.seed, seed_offset))
+        mine, kept = divide(data)
+        if not len(kept):  # few clips, none of them kept by its name: whole takes are
+            takes = data.arrays["start"][mine]
+            last = takes >= np.unique(takes)[-1]
+            mine, kept = mine[~last], mine[last]
+        share = settings.fresh.share if fresh else 0.0
+        second = (round(share * settings.data_batch), round(share * settings.pool))
+        self.batches = Batches(data, mine, self.rng, settings.pool - second[1], settings.rollout)
+        self.validation = Batches(data, kept, np.random.default_rng(1), 8, settings.rollout)
+        # What each batch is drawn from, and how many frames of it.
+        self.sources, self.fresh = [(self.batches, settings.data_batch - second[0])], fresh
+        if fresh is not None and min(second) > 0:
+            ring = fresh.ring.data
+            self.sources.append((Batches(ring, divide(ring)[0], self.rng, second[1], settings.rollout), second[0]))
+        self.net, self.average = NSM(config), NSM(config)
+        self.optimiser = torch.optim.AdamW(self.net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay, fused=True)
+        self.weights = torch.from_numpy(loss_weights())
+        self.step = 0
+        self.stance: dict[str, object] | None = None
+        # What the data shows in more than a thousandth of its frames is offered.
+        shown = data.arrays["style"].mean(axis=0) > 1e-3
+        self.actions = [name for name, there in zip(STYLES, shown, strict=True) if there]
+
+    def set_statistics(self) -> None:
+        """Measure normalisation on the data and start the average at the network."""
+        stats = statistics(self.batches)
+        self.net.set_statistics(floor=1e-4, **stats)
+        self.average.refresh(self.net)
+
+    def _normalised(self, x: np.ndarray, g: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
+        n = self.net
+        return (torch.from_numpy(x) - n.input_mean) / n.input_std, (torch.from_numpy(g) - n.gating_mean) / n.gating_std
+
+    def train_step(self) -> tuple[float, float]:
+        """One optimiser step on half data, half roll-out; returns the two losses."""
+        s, n, net = self.settings, self.settings.data_batch, self.net
+        for group in self.optimiser.param_groups:
+            factor = cosine_restarts(self.step, s.steps)
+            group["lr"], group["weight_decay"] = s.learning_rate * factor, s.weight_decay * factor
+        self._take_in()
+        parts = [b.from_data(count) for b, count in self.sources] + [b.from_pool() for b, _ in self.sources]
+        x, g, y = (np.concatenate([part[k] for part in parts]) for k in range(3))
+        x, g = self._normalised(x, g)
+        frame = self.config.frame + self.config.goal
+        x[:n, :frame] += s.noise * torch.randn(n, frame)
+        y = (torch.from_numpy(y) - net.output_mean) / net.output_std
+        with torch.autocast("cpu", torch.bfloat16):
+            out, _ = net(x, g)
+        error = (((out - y) ** 2).clamp_max(100.0) * self.weights).mean(dim=1)
+        loss = error.mean()
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
+        self.optimiser.step()
+        with torch.no_grad():
+            rate = min(s.averaging, (self.step + 1) / (self.step + 10))
+            torch._foreach_lerp_(list(self.average.parameters()), list(net.parameters()), 1 - rate)
+            stepped, at = (out.detach()[n:] * net.output_std + net.output_mean).numpy(), 0
+            for batches, _ in self.sources:
+                batches.step_pool(stepped[at : at + len(batches.pool_frames)])
+                at += len(batches.pool_frames)
+        self.step += 1
+        errors = error.detach()
+        return float(errors[:n].mean()), float(errors[n:].mean())
+
+    def _take_in(self) -> None:
+        """Let a fresh take that has come in be drawn from."""
+        if len(self.sources) > 1 and self.fresh is not None and (gone := self.fresh.poll()) is not None:
+            ring = self.fresh.ring.data
+            self.sources[1][0].replace(ring, divide(ring)[0], slice(*gone))
+
+    @torch.no_grad()
+    def validate(self, count: int = 1024) -> float:
+        """One-step loss of the averaged network on held-back clips."""
+        x, g, y = self.validation.from_data(count)
+        x, g = self._normalised(x, g)
+        with torch.autocast("cpu", torch.bfloat16):
+            out, _ = self.average(x, g)
+        return float(((out - (torch.from_numpy(y) - self.net.output_mean) / self.net.output_std) ** 2).mean())
+
+    def save(self, path: Path) -> None:
+        """Write everything needed to go on, whole or not at all."""
+        state = {
+            "net": self.net.state_dict(),
+            "average": self.average.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
+            "step": self.step,
+        }
+        torch.save(state, path.with_suffix(".part"))
+        path.with_suffix(".part").replace(path)
+
+    def load(self, path: Path) -> None:
+        """Go on from what ``save`` wrote."""
+        state = torch.load(path, weights_only=True)
+        self.net.load_state_dict(state["net"])
+        self.average.load_state_dict(state["average"])
+        self.optimiser.load_state_dict(state["optimiser"])
+        for group in self.optimiser.param_groups:
+            group["fused"] = True
+        self.step = state["step"]
+
+    def export(self, path: Path) -> Path:
+        """Write the averaged network as a weights file with its settings and the credits of its data."""
+        stats = {k: getattr(self.average, k).numpy() for k in STATISTICS}
+        parameters = {k: v.detach().numpy() for k, v in self.average.named_parameters()}
+        return save_weights(
+            path,
+            parameters,
+            stats,
+            config=self.config.to_dict(),
+            layout=layout_description(),
+            credits=[line for line in CREDITS.read_text().splitlines() if line.strip()] if CREDITS.exists() else [],
+            data=f"{'stitched' if self.settings.stitched else 'unstitched'} performances, {self.settings.data_minutes:g} minutes, "
+            f"seed {self.settings.seed}; {self.fresh.ring.written if self.fresh else 0} fresh takes in the last run",
+            seeds={"data": self.settings.seed, "training": self.settings.seed},
+            training={**asdict(self.settings), "steps_done": self.step},
+            actions=self.actions,
+            stance=self.stance,
+        )
