@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..control.foot_lock import intervals
 from ..conventions import FOOT_CONTACTS, FPS, HAND_CONTACTS, HIP_CONTACT
 from ..errors import GeometryError
 from ..furniture import Furniture, top_of
@@ -31,6 +32,7 @@ NEAR = np.array((0.16, 0.12, 0.12, 0.07, 0.07))  # metres from the surface that 
 _SMOOTH = round(0.1 * FPS)  # frames to either side over which corrections are smoothed while touching
 _BLEND = FPS  # frames over which corrections fade where nothing is touched
 _OVERHANG, _LOWEST_TOP = 0.06, 0.05  # metres that an ankle may stand over an edge; height of what is no floor any more
+_UPRIGHT = 0.96  # of the greatest height of the hips, over which nobody has begun to sit down
 _FOOT_ROOM = 0.08  # metres that a foot keeps from the edges of what it stands on
 _SHIFTS = np.concatenate((np.arange(1, _SMOOTH + 1), -np.arange(1, _SMOOTH + 1)))
 
@@ -94,6 +96,10 @@ def embed(hips: Array, rotations: Array, contacts: Array, furniture: Furniture, 
     # Feet beside a chair's leg stand on the floor: they touch what is under them alone.
     under = np.linalg.norm((points - skin)[:, FOOT_CONTACTS, :2], axis=-1) < _OVERHANG
     touch[:, FOOT_CONTACTS] &= under & (points[:, FOOT_CONTACTS, 2] > _LOWEST_TOP)
+    for k in FOOT_CONTACTS:
+        # A heel that comes up before the foot leaves does not take it off the object.
+        for a, b in intervals(on[:, k]):
+            touch[a:b, k] = touch[a:b, k].mean() > 0.5
     return Embedded(hips, rotations, furniture, poses, touch, points, on[:, FOOT_CONTACTS] & ~touch[:, FOOT_CONTACTS])
 
 
@@ -147,8 +153,9 @@ def transfer(embedded: Embedded, other: Furniture, pose: Array, frames: slice | 
         goals[on, k] = _to_world(moved, poses[on]) + rotate_planar(vector, turn[on])
     # The hips follow what they sit on, else what the feet stand on.
     sits = bool(embedded.touch[:, HIP_CONTACT].any())
+    lowered = _lowered(embedded)
     feet = np.stack([_spread(goals[:, k] - joints[:, k], touch[:, k], e.floor[:, s]) for s, k in enumerate(FOOT_CONTACTS)], axis=1)
-    hips = hips + (_spread(goals[:, HIP_CONTACT] - hips, touch[:, HIP_CONTACT]) if sits else feet.mean(axis=1))
+    hips = hips + (_spread(goals[:, HIP_CONTACT] - hips, touch[:, HIP_CONTACT]) * lowered[near, None] if sits else feet.mean(axis=1))
     rotations[:, HIPS] = quat_mul(heading_quat(_spread(turn[:, None], touch[:, HIP_CONTACT])[:, 0]), rotations[:, HIPS])
     wrists, ankles = [arm[2] for arm in ARMS], [leg[2] for leg in FEET]
     carried = forward_kinematics(hips, rotations)[0][:, wrists]
@@ -163,6 +170,16 @@ def transfer(embedded: Embedded, other: Furniture, pose: Array, frames: slice | 
     chains = [leg[:3] for leg in FEET] + [ARMS[s] for s in used]
     rotations = place_limbs(hips, rotations, chains, np.concatenate((feet, hands), axis=1), ends)
     return hips.astype(e.hips.dtype), rotations.astype(e.rotations.dtype)
+
+
+def _lowered(embedded: Embedded) -> Array:
+    """How far (T,) 0..1 the hips are down towards a seat: who still stands has no bend in the legs to spare for a higher one."""
+    on, height = embedded.touch[:, HIP_CONTACT], embedded.hips[:, 2].astype(np.float64)
+    if not on.any():
+        return on.astype(np.float64)
+    low, top = float(height[on].mean()), _UPRIGHT * float(height.max())
+    down = np.clip((top - height) / max(top - low, 1e-3), 0, 1)
+    return np.where(on, 1.0, down * down * (3 - 2 * down))
 
 
 def _on_other(k: int, points: Array, template: Furniture, other: Furniture) -> Array | None:
