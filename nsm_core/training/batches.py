@@ -195,7 +195,7 @@ def build_phase_updates(state: State, following: State) -> Array:
     return np.cumsum(steps - np.round(steps), axis=1)
 
 
-def loss_weights(feet: float = 3.0, hands: float = 2.0) -> Array:
+def loss_weights(feet: float = 3.0, hands: float = 4.0) -> Array:
     """Weights (605,) of the outputs, mean 1: places and speeds of ankles and toes count ``feet`` times, of wrists ``hands`` times."""
     weights = np.ones(OUTPUT.size, np.float32)
     for name in ("joint_position", "joint_velocity"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import hashlib
 import json
 import time
 from pathlib import Path
@@ -59,7 +60,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--learning-rate", type=float, default=defaults.learning_rate)
     parser.add_argument("--rollout", type=int, default=defaults.rollout.length)
     parser.add_argument(
-        "--fresh", type=float, default=0.25, help="share of takes composed and switched meanwhile (default: 0.25; 0 for none)"
+        "--fresh", type=float, default=defaults.fresh.share, help="share of takes composed meanwhile and put on other objects (0 for none)"
     )
     parser.add_argument("--no-stitching", action="store_true", help="train on captured pieces by themselves, to compare")
     parser.add_argument("--threads", type=int, default=2, help="processor threads (default: 2)")
@@ -99,7 +100,10 @@ def main(arguments: list[str]) -> int:
         first = settings.seed + SEEDS_APART + done  # fewer than one take a step, so that no take comes twice
         fresh = FreshTakes(a.captures, a.objects, str(folder / "objects.npz"), first, settings.fresh.slots, settings.stitched)
     trainer = Trainer(Dataset.open(folder), settings, NsmConfig(), seed_offset=done, fresh=fresh)
-    trainer.stance = json.loads((folder / "data.json").read_text())["stance"]
+    about = (folder / "data.json").read_bytes()
+    trainer.stance = json.loads(about)["stance"]
+    started_from = Path(a.start_from).name if a.start_from else ""
+    trainer.origin = {"data_version": hashlib.sha256(about).hexdigest()[:16], "started_from": started_from}
     if resumed:
         trainer.load(checkpoint)
         print(f"Going on from step {trainer.step}.")

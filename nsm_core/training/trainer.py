@@ -76,6 +76,7 @@ class Trainer:
         self.weights = torch.from_numpy(loss_weights())
         self.step = 0
         self.stance: dict[str, object] | None = None
+        self.origin: dict[str, str] = {}  # what the data and the first weights were, for the metadata
         # What the data shows in more than a thousandth of its frames is offered.
         shown = data.arrays["style"].mean(axis=0) > 1e-3
         self.actions = [name for name, there in zip(STYLES, shown, strict=True) if there]
@@ -175,4 +176,5 @@ class Trainer:
             training={**asdict(self.settings), "steps_done": self.step},
             actions=self.actions,
             stance=self.stance,
+            **self.origin,
         )
