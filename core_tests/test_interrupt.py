@@ -5,12 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from nsm_core.control.director import TURNING
 from nsm_core.control.goals import Goal
+from nsm_core.control.reaching import Hold, Pose
 from nsm_core.control.take import TakeRequest, TakeRunner
 from nsm_core.errors import GoalError
 from nsm_core.evaluation.metrics import jumps
 from nsm_core.inference import Model, load_model
+from nsm_core.rotations import quat_from_rotvec
 from nsm_core.sensors.query import Cuboids
+from nsm_core.series import PIVOT
+from nsm_core.skeleton import ARMS, J
 
 
 @pytest.fixture(scope="module")
@@ -63,3 +68,40 @@ def test_what_cannot_be_done_changes_nothing(model):
     with pytest.raises(GoalError, match="give at least one"):
         runner.interrupt([])
     assert runner.director.goals == goals and runner.step()
+
+
+def test_commands_fade_over_when_another_goal_breaks_in(model):
+    runner = TakeRunner(model, TakeRequest(np.zeros(2), 0.0, [walk_to(0, -4)], Cuboids(), time_limit=12.0))
+    while runner.frames < 60:
+        assert runner.step()
+    places = [runner.state.goal_position[0, PIVOT:].copy()]
+    runner.interrupt([walk_to(3.0, 1.0)])
+    for _ in range(2 * TURNING):
+        runner.step()
+        places.append(runner.state.goal_position[0, PIVOT:].copy())
+    steps = np.abs(np.diff(places, axis=0)).max((1, 2))
+    whole = np.abs(places[-1] - places[0]).max()
+    assert whole > 2.0 and steps.max() < 0.35 * whole
+    assert np.abs(places[TURNING][:, :2] - places[0][:, :2]).max() > 0.9 * whole, "it is over within a third of a second"
+
+
+def test_hands_that_let_go_while_the_body_rises_go_on_with_it():
+    """The offset from the pose fades, so wrists keep the speed of the body they hang on."""
+    hold, local = Hold([0, 1]), np.zeros((J, 4))
+    local[:, 0] = 1
+    local[[arm[0] for arm in ARMS]] = quat_from_rotvec(np.array(((0.8, 0.0, 0.0), (0.8, 0.0, 0.0))))
+    local[[arm[1] for arm in ARMS]] = quat_from_rotvec(np.array(((0.0, 0.0, 0.9), (0.0, 0.0, -0.9))))
+    offset = np.array((0.0, 0.05, -0.06))
+    heights = []
+    for frame in range(40):
+        pose = Pose(np.array((0.0, 0.0, 0.8 + 0.04 * frame)), local.copy(), np.zeros((2, 3)))
+        places = pose.arms()[1] + offset
+        if frame < 20:
+            hold.weight = 1.0
+        elif frame == 20:
+            hold.release()
+        hold.apply(pose, places)
+        heights.append(pose.arms()[1][:, 2])
+    rise = np.diff(heights, axis=0)
+    assert rise[19:].min() > 0.03 and np.abs(np.diff(rise, axis=0)).max() < 0.012
+    assert not hold.busy

@@ -29,6 +29,7 @@ SETTLE = 0.015  # metres by which a foot that stands is raised or lowered onto t
 # The same on top of things, where a network knows the height less well; the rise of a foot over an edge and of one that has
 # gone into a step (m/s); the drop of the pelvis per metre between the feet.
 HIGH_TOE, HIGH_SETTLE, HIGH_SETTLE_SPEED, EDGE_UP, EDGE_DOWN, EDGE_EASE, STEP_DROP = 0.14, 0.1, 0.4, 2.2, 1.0, 0.6, 0.3
+GATHER = 15.0  # m/s2 by which a foot gathers that speed: at it in one frame, knees snap
 _HIP_OFFSETS = OFFSETS[[leg[0] for leg in LEGS]].astype(np.float64)
 
 
@@ -41,7 +42,7 @@ class _Foot:
         self.anchor, self.anchor_heading = np.zeros(2), 0.0
         self.shift, self.turn = np.zeros(3), 0.0  # what is added to the pose now
         self.left, self.left_turn, self.fading = np.zeros(3), 0.0, 1.0  # what was there at release; 0..1 faded out
-        self.lift = 0.0  # how much a swinging foot is raised
+        self.lift, self.rise = 0.0, 0.0  # how much a swinging foot is raised; by how much that grew in the last frame
         self.came: Array | None = None  # where the toe came in and where it was put in the last frame, (2,)
         self.before: Array | None = None
 
@@ -100,7 +101,9 @@ class _Foot:
             low = max(TOE_HEIGHT - toe[2], ANKLE_HEIGHT - ankle_height)
             wanted = share * max(0.0, CLEARANCE + low - self.shift[2], over - self.shift[2])
         up, down, ease = (EDGE_UP, EDGE_DOWN, EDGE_EASE) if max(over, self.lift) > 2 * CLEARANCE else (LIFT_UP, LIFT_DOWN, LIFT_EASE)
-        self.lift += float(np.clip(ease * (wanted - self.lift), -down * dt, up * dt))
+        step = float(np.clip(ease * (wanted - self.lift), -down * dt, up * dt))
+        self.rise = min(step, max(self.rise, 0.0) + GATHER * dt * dt)
+        self.lift += self.rise
         self.lift = 0.0 if self.lift < 1e-5 else self.lift
 
 
@@ -121,7 +124,7 @@ class ContactIK:
     def reset(self) -> None:
         """Forget all locks, as for a new take or after a jump of the character."""
         self._feet = (_Foot(), _Foot())
-        self._footing, self._out = Footing(self.terrain), np.zeros(2)
+        self._footing, self._out, self._rise = Footing(self.terrain), np.zeros(2), np.zeros(2)
         self._drop = 0.0
         self._seated, self._draw = False, 0.0
         self._goal: tuple[Array, float] | None = None
@@ -203,7 +206,9 @@ class ContactIK:
         if not self._footing.terrain:
             return sole_depth(toes, feet)
         deep = sole_depth(toes, feet, ground, self._footing.heel)
-        self._out += np.clip(deep - self._out, -EDGE_DOWN * self.dt, EDGE_UP * self.dt)
+        up = np.minimum(EDGE_UP * self.dt, np.maximum(self._rise, 0) + GATHER * self.dt**2)
+        self._rise = np.clip(deep - self._out, -EDGE_DOWN * self.dt, up)
+        self._out += self._rise
         return np.maximum(sole_depth(toes, feet), np.minimum(self._out, np.maximum(deep, 0)))
 
     def _draw_hips(self, hips: Array, local: Array, label: float, goal: tuple[Array, float] | None, heading: float | None) -> None:

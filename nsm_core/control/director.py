@@ -13,6 +13,7 @@ from ..rotations import Array, wrap_angle
 from ..sensors.cuboid import InteractionVolume
 from ..sensors.query import Cuboids
 from ..series import FUTURE, KEY_OFFSETS, KEY_STEP, PIVOT, WINDOW
+from .foot_lock import smooth_step
 from .goals import SEAT_MEMORY, Goal, GoalResult, Moment
 from .planning import FloorPlan
 from .props import Prop
@@ -20,6 +21,7 @@ from .scene import Scene
 from .stages import Command, Grasp, Ground, Stage, begin, check_reachable
 
 SETTLE = 12  # frames of rest after which a transition has ended
+TURNING = 8  # frames in which an interrupted goal gives way to the new one: switched in one, the network's pose would jump
 
 
 class Director:
@@ -51,6 +53,9 @@ class Director:
         self._thing: Prop | InteractionVolume | None = None
         self._frame, self._started, self._rest, self._hold = 0, 0, 0, -1
         self._part, self._since = 0, 0
+        self._given: tuple[Array, Array, Array] | None = None
+        self._given_up: tuple[Array, Array, Array] | None = None  # what was commanded when the present goals broke in
+        self._turned = 1.0  # 0..1, how far that has given way
         here = np.append(root[:2], 0.0)
         self._past_position = np.repeat(here[None].astype(np.float32), WINDOW + 1, axis=0)
         self._past_heading = np.full(WINDOW + 1, root[2], np.float32)
@@ -68,7 +73,7 @@ class Director:
             if not self.done:
                 self._perform(moment)
         self._frame += 1
-        position, heading, action = self._ahead(moment)
+        position, heading, action = self._turn(*self._ahead(moment))
         self._past_position = np.concatenate((self._past_position[1:], position[:1]))
         self._past_heading = np.append(self._past_heading[1:], heading[0]).astype(np.float32)
         self._past_action = np.concatenate((self._past_action[1:], action[:1]))
@@ -92,6 +97,7 @@ class Director:
         self.goals = self.goals[:now] + goals
         self.results = self.results[:now] + [GoalResult(g.name, g.action) for g in goals]
         self.done = False
+        self._given_up, self._turned = self._given, 0.0
         if self.index >= 0:
             self._hold = 1
 
@@ -125,8 +131,10 @@ class Director:
         self._command = self.stage.update(moment)  # type: ignore[union-attr]
         grasp = getattr(self.stage, "grasp", None)
         if grasp is not None and grasp.active and grasp not in self.grasps:
-            # Whatever else had this prop in hand is over.
-            self.grasps = [g for g in self.grasps if g.prop is not grasp.prop] + [grasp]
+            for other in self.grasps:
+                if other.prop is grasp.prop:
+                    other.give_way()
+            self.grasps.append(grasp)
 
     def _judge(self, moment: Moment) -> None:
         """See whether the transition has ended, hold, and go on to the next goal."""
@@ -165,6 +173,20 @@ class Director:
             np.full(n, command.heading, np.float32),
             np.repeat(_hot(command.action)[None], n, axis=0),
         )
+
+
+    def _turn(self, position: Array, heading: Array, action: Array) -> tuple[Array, Array, Array]:
+        """Fade the goals ahead over from the ones that were interrupted."""
+        if self._given_up is not None:
+            self._turned += 1 / TURNING
+            share = np.float32(smooth_step(np.float64(self._turned)))
+            before = self._given_up
+            position = before[0] + share * (position - before[0])
+            heading = (before[1] + share * wrap_angle(heading - before[1])).astype(np.float32)
+            action = before[2] + share * (action - before[2])
+            self._given_up = None if self._turned >= 1 else before
+        self._given = position, heading, action
+        return position, heading, action
 
 
 def rotation_error(heading: float, goal: float) -> float:

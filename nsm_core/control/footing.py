@@ -11,7 +11,7 @@ from .terrain import Terrain
 TIP, MIDDLE, HEEL = 0.075, -0.08, -0.17  # metres from the toe joint along the foot
 # A foot stands on the highest ground under it that is not further than this over its sole, metres; else it stands beside it.
 STEP_IN = 0.12
-AHEAD = 0.16  # seconds that a swinging foot looks ahead
+AHEAD = 0.2  # seconds that a swinging foot looks ahead
 CLEAR = 0.02  # metres over an edge
 _TOUCHING = 0.04  # metres over the ground that a tip meets before it is against a riser
 _BACK = np.arange(0.02, 0.13, 0.02)

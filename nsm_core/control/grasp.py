@@ -76,12 +76,16 @@ class Carrying:
     def let_go(self) -> None:
         """End it at any time: hands return, and a box in the air falls onto what is under it."""
         if self.state == "held":
-            self.hold.release(self.grasps())
+            self.hold.release()
             self.state, self._fall = "falling", 0.0
         elif self.state == "reach":
             if self.hold.weight > 0:
-                self.hold.release(self.grasps())
+                self.hold.release()
             self.state = "placed"
+
+    def give_way(self) -> None:
+        """Leave the box to another hold of it: these hands only return."""
+        self.let_go()
 
     def apply(self, pose: Pose, root: Array, contacts: Array) -> None:
         """Move the box by one frame and correct ``pose`` in place; ``root`` (3,), network ``contacts`` (5,)."""
@@ -192,7 +196,7 @@ class Carrying:
             "network_rotation_error_deg": turn(raw),
         }
         self.prop.pose[3] = wrap_angle(self.prop.pose[3])
-        self.hold.release(self.grasps())
+        self.hold.release()
         self.state = "placed"
 
     def _drop(self) -> None:

@@ -66,8 +66,13 @@ class Opening:
     def let_go(self) -> None:
         """End it at any time: the hand returns; a leaf that had begun to open swings on."""
         if self.state in ("reach", "held"):
-            self.hold.release(self.grip()[None])
+            self.hold.release()
             self.state = "released" if self.state == "held" else "free"
+
+    def give_way(self) -> None:
+        """Leave the leaf to another hold of it: this hand only returns."""
+        self.let_go()
+        self.state = "free"
 
     def apply(self, pose: Pose, root: Array, contacts: Array) -> None:
         """Turn the leaf by one frame and correct ``pose`` in place; ``root`` (3,), network ``contacts`` (5,)."""
@@ -91,7 +96,7 @@ class Opening:
             self._out = self._out + 1 if np.linalg.norm(self.grip() - shoulder) > OUT_OF_REACH else 0
             enough = self.angle > (LET_GO_PUSH if self.way.push else LET_GO_PULL)
             if enough or self._out >= OUT_FRAMES or self.passed(root):
-                self.hold.release(self.grip()[None])
+                self.hold.release()
                 self.state = "released"
         elif self.state == "released":
             self._swing(root)

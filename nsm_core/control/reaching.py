@@ -49,9 +49,9 @@ class Hold:
         self.hands = hands
         self.weight = 0.0
         self.near = 0  # frames that the hands have been near their places
-        self._left = np.zeros((len(hands), 3))  # from the pose's own wrists to where they were held at release
+        self._added = np.zeros((len(hands), 3))  # what was put on the pose's own wrists in the last frame
+        self._left = np.zeros((len(hands), 3))  # the same at release
         self._fade = 0.0
-        self._from: tuple[Array, float] | None = None  # where they were held, and how firmly, until that is known
         self._lean, self._shift = np.zeros(3), np.zeros(3)
         self._waited, self._missing = 0, np.inf  # frames held so far in vain; metres that the arms lack
 
@@ -75,9 +75,12 @@ class Hold:
         self._waited = self._waited + 1 if self.weight >= 1 else 0
         return self.weight >= 1 and (not ik or self._missing < TOUCH or self._waited > WAIT)
 
-    def release(self, places: Array) -> None:
-        """Let go of ``places`` (n, 3); the hands return to where the pose has them."""
-        self._from, self._fade = (places.copy(), float(smooth_step(self.weight))), 1.0
+    def release(self) -> None:
+        """Let go; the hands return to where the pose has them.
+
+        What fades is the offset from the pose, not the way to the place: hands that were moving with the body go on moving.
+        """
+        self._left, self._fade = self._added.copy(), 1.0
         self.weight = 0.0
 
     def apply(self, pose: Pose, places: Array) -> None:
@@ -85,11 +88,12 @@ class Hold:
         if not self.busy:
             return
         shoulders, now = (points[self.hands] for points in pose.arms())
-        if self._from is not None:
-            self._left, self._from = self._from[1] * (self._from[0] - now), None
         self._fade = max(0.0, self._fade - DT / LET_GO_TIME)
         held = float(smooth_step(self.weight))
-        targets = now + held * (places - now) + float(smooth_step(self._fade)) * self._left
+        left = float(smooth_step(self._fade)) * self._left
+        # Hands that take hold anew while the last hold still fades go from where they are.
+        self._added = held * (places - now) + (1 - held) * left
+        targets = now + self._added
         shoulders = self._reach_out(pose, shoulders, targets)
         pose.local = place_limbs(pose.hips, pose.local, tuple(ARMS[h] for h in self.hands), targets)
         self._missing = float(np.linalg.norm(targets - shoulders, axis=1).max()) - ARM if self.weight >= 1 else np.inf
