@@ -151,6 +151,7 @@ def transfer(embedded: Embedded, other: Furniture, pose: Array, frames: slice | 
             continue
         vector = joints[on, k] - _to_world(e.points[on, k], e.poses[on])
         goals[on, k] = _to_world(moved, poses[on]) + rotate_planar(vector, turn[on])
+    over = _over(e, joints[:, FOOT_CONTACTS], other)
     # The hips follow what they sit on, else what the feet stand on.
     sits = bool(embedded.touch[:, HIP_CONTACT].any())
     lowered = _lowered(embedded)
@@ -165,6 +166,7 @@ def transfer(embedded: Embedded, other: Furniture, pose: Array, frames: slice | 
     asked = slice(first - near.start, last - near.start)
     hips, rotations, before, world = hips[asked], rotations[asked], before[asked], world[asked]
     hands, feet = hands[asked][:, used], before[:, ankles] + feet[asked]
+    feet[..., 2] += over[asked]
     hips, rotations = within_reach(hips, rotations, before, hands, used, feet, not sits)
     ends = np.concatenate((world[:, ankles], forward_kinematics(hips, rotations)[1][:, [wrists[s] for s in used]]), axis=1)
     chains = [leg[:3] for leg in FEET] + [ARMS[s] for s in used]
@@ -178,8 +180,7 @@ def _lowered(embedded: Embedded) -> Array:
     if not on.any():
         return on.astype(np.float64)
     low, top = float(height[on].mean()), _UPRIGHT * float(height.max())
-    down = np.clip((top - height) / max(top - low, 1e-3), 0, 1)
-    return np.where(on, 1.0, down * down * (3 - 2 * down))
+    return np.where(on, 1.0, _eased((top - height) / max(top - low, 1e-3)))
 
 
 def _on_other(k: int, points: Array, template: Furniture, other: Furniture) -> Array | None:
@@ -213,8 +214,8 @@ def _on_other(k: int, points: Array, template: Furniture, other: Furniture) -> A
 def _spread(values: Array, touch: Array, fixed: Array | None = None) -> Array:
     """Step 4: corrections (T, D), known where a joint touches and zero where it is ``fixed``, for all frames.
 
-    Smoothed over 0.1 s while touching, weights exp(-(i / (w / 2))^2); in between they go linearly from one contact to the next
-    or, within a second, to nothing.
+    Smoothed over 0.1 s while touching, weights exp(-(i / (w / 2))^2); in between they go, without a jerk at either end, from one contact
+    to the next or, within a second, to nothing.
     """
     fixed = np.zeros(len(values), bool) if fixed is None else fixed
     known = touch | fixed
@@ -236,10 +237,31 @@ def _spread(values: Array, touch: Array, fixed: Array | None = None) -> Array:
         inner = first > 0 and last < len(values)
         length = min(_BLEND, last - first + 1) if inner else _BLEND
         if first > 0:
-            result[t] += np.clip(1 - (t - first + 1) / length, 0, 1)[:, None] * result[first - 1]
+            result[t] += _eased(1 - (t - first + 1) / length)[:, None] * result[first - 1]
         if last < len(values):
-            result[t] += np.clip(1 - (last - t) / length, 0, 1)[:, None] * result[last]
+            result[t] += _eased(1 - (last - t) / length)[:, None] * result[last]
     return result
+
+
+def _eased(x: Array) -> Array:
+    x = np.clip(x, 0, 1)
+    return x * x * (3 - 2 * x)
+
+
+def _over(e: Embedded, ankles: Array, other: Furniture) -> Array:
+    """How much higher (T, 2) feet swing over another object that, as the template, they pass over and never touch."""
+    raised = np.zeros((len(e), 2))
+    if e.touch.any():
+        return raised
+    by = float(other.maxs[:, 2].max() - e.template.maxs[:, 2].max())
+    local = _to_local(ankles, e.poses)[..., :2]
+    low, high = e.template.mins[:, :2].min(0), e.template.maxs[:, :2].max(0)
+    above = ((local > low) & (local < high)).all(-1)
+    for side in (0, 1):
+        for a, b in intervals(~e.floor[:, side]):
+            if above[a:b, side].any():
+                raised[a:b, side] = by * np.sin(np.pi * (np.arange(b - a) + 0.5) / (b - a)) ** 2
+    return raised
 
 
 def _nearest(points: Array, piece: Furniture) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ import numpy as np
 from ..conventions import CLIMB, FOOT_CONTACTS, FPS, HAND_CONTACTS, HIP_CONTACT, SIT
 from ..errors import GeometryError
 from ..evaluation.metrics import body_spheres
-from ..furniture import Furniture, cuboids, top_of
+from ..furniture import Furniture, cuboids
 from ..rotations import Array, heading_to_direction, rotate_planar
 from ..sensors.query import Cuboids
 from ..skeleton import ARMS, FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
@@ -81,11 +81,14 @@ def _switch_one(take: Take, number: int, pool: Pool, seeds: Array) -> Take | Non
 
 
 def _nearer(piece: Furniture, old: Furniture, share: float) -> Furniture:
-    """A piece with only a ``share`` of its difference in size from another; a seat in its height alone."""
+    """A piece with only a ``share`` of its difference in size from another; a seat in its height alone.
+
+    Feet before and behind an object leave its depth little room: it comes near sooner.
+    """
     if piece.seat is not None:
         factors = np.array((1, 1, (old.seat.height + share * (piece.seat.height - old.seat.height)) / piece.seat.height))
     else:
-        factors = (old.size + share * (piece.size - old.size)) / piece.size
+        factors = (old.size + np.array((share, share**3, share)) * (piece.size - old.size)) / piece.size
     return scaled(piece, factors)
 
 
@@ -236,7 +239,7 @@ class _Span:
             there = slice(nearest, nearest + 1)
         goal = command.position + (hips[there] - self.take.hips[there]).mean(axis=0)
         if command.action != "sit":
-            goal[2] = top_of(other.furniture)[0] if command.position[2] > 0 else 0.0
+            goal[2] = other.furniture.maxs[:, 2].max() if command.position[2] > 0 else 0.0
         return goal.astype(np.float32)
 
 
