@@ -11,6 +11,8 @@ import pytest
 from nsm_core.conventions import HAND_CONTACTS, OPEN
 from nsm_core.dataset.compose import Composer
 from nsm_core.dataset.leaf_swing import swing_on
+from nsm_core.dataset.opening import LOWEST
+from nsm_core.dataset.pool import DoorEntry, Pool
 from nsm_core.dataset.reaching import ARM, lead_hand, lean_to
 from nsm_core.dataset.take import Take, Thing, annotate, goal_tables
 from nsm_core.evaluation.metrics import backward_bend, body_spheres
@@ -56,6 +58,19 @@ def in_frame(points: np.ndarray, pose: np.ndarray) -> np.ndarray:
 def depth(centres: np.ndarray, radii: np.ndarray, solid) -> np.ndarray:
     """How deep (T, S) spheres are inside solids, metres; negative outside."""
     return radii - solid.signed_distance(centres.reshape(-1, 3).astype(np.float32), 0.3).reshape(centres.shape[:2])
+
+
+def test_doors_have_the_measures_of_the_pools_meshes(folder):
+    measures = {"width": 0.85, "height": 2.0, "panel": 0.062, "grips": 0.16, "handle_height": 0.82, "handle_edge": 0.07, "lever": 0.03,
+                "depth": 0.12}  # fmt: skip
+    composer = Composer(captures.source(folder), {"open": 1}, Pool(doors=[DoorEntry("door", measures)], mesh_share=1.0))
+    leaves = [t.furniture for take in map(composer.compose, range(12)) if take is not None for t in take.things]
+    assert len(leaves) > 2
+    for leaf in leaves:
+        size = leaf.maxs[0] - leaf.mins[0]
+        assert size[1] == pytest.approx(0.062, abs=1e-5) and 0.78 < size[0] < 0.92
+        handle = (leaf.mins[1:, 2] + leaf.maxs[1:, 2]) / 2
+        assert handle.min() > LOWEST - 1e-5, "a hand cannot reach it upright"
 
 
 def test_the_hand_keeps_to_the_handle_while_it_holds(doors):

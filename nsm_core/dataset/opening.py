@@ -32,6 +32,7 @@ OTHERS_OFF = 0.8  # metres between the wall and the middle of what other actions
 RETURN = 16  # frames in which a hand comes back
 PUSHES, LED_ON = 0.55, 0.4  # shares: of doors that swing away, and of passages that do not end standing
 DOORS, INSIST = 18, 12  # doors that are tried about one walk, and how many of them are of the same size
+LOWEST = 0.9  # metres: handles of meshes that are lower are raised to here, where a hand reaches them upright
 DEEPEST, ASTRAY = 0.02, 0.01  # metres: of the body in leaf or wall, and of the wrist from the handle it holds
 
 
@@ -225,9 +226,10 @@ def lay(session: Session) -> Open | None:
         return None
     joints = joints_from(session, start)
     # Low handles and narrow doors fit fewer walks; they are drawn once and insisted on for a while, lest they become rare.
-    measures = {"width": float(rng.uniform(0.75, 1.0)), "handle_height": float(rng.uniform(0.9, 1.1))}
+    measures = session.pool.door_like(rng) or {"width": float(rng.uniform(0.75, 1.0)), "handle_height": float(rng.uniform(LOWEST, 1.1))}
+    measures["handle_height"] = max(measures["handle_height"], LOWEST)
     for attempt in range(DOORS):
-        episode = _door_before(session, start, push, measures if attempt < INSIST else {})
+        episode = _door_before(session, start, push, measures if attempt < INSIST else None)
         episode.ask, episode.pull, episode.through, episode.start, episode.grip = ask, pull, through, start, grip
         if not episode.opens(joints, pressed - start, backed - start, rng):
             continue
@@ -240,10 +242,11 @@ def lay(session: Session) -> Open | None:
     return None
 
 
-def _door_before(session: Session, start: int, push: bool, measures: dict[str, float]) -> Open:
-    """Make a door whose handle is reached from where frame ``start`` stands, give or take a few centimetres."""
+def _door_before(session: Session, start: int, push: bool, measures: dict[str, float] | None) -> Open:
+    """Put a door, of ``measures`` or any of the pool, so that its handle is reached from where frame ``start`` stands, about."""
     rng, tape = session.rng, session.tape
-    door = make_door(rng, near=float(rng.uniform(0.8, 1.6)), far=float(rng.uniform(0.8, 1.6)), **measures)
+    walls = {name: float(rng.uniform(0.8, 1.6)) for name in ("near", "far")}
+    door = session.pool.draw_door(rng, **walls) if measures is None else make_door(rng, **measures | walls)
     heading = tape.headings[start] + rng.normal(0, 0.03)
     go = heading_to_direction(np.array(heading))
     side = float(rng.choice((-1, 1)))

@@ -149,14 +149,18 @@ class Pool:
             return scaled(piece, rng.uniform(*CRATE_SIDE, 3) / piece.size, kind)
         return scaled(piece, random_scale(piece, rng), kind) if augment else piece
 
-    def draw_door(self, rng: np.random.Generator) -> Door:
-        """Draw a door: one with the measures of a mesh, up to 8 % larger or smaller, or a parametric one."""
+    def door_like(self, rng: np.random.Generator) -> dict[str, float]:
+        """Draw the measures of a mesh's door (see ``doors.make_door``), up to 8 % larger or smaller; none for a parametric door."""
         if rng.random() >= self.mesh_share or not self.doors:
-            return make_door(rng)
+            return {}
         measures = dict(self.doors[int(rng.integers(len(self.doors)))].measures)
         for name in ("width", "height", "handle_height"):
             measures[name] = float(np.clip(measures[name] * rng.uniform(0.92, 1.08), *LIMITS[name]))
-        return make_door(rng, **measures)
+        return measures
+
+    def draw_door(self, rng: np.random.Generator, **walls: float) -> Door:
+        """Draw a door like a mesh's or a parametric one; ``walls`` are measures of what is around it (see ``doors.make_door``)."""
+        return make_door(rng, **self.door_like(rng) | walls)
 
     def table(self) -> str:
         """Count the pieces by class and kind, training and held back, and the reasons of what was left out, as text."""
