@@ -57,10 +57,11 @@ def test_seats_stand_under_the_hips_and_goals_at_them(takes):
             seats += 1
             goal = next(c for c in take.commands if c.thing >= 0 and take.things[c.thing] is placed)
             assert goal.action == "sit" and goal.frame < a
-            hips = take.hips[a + 3 : b]
-            np.testing.assert_allclose(goal.position, hips.mean(0), atol=1e-3)
-            assert np.linalg.norm(hips - goal.position, axis=1).max() < 0.06
-            assert np.abs(wrap_angle(root[a + 3 : b, 2] - goal.heading)).max() < 0.1
+            # Once there, the hips rest at the goal: captured sway would teach a region, not a place.
+            off = np.linalg.norm(take.hips[a + 3 : b] - goal.position, axis=1)
+            assert off.max() < 0.15 and np.median(off) < 0.005
+            turned = np.abs(wrap_angle(root[a + 8 : b - 14, 2] - goal.heading))
+            assert turned.max() < 0.05 and turned.mean() < 0.012
             seat = placed.furniture.seat
             assert goal.position[2] == pytest.approx(seat.height + HIP_OVER_SEAT, abs=0.015)
             on_seat = placed.position + rotate_planar(seat.point[:2], np.float64(placed.heading))
