@@ -1,19 +1,21 @@
-"""Takes with other objects in them: hips on the new seats, feet on the new steps, goals with them, all else as it was."""
+"""Takes with other objects in them: hips on the new seats, feet on the new steps, hands on the new boxes, goals with them."""
 
 from functools import cache
 
 import captures
 import numpy as np
 import pytest
+from test_carrying import pick_up
 
+from nsm_core import bvh_write
 from nsm_core.conventions import CLIMB, FOOT_CONTACTS, HIP_CONTACT, SIT
-from nsm_core.dataset.compose import Composer
+from nsm_core.dataset.compose import Composer, load
 from nsm_core.dataset.pool import Pool
 from nsm_core.dataset.switched import DEEPER, SEATS, switched
 from nsm_core.evaluation.metrics import penetration_depths
-from nsm_core.furniture import cuboids
+from nsm_core.furniture import carried_box, cuboids
 from nsm_core.rotations import rotate_planar, wrap_angle
-from nsm_core.skeleton import FEET, HIP_OVER_SEAT, forward_kinematics
+from nsm_core.skeleton import ARMS, FEET, HIP_OVER_SEAT, forward_kinematics
 
 TOES = [leg[3] for leg in FEET]
 
@@ -133,6 +135,33 @@ def test_the_body_gets_hardly_deeper_into_things_than_before(pairs):
         rest = cuboids([(o.furniture, o.position, o.heading) for o in take.obstacles])
         before, after = (penetration_depths(t.hips, t.rotations, rest).max() if take.obstacles else 0 for t in (take, other))
         assert after <= before + DEEPER + 0.01
+
+
+def test_hands_hold_the_new_box_which_rests_where_the_old_one_did(tmp_path_factory):
+    folder = captures.write_captures(tmp_path_factory.mktemp("pick_ups"))
+    bvh_write.write(folder / "clips" / "accad_male1" / "male1_a5_pickupbox.bvh", *pick_up())
+    composer, seen = Composer(load(str(folder)), {"carry": 1.0}), 0
+    for seed in range(30):
+        take = composer.compose(seed)
+        other = None if take is None else switched(take, None, seed)
+        for a, b, old, new in [] if other is None else changed(take, other):
+            if a.action != "carry":
+                continue
+            seen += 1
+            (h, g) = (float(t.furniture.size[2]) for t in (old, new))
+            np.testing.assert_allclose(new.poses[:, 2] - g / 2, old.poses[:, 2] - h / 2, atol=1e-5)
+            np.testing.assert_allclose(b.position, new.poses[0, :3], atol=1e-4)
+            puts = [c for c in other.commands if c.action == "idle+carry" and c.thing == b.thing and c.position is not None]
+            np.testing.assert_allclose(puts[-1].position, new.poses[-1, :3], atol=1e-4)
+            face = np.round((b.heading - new.poses[0, 3]) / (np.pi / 2)) * np.pi / 2
+            wrists = forward_kinematics(other.hips, other.rotations)[0][:, [arm[2] for arm in ARMS]]
+            own = rotate_planar(wrists - new.poses[:, None, :3], np.repeat(-new.poses[:, None, 3], 2, axis=1))
+            reach = np.linalg.norm(own - carried_box(new.furniture).grasps(face), axis=-1)
+            assert reach[new.held].max() < 0.03 and np.median(reach[new.held]) < 0.005
+            assert not np.allclose(new.furniture.size, old.furniture.size, atol=0.005)
+        if seen >= 2:
+            return
+    raise AssertionError(f"of 30 seeds only {seen} boxes could be switched")
 
 
 def test_takes_without_sits_and_climbs_are_not_switched(tmp_path_factory):

@@ -198,7 +198,15 @@ def _on_other(k: int, points: Array, template: Furniture, other: Furniture) -> A
         here, there = (arm_rests(f)[side] for f in (template, other))
         return None if here is None or there is None else points - here + there
     low, size = template.mins.min(0), template.size
-    result = _nearest(other.mins.min(0) + (points - low) / size * other.size, other)[0]
+    there = other.mins.min(0) + (points - low) / size * other.size
+    if k in HAND_CONTACTS:
+        # Along the side that it holds a hand keeps its distance from the middle.
+        off = points - low - size / 2
+        along = np.abs(off[:, :2] / size[:2]).argmin(1)
+        rows = np.arange(len(points))
+        middle = other.centre[along]
+        there[rows, along] = np.clip(middle + off[rows, along], other.mins.min(0)[along], other.maxs.max(0)[along])
+    result = _nearest(there, other)[0]
     if k in FOOT_CONTACTS:
         (height, corners), (new_height, others) = top_of(template), top_of(other)
         # On the top a foot keeps its distance from the front edge and the middle, as far as there is room.

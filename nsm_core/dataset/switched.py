@@ -1,6 +1,6 @@
 """Composed takes with other objects in them: steps 3 to 5 of the augmentation (papers/000 section 5.2), for a whole take.
 
-The objects that somebody sits on or climbs are replaced by others of their kind at random scale, and the motion is transferred
+What somebody sits on, climbs or carries is replaced by others of their kind at random scale, and the motion is transferred
 onto them.  What does not come out as sound as it was keeps its object.
 """
 
@@ -20,15 +20,15 @@ from ..skeleton import ARMS, FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
 from .augment import Embedded, align, embed, switch, transfer
 from .fitting import arm_rests
 from .pool import Pool, scaled
+from .soundness import ASTRAY, DEEPER, depth, no_faster
+from .switched_boxes import switch_box
 from .take import Command, Take, Thing
 
 # Of the differences in size between an object and the one drawn for it: what is left of them in one attempt after the other.
 SHARES = (1.0, 0.8, 0.6, 0.4, 0.25)
 SEATS = (0.35, 0.6)  # heights of seats that people are put on, metres
-DEEPER, ASTRAY = 0.02, 0.015  # metres: of the body in things by more than before; of hips and feet from their places
 MOST_BACK = 0.12  # metres that a seat stands further back at most
 KEEP_OFF = 0.15  # metres that the hips keep from an object which they only pass
-FASTER, SLACK = 1.3, (0.3, 12.0)  # speed and acceleration of joints may grow by this factor, or to this (m/s, m/s^2) more
 RESTING, OVER_EDGE = 0.3, 0.03  # m/s of a toe that stands; metres by which it may stick out over an edge
 _LABELS = {"sit": SIT, "idle+walk": CLIMB}  # of the commands whose objects are switched
 _AROUND = FPS + 5  # frames on either side of an interaction that a transfer changes
@@ -37,7 +37,7 @@ _TOES = [leg[3] for leg in FEET]
 
 
 def switched(take: Take, pool: Pool | None, seed: int) -> Take | None:
-    """Return ``take`` with other objects for its sits and climbs, drawn by ``seed``; None where none could be switched.
+    """Return ``take`` with other objects for its sits, climbs and carries, drawn by ``seed``; None where none could be switched.
 
     ``pool`` None draws parametric pieces.  The body, goals and object poses follow the new objects (``take`` stays as it is);
     labels, foot contacts and phase keys hold, because feet stay where they stand unless they stand on the object.
@@ -46,9 +46,13 @@ def switched(take: Take, pool: Pool | None, seed: int) -> Take | None:
     rng = np.random.default_rng(seed)
     result, done = take, set()
     for number, command in enumerate(take.commands):
-        if command.action not in _LABELS or command.thing < 0 or command.thing in done:
+        if command.action not in (*_LABELS, "carry") or command.thing < 0 or command.thing in done:
             continue
-        other = _switch_one(result, number, pool, rng.integers(2**31, size=len(SHARES)))
+        seeds = rng.integers(2**31, size=len(SHARES))
+        if command.action == "carry":
+            other = switch_box(result, number, pool, seeds, SHARES)
+        else:
+            other = _switch_one(result, number, pool, seeds)
         if other is not None:
             result = other
             done.add(command.thing)
@@ -168,7 +172,7 @@ class _Span:
         outside = (at < self.frames.start) | (at >= self.frames.stop)
         self.elsewhere = body[outside], radii
         self.joints = forward_kinematics(take.hips.astype(np.float64), take.rotations.astype(np.float64))[0]
-        self.allowed = [_depth((body, radii), solid) + DEEPER for solid in (_solid(self.thing), self.rest)]
+        self.allowed = [depth((body, radii), solid) + DEEPER for solid in (_solid(self.thing), self.rest)]
 
     def room(self, other: Thing) -> bool:
         """Whether another object overlaps nothing and keeps off the way of the body where it is not used."""
@@ -179,22 +183,20 @@ class _Span:
         before, after = (_away(t, hips) for t in (self.thing, other))
         if ((after < KEEP_OFF) & (after < before - 0.02)).any():
             return False
-        return _depth(self.elsewhere, _solid(other)) <= self.allowed[0]
+        return depth(self.elsewhere, _solid(other)) <= self.allowed[0]
 
     def sound(self, hips: Array, rotations: Array, other: Thing) -> bool:
         """Whether the motion of the span on another object is as sound as it was on its own."""
         joints = self.joints.copy()
         joints[self.frames] = forward_kinematics(hips.astype(np.float64), rotations.astype(np.float64))[0]
         around = slice(max(self.frames.start - 3, 0), self.frames.stop + 3)
-        for order, slack in zip((1, 2), SLACK, strict=True):
-            before, after = (np.linalg.norm(np.diff(j[around], order, axis=0), axis=-1).max() * FPS**order for j in (self.joints, joints))
-            if after > max(FASTER * before, before + slack):
-                return False
+        if not no_faster(joints[around], self.joints[around]):
+            return False
         return self._feet_stand(joints, other) and self._hips_rest(joints, other) and self._not_deeper(hips, rotations, other)
 
     def _not_deeper(self, hips: Array, rotations: Array, other: Thing) -> bool:
         body = body_spheres(hips[::2], rotations[::2])
-        return all(_depth(body, s) <= a for s, a in zip((_solid(other), self.rest), self.allowed, strict=True))
+        return all(depth(body, s) <= a for s, a in zip((_solid(other), self.rest), self.allowed, strict=True))
 
     def _hips_rest(self, joints: Array, other: Thing) -> bool:
         """Whether the hips of a sitter come to their place on the seat's height."""
@@ -252,10 +254,3 @@ def _away(thing: Thing, points: Array) -> Array:
 
 def _solid(thing: Thing) -> Cuboids:
     return cuboids([(thing.furniture, thing.poses[:3], float(thing.poses[3]))])
-
-
-def _depth(body: tuple[Array, Array], solid: Cuboids) -> float:
-    """How deep, metres, spheres of the body, centres (n, S, 3) and radii (S,), reach into a solid at most."""
-    centres, radii = body
-    distance = solid.signed_distance(centres.reshape(-1, 3).astype(np.float32), 0.15).reshape(centres.shape[:2])
-    return float(np.maximum(radii - distance, 0).max(initial=0.0))
