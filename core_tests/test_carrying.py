@@ -10,7 +10,8 @@ from nsm_core import bvh_write, furniture
 from nsm_core.conventions import CARRY, HAND_CONTACTS
 from nsm_core.dataset import carrying
 from nsm_core.dataset.compose import Composer, load
-from nsm_core.dataset.hands import COMFORT, lead, lean_into_reach, place_hands
+from nsm_core.dataset.hands import lead, place_hands
+from nsm_core.dataset.leaning import COMFORT, lean_into_reach
 from nsm_core.dataset.session import Session
 from nsm_core.dataset.supports import Support
 from nsm_core.evaluation.metrics import backward_bend, jumps

@@ -10,10 +10,11 @@ import pytest
 
 from nsm_core.conventions import HAND_CONTACTS, OPEN
 from nsm_core.dataset.compose import Composer
+from nsm_core.dataset.hands import lead_hand
 from nsm_core.dataset.leaf_swing import swing_on
+from nsm_core.dataset.leaning import ARM, lean_to
 from nsm_core.dataset.opening import LOWEST
 from nsm_core.dataset.pool import DoorEntry, Pool
-from nsm_core.dataset.reaching import ARM, lead_hand, lean_to
 from nsm_core.dataset.take import Take, Thing, annotate, goal_tables
 from nsm_core.evaluation.metrics import backward_bend, body_spheres
 from nsm_core.furniture import cuboids

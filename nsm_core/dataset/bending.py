@@ -13,8 +13,8 @@ from ..limbs import place_wrists
 from ..rotations import Array, quat_rotate, rotate_planar
 from ..skeleton import ARMS, FEET, HIPS, INDEX, forward_kinematics
 from .capture_folder import has_sidecar, labelled, read_capture
-from .hands import COMFORT, LEAN, shift_of
 from .labelled import grasps
+from .leaning import COMFORT, LEAN, shift_of
 from .library import _ARM_JOINTS, gaussian_smooth, neutral
 from .session import LaidSegment, Segment, Session
 
@@ -22,7 +22,7 @@ _WORDS = ("pickupbox", "pick_up_box", "lift_box", "putdownbox", "put_down_box")
 _LEVEL, _LEAST, _DRIFT = 0.02, 0.25, 0.07  # metres: upright again, least drop of the chest, most drift of a standing foot
 _SHOULDERS, _KNEES = [arm[0] for arm in ARMS], [leg[1] for leg in FEET]
 _CHEST = INDEX["Chest4"]
-_AMOUNTS = np.linspace(0, 1, 6)  # of the extra lean, see ``hands.lean_into_reach``
+_AMOUNTS = np.linspace(0, 1, 6)  # of the extra lean, see ``leaning.lean_into_reach``
 
 
 def load_bends(folder: str | Path) -> list[Segment]:

@@ -1,30 +1,29 @@
-"""Hands on things in composed motion: ways of the wrists to a grip and off it, arms that hold, a body that leans into reach."""
+"""Hands on things in composed motion: ways of wrists to a grip and off it, arms that hold, and a hand laid on a surface."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..limbs import chain_frames, mul, place_limbs
+from ..limbs import mul, place_limbs, place_wrists, rotate
 from ..rotations import (
     Array,
     heading_quat,
     heading_to_direction,
+    quat_conjugate,
     quat_from_axis_angle,
     quat_from_matrix,
     quat_from_rotvec,
+    quat_normalize,
     quat_slerp,
     rotate_planar,
 )
-from ..skeleton import ARMS, FEET, INDEX, OFFSETS, forward_kinematics
+from ..skeleton import ARMS, forward_kinematics
+from .library import align_quaternions, gaussian_smooth
 
-ARM_LENGTH = float(np.linalg.norm(OFFSETS[[ARMS[0][1], ARMS[0][2]]], axis=-1).sum())
-COMFORT = 0.95 * ARM_LENGTH  # an arm that holds is at least a little bent
-LEAN, SHIFT = np.radians(50), np.array((0.0, -0.04, -0.16))  # the most the trunk leans more, and the hips move, to reach down
-_MOST = 1.3  # times that where the captured pose needs it
-_SHARES = ((0, 0.2), (INDEX["Chest"], 0.3), (INDEX["Chest2"], 0.25), (INDEX["Chest3"], 0.25))
+STRAIGHT = 0.541  # metres from shoulder to wrist of an arm that is not to be stretched further
+MOST_BENT = np.radians(70)  # most that a hand turns in its wrist to lie on a surface
+INWARD = 0.15  # slope at which the fingers come down on it
 _SHOULDERS, _WRISTS = [arm[0] for arm in ARMS], [arm[2] for arm in ARMS]
-_LEGS, _ANKLES = [leg[:3] for leg in FEET], [leg[2] for leg in FEET]
-_WIDEN, _SMOOTH = 3, 7  # frames either side by which a lean comes early and stays, and over which it grows
 
 # Arms that hold something before the body, local rotations of shoulder and elbow, right then left: upper arms hang a little
 # off the sides, elbows at right angles.  IK starts from them, so elbows keep pointing down and back.
@@ -85,60 +84,40 @@ def place_hands(
     return place_limbs(hips.astype(np.float64), local, ARMS, targets, hands).astype(rotations.dtype)
 
 
-def lean_into_reach(hips: Array, rotations: Array, grips: Array, active: Array) -> tuple[Array, Array]:
-    """Lean the trunk and lower the hips of a motion (T, ...) where arms are too short for ``grips`` (T, 2, 3); the feet stay.
+def lead_hand(hips: Array, rotations: Array, side: int, target: Array, weight: Array, normal: Array, along: Array) -> Array:
+    """Put the wrist of ``side`` on ``target`` (T, 3) by ``weight`` (T,) 0..1 and lay the hand on a surface.
 
-    ``active`` (T,) frames that must reach.  Returns new hips (T, 3) and local rotations (T, 23, 4).
+    ``normal`` (T, 3) leads from the surface to the hand, which points as the forearm does but along the surface, drawn towards
+    ``along`` (T, 3).  Returns new local rotations (T, 23, 4).
     """
-    amounts = np.linspace(0, _MOST, 14)
-    frames = np.flatnonzero(active)
-    need = np.zeros(len(hips))
-    open_ = frames
-    for k, a in enumerate(amounts):
-        moved = _leant(hips[open_].astype(np.float64), rotations[open_].astype(np.float64), np.full(len(open_), a))
-        shoulders, _ = chain_frames(*moved, tuple(_SHOULDERS))
-        away = np.linalg.norm(shoulders - grips[open_], axis=-1).max(-1)
-        need[open_] = amounts[min(k + 1, len(amounts) - 1)]
-        need[open_[away <= COMFORT]] = a
-        open_ = open_[away > COMFORT]
-        if not len(open_):
-            break
-    if not need.any():
-        return hips, rotations
-    window = np.hanning(2 * _SMOOTH + 3)[1:-1]
-    widest = np.lib.stride_tricks.sliding_window_view(np.pad(need, _WIDEN, mode="edge"), 2 * _WIDEN + 1).max(-1)
-    amount = np.convolve(np.pad(widest, _SMOOTH, mode="edge"), window / window.sum(), mode="valid")
-    positions, world = forward_kinematics(hips, rotations)
-    moved_hips, local = _leant(hips.astype(np.float64), rotations.astype(np.float64), amount)
-    local = place_limbs(moved_hips, local, _LEGS, positions[:, _ANKLES], world[:, _ANKLES])
-    return moved_hips.astype(hips.dtype), local.astype(rotations.dtype)
+    start, elbow, wrist = ARMS[side]
+    positions, _ = forward_kinematics(hips, rotations)
+    at = positions[:, wrist] + weight[:, None] * (target - positions[:, wrist])
+    # What is out of reach on the way back is not reached for: a straight arm snaps.
+    way = at - positions[:, start]
+    away = np.linalg.norm(way, axis=-1, keepdims=True)
+    at = positions[:, start] + way * np.minimum(1, STRAIGHT / away)
+    hips = hips.astype(np.float64)
+    placed = place_wrists(hips, rotations.astype(np.float64), side, at)
+    # The plane in which a nearly straight arm bends is noise: it settles over a few frames.
+    arm = gaussian_smooth(align_quaternions(placed[:, [start, elbow]]), 1.5)
+    placed[:, [start, elbow]] = quat_normalize(arm)
+    placed = place_wrists(hips, placed, side, at)
+    placed[:, wrist] = rotations[:, wrist]  # in line with the forearm as it was
+    positions, world = forward_kinematics(hips, placed)
+    axis = np.array((-1.0 if side == 0 else 1.0, 0, 0))
+    points = rotate(world[:, wrist], np.broadcast_to(axis, at.shape))
+    forearm = positions[:, wrist] - positions[:, elbow]
+    forearm /= np.linalg.norm(forearm, axis=-1, keepdims=True)
+    fingers = forearm - (forearm * normal).sum(-1, keepdims=True) * normal + along
+    fingers = fingers / np.maximum(np.linalg.norm(fingers, axis=-1, keepdims=True), 1e-6) - INWARD * normal
+    fingers /= np.linalg.norm(fingers, axis=-1, keepdims=True)
+    cross = np.cross(points, fingers)
+    sine, cosine = np.linalg.norm(cross, axis=-1), (points * fingers).sum(-1)
+    angle = np.minimum(np.arctan2(sine, cosine), MOST_BENT) * weight
+    swing = quat_from_rotvec(cross / np.maximum(sine, 1e-6)[:, None] * angle[:, None])
+    placed[:, wrist] = mul(quat_conjugate(world[:, elbow]), mul(swing, world[:, wrist]))
+    return quat_normalize(placed).astype(rotations.dtype)
 
 
-def shift_of(height: Array) -> Array:
-    """How hips at heights (...) move at the full amount, (..., 3) seen from the body: nearly sitting on the heels they stay."""
-    return np.concatenate(
-        (np.broadcast_to(SHIFT[:2], (*np.shape(height), 2)), (SHIFT[2] * np.clip((height - 0.32) / 0.3, 0, 1))[..., None]), axis=-1
-    )
-
-
-def _leant(hips: Array, local: Array, amount: Array) -> tuple[Array, Array]:
-    """Hips and local rotations with the trunk pitched forward, shared by its joints, and the hips moved, by ``amount`` (T,)."""
-    local = local.copy()
-    x = np.array((1.0, 0, 0))
-    for joint, share in _SHARES:
-        pitch = quat_from_axis_angle(x, amount * LEAN * share)
-        # The pelvis turns about its own axis, the spine about its parent's.
-        local[:, joint] = mul(local[:, joint], pitch) if joint == 0 else mul(pitch, local[:, joint])
-    ahead = -SHIFT[1] * _facing(local[:, 0])
-    return hips + amount[:, None] * np.concatenate((ahead, shift_of(hips[:, 2])[:, 2:]), axis=1), local
-
-
-def _facing(pelvis: Array) -> Array:
-    """Planar unit vectors (T, 2) ahead of pelvis rotations (T, 4): at right angles to their side-to-side axis."""
-    w, x, y, z = np.moveaxis(pelvis, -1, 0)
-    side = np.stack((1 - 2 * (y * y + z * z), 2 * (x * y + w * z)), axis=-1)
-    side /= np.maximum(np.linalg.norm(side, axis=-1, keepdims=True), 1e-9)
-    return np.stack((side[:, 1], -side[:, 0]), axis=-1)
-
-
-__all__ = ["ARM_LENGTH", "COMFORT", "ease", "lead", "lean_into_reach", "place_hands", "shift_of"]
+__all__ = ["ease", "lead", "lead_hand", "place_hands"]

@@ -11,7 +11,8 @@ from ..conventions import CARRY, HAND_CONTACTS
 from ..rotations import Array, heading_to_direction, rotate_planar, wrap_angle
 from ..skeleton import ARMS, forward_kinematics
 from .bending import Bend
-from .hands import ARM_LENGTH, ease, lean_into_reach, place_hands
+from .hands import ease, place_hands
+from .leaning import ARM_LENGTH, lean_into_reach
 from .library import gaussian_smooth, smoothed_root
 from .motion import Motion
 from .take import Command, Placed, Thing

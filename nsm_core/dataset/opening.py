@@ -18,11 +18,11 @@ from ..evaluation.metrics import body_spheres
 from ..furniture import cuboids
 from ..rotations import Array, direction_to_heading, heading_to_direction, rotate_planar
 from ..skeleton import ARMS, forward_kinematics
-from .hands import ease
+from .hands import ease, lead_hand
 from .leaf_swing import Doorway, Turning, turn
+from .leaning import lean_to
 from .motion import Motion
 from .passing import joints_from, step_back, straight_on
-from .reaching import lead_hand, lean_to
 from .session import Segment, Session
 from .take import Command, Placed, Thing
 

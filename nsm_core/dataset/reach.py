@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..limbs import SOFT_REACH
-from ..rotations import Array, quat_from_rotvec, quat_mul
-from ..skeleton import ARMS, FEET, HIPS, INDEX, OFFSETS, forward_kinematics, local_from_world
+from ..rotations import Array
+from ..skeleton import ARMS, FEET, OFFSETS, forward_kinematics
+from .leaning import SPINE, lean
 
-_SPINE = tuple(INDEX[name] for name in ("Chest", "Chest2", "Chest3"))
-_LEGS = {j for leg in FEET for j in leg}
-_ABOVE = [j for j in range(len(INDEX)) if j != HIPS and j not in _SPINE and j not in _LEGS]
 _MOST_LEAN, _MOST_SHIFT = np.radians(50), 0.5  # of the spine; of the hips, metres
 _ROUNDS = 6
 
@@ -22,21 +20,21 @@ def within_reach(
 
     ``before`` (N, J, 3) joints of the original pose: a limb that was stretched further there may be so again.
     """
-    rotations, start = rotations.copy(), hips
+    start = hips
     legs, arms = [leg[:3] for leg in FEET], [ARMS[s] for s in used]
-    lean = np.zeros((len(hips), 3))
-    upright = rotations.copy()
+    turn = np.zeros((len(hips), 3))
+    upright, world = rotations, forward_kinematics(hips, rotations)[1]
     for _ in range(_ROUNDS):
         joints = forward_kinematics(hips, rotations)[0]
         short = _shortfall(joints, before, arms, hands)
         if not short.any() and not (free and _shortfall(joints, before, legs, ankles).any()):
             break
-        pivot = joints[:, _SPINE[0]]
+        pivot = joints[:, SPINE[0][0]]
         lever = joints[:, [arm[0] for arm in arms]].mean(axis=1) - pivot if arms else np.zeros_like(pivot)
-        lean += np.cross(lever, short) / np.maximum((lever**2).sum(-1, keepdims=True), 1e-6)
-        size = np.linalg.norm(lean, axis=-1, keepdims=True)
-        lean *= np.minimum(1, _MOST_LEAN / np.maximum(size, 1e-9))
-        rotations = _leant(hips, upright, lean) if (size > 1e-9).any() else rotations
+        turn += np.cross(lever, short) / np.maximum((lever**2).sum(-1, keepdims=True), 1e-6)
+        size = np.linalg.norm(turn, axis=-1, keepdims=True)
+        turn *= np.minimum(1, _MOST_LEAN / np.maximum(size, 1e-9))
+        rotations = lean(upright, world, turn, head=1.0) if (size > 1e-9).any() else rotations
         if not free:
             continue
         joints = forward_kinematics(hips, rotations)[0]
@@ -57,15 +55,3 @@ def _shortfall(joints: Array, before: Array, chains: list[tuple[int, int, int]],
         worst = np.where(over > most, way / np.maximum(distance, 1e-9) * over, worst)
         most = np.maximum(over, most)
     return worst
-
-
-def _leant(hips: Array, rotations: Array, lean: Array) -> Array:
-    """Local rotations of a pose whose spine is bent by the rotation vectors ``lean`` (N, 3), world, in equal shares."""
-    world = forward_kinematics(hips, rotations)[1]
-    for n, joint in enumerate(_SPINE):
-        part = quat_from_rotvec(lean * (n + 1) / len(_SPINE))
-        world[:, joint] = quat_mul(part, world[:, joint])
-    whole = quat_from_rotvec(lean)
-    for j in _ABOVE:
-        world[:, j] = quat_mul(whole, world[:, j])
-    return local_from_world(world)
