@@ -30,7 +30,7 @@ from .pool import Pool
 from .scene import furnish, keep_clear
 from .session import Session, Source, gather
 from .stitching import place, soften_seam
-from .take import Command, Take
+from .take import Command, Piece, Take
 
 # Episodes with objects by name, and how often each is drawn; "walk" and "run" have none.
 EPISODES: dict[str, ModuleType] = {"sit": sitting, "climb": climbing, "carry": carrying, "open": opening}
@@ -171,13 +171,13 @@ def _ordered(commands: list[Command], session: Session) -> list[Command]:
     return result
 
 
-def _provenance(session: Session, i: Array) -> list[tuple[str, int, int]]:
-    """Which frames of which clip (name, first, one past the last) follow one another."""
+def _provenance(session: Session, i: Array) -> list[Piece]:
+    """Which frames of which clip follow one another."""
     lib, result = session.lib, []
     clip = lib.clip_of[i]
     jumps = np.flatnonzero((np.abs(np.diff(i)) > 2) | (np.diff(clip) != 0)) + 1
     for a, b in zip([0, *jumps], [*jumps, len(i)], strict=True):
-        result.append((lib.names[clip[a]], int(i[a] - lib.start[i[a]]), int(i[b - 1] - lib.start[i[a]] + 1)))
+        result.append(Piece(lib.names[clip[a]], int(i[a] - lib.start[i[a]]), int(i[b - 1] - lib.start[i[a]] + 1), int(b - a)))
     return result
 
 
