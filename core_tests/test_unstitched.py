@@ -8,11 +8,14 @@ from pathlib import Path
 import captures
 import numpy as np
 import pytest
+from test_carrying import pick_up
 
+from nsm_core import bvh_write
 from nsm_core.conventions import SIT
-from nsm_core.dataset.compose import Composer
+from nsm_core.dataset.compose import Composer, load
 from nsm_core.dataset.take import Take, annotate
-from nsm_core.skeleton import HIP_OVER_SEAT, HIPS
+from nsm_core.evaluation.metrics import jumps
+from nsm_core.skeleton import ARMS, HIP_OVER_SEAT, HIPS
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +74,26 @@ def test_the_seat_stands_under_the_captured_sit(folder):
         assert np.linalg.norm(thing.position - hips.mean(0)[:2]) < 0.5
         assert take.commands[1].frame > np.flatnonzero(seated)[0], "one is asked to rise before one sits"
         assert take.labels[0, SIT] == 0 and take.labels[-1, SIT] == 0
+
+
+def test_one_captured_bend_takes_a_box_lifts_it_and_puts_it_back(tmp_path):
+    folder = captures.write_captures(tmp_path)
+    bvh_write.write(folder / "clips" / "accad_male1" / "male1_a5_pickupbox.bvh", *pick_up())
+    takes = composed(folder, {"carry": 1}, 12, load(str(folder)))
+    assert len(takes) > 3
+    for take in takes:
+        thing = take.things[0]
+        assert [c.action for c in take.commands] == ["carry", "walk+carry", "idle+carry", "idle"]
+        assert [c.thing for c in take.commands] == [0, 0, 0, -1] and len({piece[0] for piece in take.provenance}) == 1
+        np.testing.assert_allclose(thing.poses[0, :3], thing.poses[-1, :3], atol=1e-6)
+        assert abs(thing.poses[0, 3] - thing.poses[-1, 3]) < 0.15
+        height = thing.poses[:, 2] - thing.poses[0, 2]
+        assert height.max() > 0.2 or thing.poses[0, 2] > 0.6, "it is not lifted"
+        assert (height[~thing.held] < 1e-6).all() and thing.held.sum() > 45
+        wrists = annotate(take).joint_position[:, [arm[2] for arm in ARMS]]
+        apart = np.linalg.norm(wrists[:, 0] - wrists[:, 1], axis=-1)[thing.held]
+        assert np.ptp(apart) < 0.02, "the hands slip on the box"
+        assert jumps(take.hips, take.rotations)["jolt_cm"] < 8
 
 
 def test_what_the_captures_lack_is_left_out(folder):

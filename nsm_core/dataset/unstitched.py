@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..conventions import FPS, IDLE, RUN, STYLES, WALK
+from ..furniture import Furniture
 from ..rotations import Array, heading_to_direction, rotate_planar
 from ..skeleton import HIPS
 from . import carrying, sitting
@@ -124,12 +125,25 @@ def _ask(session: Session, spans: list[tuple[int, int, int]]) -> None:
 
 
 def sit(session: Session) -> bool:
-    """Play a captured sit-down, asked for from its first frame on, stay as composed sits do, and rise to stand."""
-    rng, lib, tape = session.rng, session.lib, session.tape
+    """Play a captured sit-down, asked for from its first frame on, stay as composed sits do, and rise to stand.
+
+    Legs of some captures stand where some seats would be: a seat is tried with several of them, lest wide ones get rare.
+    """
     pieces = _from_both_feet(session, sitting.NAME)
-    if not pieces:
+    piece = session.draw(str(session.rng.choice(sitting.SEATS)))
+    if not pieces or piece.seat is None:
         return False
-    piece = session.draw(str(rng.choice(sitting.SEATS)))
+    for _ in range(sitting.TRIES):
+        saved = session.save()
+        session.episodes.append(_sit_on(session, piece, pieces))
+        if session.clear():
+            return True
+        session.restore(saved)
+    return False
+
+
+def _sit_on(session: Session, piece: Furniture, pieces: list[LaidSegment]) -> Sit:
+    rng, lib, tape = session.rng, session.lib, session.tape
     segment = pieces[int(rng.integers(len(pieces)))]
     down, up = segment.marks["down"], segment.marks["up"]
     mark = session.command("sit")
@@ -141,6 +155,7 @@ def sit(session: Session) -> bool:
     episode.reached = len(tape)
     middle = down + int(np.argmin(np.linalg.norm(lib.velocity[down:up, HIPS], axis=1)))
     tape.run_on(np.linspace(down, middle, max(2, abs(middle - down))), seam=False)
+    episode.still = len(tape)
     tape.hold(middle, int(rng.uniform(0.6, 3.0) * FPS), 3, seam=False)
     episode.leaving = len(tape)
     tape.run_on(np.linspace(middle, up, max(2, abs(up - middle))), seam=False)
@@ -155,8 +170,7 @@ def sit(session: Session) -> bool:
     tape.run_on(np.arange(up, segment.last - 1, 1 / rng.uniform(0.85, 1.2)), seam=False)
     episode.risen = len(tape)
     _stand(session, rising, segment.last - 2)
-    session.episodes.append(episode)
-    return session.clear()
+    return episode
 
 
 def carry(session: Session) -> bool:
