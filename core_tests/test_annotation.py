@@ -13,7 +13,7 @@ from nsm_core.__main__ import main
 from nsm_core.clip import Clip
 from nsm_core.conventions import CARRY, CLIMB, FOOT_CONTACTS, HAND_CONTACTS, HIP_CONTACT, IDLE, OPEN, RUN, SIT, WALK
 from nsm_core.dataset import sidecar
-from nsm_core.dataset.annotation import arrays_of, load_annotation, propose
+from nsm_core.dataset.annotation import arrays_of, propose
 from nsm_core.dataset.phases import keys_of_phase, phase_of_keys, rule_keys
 from nsm_core.errors import CaptureError
 from nsm_core.limbs import place_limbs, place_wrists
@@ -197,7 +197,7 @@ def test_the_command_writes_sidecars_and_pictures_and_keeps_edits(folder, capsys
         assert again.actions["carry"] == [(20, 0.0), (30, 1.0), (60, 1.0), (70, 0.0)]
         assert again.actions["walk"] == sheet.actions["walk"]
         assert any("carry" in g.action for g in again.goals)  # goals follow from the labels in force
-    a = load_annotation(folder / "walk.bvh")
+    a = arrays_of(sidecar.read(path))
     assert a.style[45, CARRY] == 1 and a.contact[6, HIP_CONTACT] == 1 and a.contact[10, HIP_CONTACT] == 0
     assert main(["annotate", str(folder), "--no-pictures", "--overwrite"]) == 0
     assert path.read_text() == first
@@ -209,7 +209,7 @@ def test_a_deleted_section_stays_deleted(folder):
     sheet = sidecar.read(path)
     sidecar.write(path, replace(sheet, actions=sheet.actions | {"sit": []}))
     main(["annotate", str(folder), "--no-pictures"])
-    assert not load_annotation(path).style[:, SIT].any()
+    assert not arrays_of(sidecar.read(path)).style[:, SIT].any()
     assert all(g.action != "sit" for g in sidecar.read(path).goals)
 
 
@@ -233,7 +233,7 @@ def test_a_broken_sidecar_is_a_sentence_and_is_left_alone(folder, capsys, old, n
     assert old in text
     path.write_text(text.replace(old, new, 1))
     with pytest.raises(CaptureError, match=rf"walk\.nsm\.toml.*{says}.*\.$"):
-        load_annotation(path)
+        sidecar.read(path)
     assert main(["annotate", str(folder), "--no-pictures"]) == 1
     assert "walk.bvh: walk.nsm.toml" in capsys.readouterr().err
     assert path.read_text() == text.replace(old, new, 1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from .labels import propose_actions
 from .measures import Motion, Span, motion_of
 from .other_labels import others
 from .phases import phase_of_keys, rule_keys
-from .sidecar import SECTIONS, GoalKey, Key, Sheet, fingerprint, read, sidecar_of
+from .sidecar import SECTIONS, GoalKey, Key, Sheet, fingerprint
 
 _GAIT = [IDLE, WALK, RUN]
 _HOLD_LAG = 3  # frames after which a command follows on a grasp or a release
@@ -63,11 +62,6 @@ class Annotation:
 
 def _other(name: str) -> str:
     return name.replace("Right", "Left") if "Right" in name else name.replace("Left", "Right")
-
-
-def load_annotation(path: str | Path) -> Annotation:
-    """Read the sidecar of a clip (or a sidecar) as per-frame arrays; CaptureError says what is wrong with it."""
-    return arrays_of(read(sidecar_of(path)))
 
 
 def arrays_of(sheet: Sheet) -> Annotation:
