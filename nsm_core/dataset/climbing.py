@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from ..conventions import CLIMB, FPS
+from ..conventions import FPS
 from ..furniture import Furniture
-from ..rotations import Array, heading_to_direction, rotate_planar
-from ..skeleton import FEET, forward_kinematics
+from ..rotations import heading_to_direction, rotate_planar
+from ..skeleton import FEET
+from .climb_fit import Climb
 from .footholds import (
     HEEL,
     OFF_EDGE,
@@ -20,26 +20,21 @@ from .footholds import (
     Crossing,
     Hold,
     crossing_at,
-    draw_near,
     find_holds,
-    place_feet,
-    pose_holds,
     shift_off_edges,
     short_of_edge,
 )
 from .library import gaussian_smooth
-from .motion import Motion
-from .raising import Ascent, climb
 from .session import Segment, Session
-from .take import Command, Thing
 
 NAME = "climb"
 WALLS = 0.25  # share of low walls
+FEWER_LOW = 0.4  # share of low pieces that are drawn again: what is high is harder to learn, and finds its place less often
 FARTHEST_SHIFT = 0.14  # metres that a foothold is moved at most
 BEHIND = (0.2, 0.95)  # metres behind a low wall where one stands
 SLACK = 0.12  # metres that the stride over a low wall is longer than it need be
-MARGIN = 90  # frames before and after an episode in which feet still come back to their own places
 LEAVES = 6  # ways down that are tried
+SHORTEST_SWING = 6  # frames of a swing over an edge, as it was walked
 TOP_SPEED = 0.5  # m/s: mean speed at which hips rise or sink at most
 
 
@@ -48,78 +43,12 @@ def segments(folder: str | Path) -> list[Segment]:
     return []
 
 
-@dataclass
-class Climb:
-    """One climb: its object, the command that asks for it, and its crossings of edges (up and down, or one over a wall)."""
-
-    piece: Furniture
-    block: Block
-    mark: int
-    start: int
-    up: Crossing
-    down: Crossing | None = None
-    stand: int = 0  # a frame of standing on top or behind
-    end: int = 0
-    places: list[tuple[Array, float]] = field(default_factory=list)
-
-    def clear(self, session: Session) -> bool:
-        """Whether the way walked keeps off the block but for the climb itself."""
-        roots = np.array(session.tape.roots)
-        inside = self.block.holds(roots, 0.25)
-        inside[self.start : self.end] = False
-        # On the way there and away one comes near only where one climbs; a wall is stepped over, not walked around.
-        on_way = self.block.holds(roots[self.start : self.up.lift], 0.0).any()
-        return not inside.any() and not on_way
-
-    def fit(self, motion: Motion) -> None:
-        """Label the climb."""
-        for crossing in (self.up, self.down):
-            if crossing is not None:
-                _ramp(motion, crossing)
-
-    def finish(self, motion: Motion) -> None:
-        """Move the feet off the edges, raise them and the hips, and say where the climb ends."""
-        first, last = max(self.start - MARGIN, 0), min(self.end + MARGIN, len(motion))
-        span = slice(first, last)
-        positions, world = forward_kinematics(motion.hips[span], motion.rotations[span])
-        holds = pose_holds(positions, world, motion.feet[span])
-        h, a, b = self.block.height, self.up.less(first), self.down and self.down.less(first)
-        top = np.zeros(len(holds), bool)
-        if b is None:
-            ascents = [Ascent(a.lift, a.landing, 0.12 * h), Ascent(a.follows + 2, a.both + 6, -0.12 * h)]
-        else:
-            top = np.array([a.landing - 2 <= x.first < b.landing - 2 for x in holds])
-            ascents = [Ascent(a.landing - 2, a.both + 4, h), Ascent(b.lift + 0.2 * (b.landing - b.lift), b.landing + 4, -h)]
-        most = np.radians(np.interp(h, (0.15, 0.3, 0.6), (0, 5, 17)))
-        away = (np.arange(last - first) - (a.landing + a.follows) / 2) / (0.3 * max(a.both - a.lift, 16))
-        lean = most * np.exp(-0.5 * away**2)
-        shifts = place_feet(holds, top, self.block)
-        if b is None:
-            # With the feet close to the wall the hips stay high, and the knees before it.
-            lead = next((k for k, x in enumerate(holds) if x.first >= a.landing - 2), len(holds) - 1)
-            other = [k for k in range(lead) if holds[k].side != holds[lead].side]
-            draw_near(holds, shifts, [*other[-1:], lead], self.block)
-        within = (self.start - first, self.end - first)
-        motion.hips[span], motion.rotations[span] = climb(
-            motion.hips[span], motion.rotations[span], motion.feet[span], self.block, holds, top, shifts, within, ascents, lean
-        )
-        at = slice(self.stand, self.stand + 8)
-        place = np.append(motion.hips[at, :2].mean(0), 0.0 if self.down is None else self.block.height).astype(np.float32)
-        frame, heading = motion.commands[self.mark].frame, float(np.mean(motion.headings[at]))
-        motion.commands[self.mark] = Command(frame, "idle+walk", place, heading, len(motion.things))
-        motion.things.append(Thing.standing(self.piece, self.block.position, self.block.heading))
-
-
-def _ramp(motion: Motion, c: Crossing) -> None:
-    motion.ramp(CLIMB, c.lift - 6, c.lift + 3, max(c.both - 2, c.lift + 4), c.both + 6)
-
-
 def lay(session: Session) -> Climb | None:
     """Walk up to and onto a step, stand and walk off it, or step over a low wall; the object is put where the feet allow it."""
     rng, tape = session.rng, session.tape
     over = rng.random() < WALLS
     piece = session.draw("low_wall" if over else "step")
-    if piece.size[2] > (0.4 if over else 0.45) and rng.random() < 0.6:
+    if piece.size[2] < 0.3 and rng.random() < FEWER_LOW:
         piece = session.draw("low_wall" if over else "step")
     place = session.free_place(1.5, 3.6, 0.5 + 0.5 * float(piece.size[1]))
     if place is None:
@@ -143,7 +72,7 @@ def lay(session: Session) -> Climb | None:
         return None
     block, lead = found
     up = crossing_at(holds, lead)
-    if up is None:
+    if up is None or up.landing - up.lift < SHORTEST_SWING:
         return None
     up = _slow(session, up, block.height, start)
     radius = 0.5 * float(np.linalg.norm(piece.size[:2])) + 0.5
@@ -198,7 +127,11 @@ def _way_down(session: Session, climb: Climb, before: int) -> Crossing | None:
     short = float(np.interp(block.height, (0.15, 0.3, 0.5), (0.3, 0.12, 0.03)))
     if shifts.max() > FARTHEST_SHIFT or short_of_edge(holds, on_top, block) > short:
         return None
-    return crossing_at(holds, off[0])
+    down = crossing_at(holds, off[0])
+    if down is None or down.landing - down.lift < SHORTEST_SWING:
+        return None
+    # Who stands long with a foot on either level folds the upper leg into the edge.
+    return down if down.follows - down.landing <= np.interp(block.height, (0.2, 0.35), (9, 4)) else None
 
 
 def _holds(session: Session, start: int) -> list[Hold]:

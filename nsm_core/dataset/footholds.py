@@ -90,13 +90,25 @@ def place_feet(holds: list[Hold], on_top: Array, block: Block) -> Array:
 def draw_near(holds: list[Hold], shifts: Array, chosen: list[int], block: Block) -> None:
     """Let ``chosen`` holds beside the block come as near to it as feet stand, in place; their legs then need to reach less far."""
     for k in chosen:
-        at = block.local(holds[k].place + shifts[k])
-        ahead = heading_to_direction(np.array(holds[k].heading - block.heading))
-        ends = np.stack((at - HEEL * ahead, at + TIPS * ahead))
-        gaps = np.maximum(ends.min(0) - block.half, -ends.max(0) - block.half) - HALF_WIDTH * np.abs(ahead[::-1])
-        toward = np.zeros(2)
-        toward[gaps.argmax()] = -np.sign(at[gaps.argmax()])
-        shifts[k] += rotate_planar(np.clip(gaps.max() - OFF_EDGE, 0, TO_THE_EDGE) * toward, np.float64(block.heading))
+        toward, gap = _gap(holds[k], shifts[k], block)
+        shifts[k] += np.clip(gap - OFF_EDGE, 0, TO_THE_EDGE) * toward
+
+
+def set_off(holds: list[Hold], shifts: Array, k: int, block: Block, gap: float) -> None:
+    """Keep hold ``k`` beside the block at least ``gap`` metres off it, in place: its knee has room to come forward."""
+    toward, now = _gap(holds[k], shifts[k], block)
+    shifts[k] -= max(gap - now, 0.0) * toward
+
+
+def _gap(hold: Hold, shift: Array, block: Block) -> tuple[Array, float]:
+    """Which way (2,) a shifted hold beside the block has to go to it, and how far, metres."""
+    at = block.local(hold.place + shift)
+    ahead = heading_to_direction(np.array(hold.heading - block.heading))
+    ends = np.stack((at - HEEL * ahead, at + TIPS * ahead))
+    gaps = np.maximum(ends.min(0) - block.half, -ends.max(0) - block.half) - HALF_WIDTH * np.abs(ahead[::-1])
+    toward = np.zeros(2)
+    toward[gaps.argmax()] = -np.sign(at[gaps.argmax()])
+    return rotate_planar(toward, np.float64(block.heading)), float(gaps.max())
 
 
 def short_of_edge(holds: list[Hold], on_top: Array, block: Block) -> float:

@@ -9,7 +9,8 @@ import numpy as np
 from ..control.foot_lock import ANKLES, HEEL_FROM_ANKLE, LEGS, TOE_OFFSET, TOES, smooth_step
 from ..limbs import leg_reach, mul, place_limbs, rotate
 from ..rotations import Array, quat_conjugate, quat_from_axis_angle, rotate_planar
-from ..skeleton import END_SITES, FEET, HIPS, INDEX, OFFSETS, TOE_HEIGHT, forward_kinematics
+from ..skeleton import END_SITES, HIPS, INDEX, TOE_HEIGHT, forward_kinematics
+from .clearance import crosses, shin_depth, splayed
 from .footholds import Block, Hold
 
 CLEARANCE = 0.035  # metres between a swinging sole and the block
@@ -42,11 +43,14 @@ def climb(
     span: tuple[int, int],
     ascents: list[Ascent],
     lean: Array,
+    sway: Array | None = None,
+    splay: float = 0.0,
 ) -> tuple[Array, Array]:
     """Fit a level motion (T, ...) with locked feet to a block; return new hips and local rotations.
 
     ``on`` (T, 2) contacts; ``holds`` all holds of the motion, whether each is ``on_top``, and ``shifts`` (N, 2) of those that
-    begin within the frames ``span``.  ``lean`` (T,) radians bends the spine forward.
+    begin within the frames ``span``.  ``lean`` (T,) radians bends the spine forward; ``sway`` (T, 2), metres, moves the hips aside;
+    ``splay`` radians turns the knees outward in swings over the block.
     """  # fmt: skip
     within = np.array([span[0] <= h.first < span[1] for h in holds])
     shifts = np.where(within[:, None], shifts, 0)
@@ -69,12 +73,16 @@ def climb(
                 gaps.append((side, begin, end, offsets[a], offsets[b]))
                 last = max(last, end)
     out = hips.astype(np.float64)
-    out[:, :2] += _smooth(moved[..., :2].mean(1), 4)
+    out[:, :2] += _smooth(moved[..., :2].mean(1), 4) + (0 if sway is None else sway)
     t = np.arange(len(hips))
     for rise in ascents:
         x = np.clip((t - rise.first) / max(rise.last - rise.first, 1), 0, 1)
         out[:, 2] += rise.by * x**3 * (10 - 15 * x + 6 * x * x)
     changed = slice(max(first - 30, 0), min(last + 15, len(hips)))
+    outward = np.zeros((len(t), 2))
+    if splay:
+        crossing = [g for g in gaps if crosses(toes, g, block)]
+        rotations, feet, outward = splayed(positions, rotations, world, feet, crossing, splay)
     flat, result = feet, rotations
     # Astride a wall, hips that give way to one leg only bend the other.
     rounds = SHRINKS * on_top.any()
@@ -87,7 +95,9 @@ def climb(
         for side, begin, end, before, after in gaps:
             gap = slice(begin, end)
             path = toes[begin - 1 : end + 1, side]
-            moved[gap, side] = _swing(path, flat[gap, side], before, after, block, hip[gap, side], ahead[gap])
+            bends = ahead[gap].copy()
+            bends[:, :2] = rotate_planar(bends[:, :2], -outward[gap, side])
+            moved[gap, side] = _swing(path, flat[gap, side], before, after, block, hip[gap, side], bends)
         raised, feet, result = toes + moved, flat.copy(), rotations.astype(np.float64)
         for _ in range(2):
             targets = raised - rotate(feet, TOE_OFFSET)
@@ -143,7 +153,7 @@ def _swing(toe: Array, feet: Array, before: Array, after: Array, block: Block, h
     crossing = drop or before[2] or block.holds(way, 0.0).any()
     chord = (toe[-1] - toe[0])[:2]
     p = np.clip((toe[1:-1, :2] - toe[0, :2]) @ chord / max(float(chord @ chord), 1e-6), 0, 1)
-    delay = np.array((1.0, 1.4, 2.0) if crossing and np.linalg.norm(chord) > 0.15 else (1.0,))[:, None]
+    delay = np.array((1.0, 1.4, 2.0, 3.0) if crossing and np.linalg.norm(chord) > 0.15 else (1.0,))[:, None]
     # Later (up) or earlier (down) along the way than it was walked.
     q = p**delay if drop <= 0 else 1 - (1 - p) ** delay
     flat = before[:2] + smooth_step(u)[:, None] * (after - before)[:2] + (q - p)[..., None] * chord
@@ -171,28 +181,9 @@ def _swing(toe: Array, feet: Array, before: Array, after: Array, block: Block, h
     if crossing:
         at = toe[1:-1] - rotate(feet, TOE_OFFSET)
         ankle = np.concatenate((np.broadcast_to((at[:, :2] + flat)[:, None, None, None], z.shape + (2,)), (at[:, 2] + z)[..., None]), -1)
-        cost = cost + 4 * _shin_depth(hip, ankle, ahead, block).max(-1)
+        cost = cost + 4 * shin_depth(hip, ankle, ahead, block).max(-1)
     d, c, s, e = np.unravel_index(int(cost.argmin()), cost.shape)
     return np.concatenate((flat[d], z[d, c, s, e][:, None]), axis=1)
-
-
-def _shin_depth(hip: Array, ankle: Array, ahead: Array, block: Block) -> Array:
-    """How deep (..., n) the shin is in the block, metres, with the knee bent ``ahead`` (n, 3); hip (n, 3), ankle (..., n, 3)."""
-    thigh, shin = (float(np.linalg.norm(OFFSETS[j])) for j in FEET[0][1:3])
-    way = ankle - hip
-    length = np.linalg.norm(way, axis=-1, keepdims=True)
-    unit, span = way / length, np.clip(length, 0.15, 0.999 * (thigh + shin))
-    bend = ahead - unit * (unit * ahead).sum(-1, keepdims=True)
-    bend /= np.maximum(np.linalg.norm(bend, axis=-1, keepdims=True), 1e-6)
-    cosine = np.clip((thigh**2 + span**2 - shin**2) / (2 * thigh * span), -1, 1)
-    knee = hip + thigh * (cosine * unit + np.sqrt(1 - cosine**2) * bend)
-    foot = hip + span * unit
-    depth = np.zeros(ankle.shape[:-1])
-    for share in (0.0, 0.3, 0.6, 0.85):
-        point = knee + share * (foot - knee)
-        beside = (np.abs(block.local(point[..., :2])) - block.half).max(-1)
-        depth = np.maximum(depth, 0.045 - np.maximum(beside, point[..., 2] - block.height))
-    return depth
 
 
 def _lowering(hips: Array, before: Array, targets: Array, on: Array) -> Array:
