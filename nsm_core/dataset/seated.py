@@ -6,12 +6,12 @@ import numpy as np
 
 from ..control.foot_lock import smooth_step
 from ..control.hands import HandClearance
-from ..control.heels import Heels
+from ..control.heels import KNEE_OVER_SEAT, Heels
 from ..conventions import SIT
 from ..limbs import mul, place_limbs
 from ..rotations import Array, heading_quat, quat_from_axis_angle, wrap_angle
 from ..sensors.query import DistanceQuery
-from ..skeleton import ARMS, FEET, INDEX, forward_kinematics, root_of
+from ..skeleton import ARMS, FEET, HIP_OVER_SEAT, INDEX, forward_kinematics, root_of
 from .library import gaussian_smooth
 from .motion import Motion
 
@@ -20,6 +20,7 @@ _EARLY, _LATE = 5, 6  # frames before and after the seat is reached between whic
 _LEANS = np.radians(np.arange(0, 29, 4.0))
 _BACK, _LOWEST = 0.1, 0.15  # metres from the spine to the skin of the back; over the pivot from where on leaning moves the back
 _SPINE = [INDEX[name] for name in ("Chest2", "Chest3", "Chest4", "Neck")]
+_ARM, _FADE = 0.22, 20  # metres from a joint of the arm to a solid that the arm may touch; frames in which what moved it fades
 _LEGS = tuple(leg[:3] for leg in FEET)
 
 
@@ -81,6 +82,9 @@ def _back_depth(hips: Array, local: Array, solid: DistanceQuery) -> Array:
 
 def lift_heels(motion: Motion, span: slice, goal: Array) -> None:
     """Lift the heels of a sitter at ``goal`` (3,) whose thighs would press into the seat, as in takes (``control.heels``)."""
+    knees = forward_kinematics(motion.hips[span], motion.rotations[span])[0][:, [leg[1] for leg in FEET], 2]
+    if knees[motion.labels[span, SIT] > 0.3].min(initial=np.inf) > goal[2] - HIP_OVER_SEAT + KNEE_OVER_SEAT:
+        return
     heels = Heels()
     for t in range(span.start, span.stop):
         motion.rotations[t] = heels.apply(motion.hips[t], motion.rotations[t], float(motion.labels[t, SIT]), goal)
@@ -88,6 +92,12 @@ def lift_heels(motion: Motion, span: slice, goal: Array) -> None:
 
 def keep_hands_off(motion: Motion, span: slice, solid: DistanceQuery) -> None:
     """Move hands out of ``solid``, as in takes (``control.hands``)."""
+    centres = forward_kinematics(motion.hips[span], motion.rotations[span])[0][:, [j for arm in ARMS for j in arm[1:]]]
+    distance = solid.signed_distance(centres.reshape(-1, 3).astype(np.float32), _ARM + 0.01).reshape(centres.shape[:2])
+    near = np.flatnonzero(distance.min(axis=1) < _ARM)
+    if not len(near):
+        return
     hands = HandClearance(solid)
+    span = slice(span.start + int(near[0]), min(span.start + int(near[-1]) + _FADE, span.stop))
     for t in range(span.start, span.stop):
         motion.rotations[t] = hands.apply(motion.hips[t], motion.rotations[t])
