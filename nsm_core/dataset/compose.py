@@ -34,7 +34,7 @@ from .take import Command, Piece, Take
 
 # Episodes with objects by name, and how often each is drawn; "walk" and "run" have none.
 EPISODES: dict[str, ModuleType] = {"sit": sitting, "climb": climbing, "carry": carrying, "open": opening}
-SHARES = {"sit": 0.28, "carry": 0.17, "open": 0.26, "climb": 0.12, "walk": 0.1, "run": 0.07}
+SHARES = {"sit": 0.38, "carry": 0.18, "open": 0.22, "climb": 0.14, "walk": 0.1, "run": 0.07}
 RESTING = 0.3  # m/s of a toe that still counts as standing
 SHORTEST = 90  # frames of a take
 ATTEMPTS = 4  # draws for each part that is wanted
