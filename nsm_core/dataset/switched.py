@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..control.foot_lock import intervals
 from ..conventions import CLIMB, FOOT_CONTACTS, FPS, HAND_CONTACTS, HIP_CONTACT, SIT
 from ..errors import GeometryError
 from ..evaluation.metrics import body_spheres
@@ -124,10 +125,10 @@ def _active(take: Take, number: int, e: Embedded) -> Array:
     """Frames (T,) in which the object of command ``number`` is used: it is touched, or the label of its action is on."""
     command, count = take.commands[number], np.arange(len(take))
     later = [c.frame for c in take.commands[number + 1 :] if c.thing >= 0 and c.thing != command.thing]
-    mine = (count >= command.frame) & (count < min(later, default=len(take)))
-    label = take.labels[:, _LABELS[command.action]] > 0
-    # The label of an action may fade after the next thing is asked for.
-    used = e.touch.any(axis=1) | (label & mine)
+    # The label of what was done before may still fade when this is asked for, and its own when the next thing is.
+    used = e.touch.any(axis=1)
+    for first, last in intervals(take.labels[:, _LABELS[command.action]] > 0):
+        used[first:last] |= command.frame <= first < min(later, default=len(take))
     if not used.any():
         return used
     first, last = np.flatnonzero(used)[[0, -1]]
@@ -195,7 +196,7 @@ class _Span:
         return self._feet_stand(joints, other) and self._hips_rest(joints, other) and self._not_deeper(hips, rotations, other)
 
     def _not_deeper(self, hips: Array, rotations: Array, other: Thing) -> bool:
-        body = body_spheres(hips[::2], rotations[::2])
+        body = body_spheres(hips, rotations)  # every frame: feet swing over edges within two
         return all(depth(body, s) <= a for s, a in zip((_solid(other), self.rest), self.allowed, strict=True))
 
     def _hips_rest(self, joints: Array, other: Thing) -> bool:
