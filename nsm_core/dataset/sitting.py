@@ -28,7 +28,7 @@ from .take import Command, Placed, Thing
 SEATS = ("chair", "chair", "armchair", "stool", "bench", "sofa")
 NAME = "sit"
 SIDEWAYS = 0.12  # share of the seats that stand partly under a table and are taken from the side
-TRIES = 5  # places and ways for one seat
+TRIES, WIDE = 6, 0.65  # places and ways for one seat; metres from where on it is wide
 TUCKS = (0.0, 0.12, 0.24)  # shares by which feet may be drawn in while one turns on the seat
 SLIDES = (0.0, 0.05, 0.09)  # metres by which one may slide back on the seat in that turn
 IN_TABLE, BRUSH = 0.028, -0.012  # metres that the body may go into the table; of leg joints to the seat's surface
@@ -232,9 +232,12 @@ def _lay(session: Session, piece: Furniture, sideways: bool) -> Sit | None:
     if hips is None:
         return None
     heading = float(rng.uniform(-np.pi, np.pi))
-    if rng.random() < 0.3:
+    away, chance = hips - tape.roots[-1], rng.random()
+    if size[0] > WIDE and chance < 0.6:
+        # Ways to the ends of a wide seat lead over it; from the front there is room.
+        heading = float(np.arctan2(-away[0], away[1]) + rng.uniform(-1.0, 1.0))
+    elif chance < 0.3:
         # From behind the seat the way is long and often fails; draw it more often.
-        away = hips - tape.roots[-1]
         heading = float(np.arctan2(away[0], -away[1]) + rng.uniform(-1.2, 1.2))
     target = hips + STAND_AHEAD * heading_to_direction(np.array(heading))
     sit = Sit(piece, target, session.command("sit", session.lead()), places=[(target, 1.5)])
