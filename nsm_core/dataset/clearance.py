@@ -34,7 +34,10 @@ def leg_depths(hips: Array, rotations: Array, block: Block) -> Array:
 
 
 def shin_depth(hip: Array, ankle: Array, ahead: Array, block: Block) -> Array:
-    """How deep (..., n) the shin is in the block, metres, with the knee bent ``ahead`` (n, 3); hip (n, 3), ankle (..., n, 3)."""
+    """How deep (..., n) the shin is in the block, metres, with the knee bent ``ahead`` (n, 3); hip (n, 3), ankle (..., n, 3).
+
+    All are given in the block's frame.
+    """
     thigh, shin = (float(np.linalg.norm(OFFSETS[j])) for j in FEET[0][1:3])
     way = ankle - hip
     length = np.linalg.norm(way, axis=-1, keepdims=True)
@@ -47,7 +50,7 @@ def shin_depth(hip: Array, ankle: Array, ahead: Array, block: Block) -> Array:
     depth = np.zeros(ankle.shape[:-1])
     for share in (0.0, 0.3, 0.6, 0.85):
         point = knee + share * (foot - knee)
-        beside = (np.abs(block.local(point[..., :2])) - block.half).max(-1)
+        beside = np.maximum(np.abs(point[..., 0]) - block.half[0], np.abs(point[..., 1]) - block.half[1])
         depth = np.maximum(depth, 0.045 - np.maximum(beside, point[..., 2] - block.height))
     return depth
 

@@ -180,7 +180,11 @@ def _swing(toe: Array, feet: Array, before: Array, after: Array, block: Block, h
     cost = cost + 0.03 * (delay - 1)[..., None, None] + 0.01 * np.abs(skew - 1)
     if crossing:
         at = toe[1:-1] - rotate(feet, TOE_OFFSET)
-        ankle = np.concatenate((np.broadcast_to((at[:, :2] + flat)[:, None, None, None], z.shape + (2,)), (at[:, 2] + z)[..., None]), -1)
+        ankle = np.concatenate(
+            (np.broadcast_to(block.local(at[:, :2] + flat)[:, None, None, None], z.shape + (2,)), (at[:, 2] + z)[..., None]), -1
+        )
+        hip, ahead = hip.copy(), ahead.copy()
+        hip[:, :2], ahead[:, :2] = block.local(hip[:, :2]), rotate_planar(ahead[:, :2], np.full(n, -block.heading))
         cost = cost + 4 * shin_depth(hip, ankle, ahead, block).max(-1)
     d, c, s, e = np.unravel_index(int(cost.argmin()), cost.shape)
     return np.concatenate((flat[d], z[d, c, s, e][:, None]), axis=1)
