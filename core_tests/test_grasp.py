@@ -7,14 +7,16 @@ import pytest
 from actors import Actor, drive
 
 from nsm_core.control.goals import Goal
+from nsm_core.control.grasp import Carrying
 from nsm_core.control.planning import FloorPlan
 from nsm_core.control.props import Box, sense
+from nsm_core.control.reaching import Pose
 from nsm_core.control.stages.carrying import TOES_CLEAR, choose_side, standing_place
-from nsm_core.conventions import GOAL_ACTIONS
+from nsm_core.conventions import GOAL_ACTIONS, HAND_CONTACTS
 from nsm_core.errors import GoalError
 from nsm_core.rotations import heading_to_direction, wrap_angle
 from nsm_core.sensors.query import Cuboids
-from nsm_core.skeleton import INDEX
+from nsm_core.skeleton import INDEX, J
 
 SIZE = np.array((0.36, 0.3, 0.28))
 WRISTS = [INDEX["RightWrist"], INDEX["LeftWrist"]]
@@ -249,3 +251,35 @@ def test_a_box_behind_walls_is_refused_in_a_sentence():
         check_reachable([to_table(on_floor(0.0, -5.5))], plan, np.zeros(2))
     with pytest.raises(GoalError, match=r"'Box' cannot be reached.*\.$"):
         check_reachable([Goal("carry", "Box", (0, -5.5, 0.14), 0.0, prop=on_floor())], plan, np.zeros(2))
+
+
+@pytest.mark.parametrize("top", [0.45, 0.75, 0.82, 0.95])
+def test_box_is_not_held_over_its_place(top):
+    """Hands that stop 30 cm over the place bring the box down at once, no faster than a person would."""
+    table = Cuboids([((0.0, -2.3), 0.0, np.array([(-0.6, -0.35, 0.0)]), np.array([(0.6, 0.35, top)]))])
+    goal = np.array((0.0, -2.1, top + SIZE[2] / 2, 0.0))
+    box = crate((0.0, -0.5, 0.9, 0.0))
+    carrying = Carrying(box, 0.0, goal, table, ik=False)
+    over, heights = goal + (0.0, 0.0, 0.3, 0.0), []
+    wrists = carrying.grasps()
+    contacts = np.zeros(5, np.float32)
+    contacts[HAND_CONTACTS] = 1
+    local = np.zeros((J, 4))
+    local[:, 0] = 1
+    arrived = None
+    for frame in range(300):
+        if carrying.state == "held":
+            place = box.to_world(box.grasps(0.0), over)
+            way = place - wrists
+            wrists = wrists + way * min(1.0, 0.03 / max(np.linalg.norm(way[0]), 1e-9))
+            if arrived is None and np.linalg.norm(way[0]) < 0.03:
+                arrived = frame
+        root = np.append(wrists.mean(0)[:2] + (0, 0.4), 0.0)
+        carrying.apply(Pose(np.append(root[:2], 0.9), local.copy(), wrists), root, contacts)
+        heights.append(box.pose[2] - goal[2])
+        if arrived is not None and heights[-1] < 0.005:
+            break
+    down = np.array(heights[arrived:])
+    still = (down > 0.28).sum() / 30
+    assert down[-1] < 0.005 and still < 0.45, "it hangs there no longer than it takes to see that nothing bends any more"
+    assert len(down) / 30 < 1.4 and np.abs(np.diff(down)).max() * 30 < 1.0

@@ -29,7 +29,7 @@ SETTLE = 0.015  # metres by which a foot that stands is raised or lowered onto t
 # The same on top of things, where a network knows the height less well; the rise of a foot over an edge and of one that has
 # gone into a step (m/s); the drop of the pelvis per metre between the feet.
 HIGH_TOE, HIGH_SETTLE, HIGH_SETTLE_SPEED, EDGE_UP, EDGE_DOWN, EDGE_EASE, STEP_DROP = 0.14, 0.1, 0.4, 2.2, 1.0, 0.6, 0.3
-GATHER = 15.0  # m/s2 by which a foot gathers that speed: at it in one frame, knees snap
+GATHER = 15.0  # m/s2 by which a foot gathers that speed, and loses it twice as fast: in one frame knees snap
 _HIP_OFFSETS = OFFSETS[[leg[0] for leg in LEGS]].astype(np.float64)
 
 
@@ -102,7 +102,7 @@ class _Foot:
             wanted = share * max(0.0, CLEARANCE + low - self.shift[2], over - self.shift[2])
         up, down, ease = (EDGE_UP, EDGE_DOWN, EDGE_EASE) if max(over, self.lift) > 2 * CLEARANCE else (LIFT_UP, LIFT_DOWN, LIFT_EASE)
         step = float(np.clip(ease * (wanted - self.lift), -down * dt, up * dt))
-        self.rise = min(step, max(self.rise, 0.0) + GATHER * dt * dt)
+        self.rise = float(np.clip(step, self.rise - 2 * GATHER * dt * dt, max(self.rise, 0.0) + GATHER * dt * dt))
         self.lift += self.rise
         self.lift = 0.0 if self.lift < 1e-5 else self.lift
 

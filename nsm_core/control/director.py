@@ -174,7 +174,6 @@ class Director:
             np.repeat(_hot(command.action)[None], n, axis=0),
         )
 
-
     def _turn(self, position: Array, heading: Array, action: Array) -> tuple[Array, Array, Array]:
         """Fade the goals ahead over from the ones that were interrupted."""
         if self._given_up is not None:

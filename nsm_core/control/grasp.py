@@ -12,10 +12,12 @@ from .props import WRIST_BEHIND, WRIST_BELOW, Box
 from .reaching import Hold, Pose
 
 SETTLING = 0.5  # seconds in which the box leaves its resting pose for the one that the hands give it
-# Setting down: from how near and how slow the box is drawn onto its place (metres, m/s), how long that takes, how near it then
-# is, how long hands that do not let go are waited for; a body that waits may be drawn from further off (seconds, metres).
-DRAW_FROM, SLOW, DRAW_TIME, PLACED, PATIENCE = 0.2, 0.4, 0.4, 0.01, 1.0
-WAITING, DRAW_FURTHER, LEAST_HELD = 1.0, 0.35, 0.8
+# Setting down: from how near and how slow the box is drawn onto its place (metres, m/s), how long that takes at least and how
+# fast it is on the mean (seconds, m/s), how near it then is, how long hands that do not let go are waited for.
+DRAW_FROM, SLOW, DRAW_TIME, DRAW_SPEED, PLACED, PATIENCE = 0.2, 0.4, 0.4, 0.45, 0.01, 1.0
+# A body that has come to stand and bends no further (its hands go no faster than that, m/s, for so many seconds) is drawn from
+# further off (metres): a box is not held over its place for long.
+BENDS, BENT, DRAW_FURTHER, LEAST_HELD = 0.15, 0.2, 0.4, 0.8
 # Hands have let go where their labels are lower and the place is this near (metres); or where they are further apart than the
 # box is wide by so much: for more than so many frames.
 LOOSE, LOOSE_FROM, APART, LOOSE_FRAMES = 0.3, 0.5, 0.5, 6
@@ -48,6 +50,7 @@ class Carrying:
         self._recent: list[Array] = []
         self._offset, self._since = np.zeros(4), 0
         self._draw, self._drawn, self._waited = 0.0, 0, 0
+        self._draw_time, self._carried = DRAW_TIME, 0.0  # of this draw; height at which the hands had the box
         self._loose = self._apart = 0
         self._lifted, self._fall = 0.0, 0.0
         self._raw = box.pose.copy()
@@ -136,14 +139,17 @@ class Carrying:
         gap[3] = wrap_angle(gap[3])
         far = float(np.linalg.norm(gap[:3]))
         speed = float(np.linalg.norm(carried[:2] - before[:2])) / DT if not self._draw else 0.0
-        self._waited = self._waited + 1 if speed < 0.1 else 0
-        start = DRAW_FROM + (DRAW_FURTHER - DRAW_FROM) * float(np.clip(self._waited * DT / WAITING - 1, 0, 1))
+        self._waited = self._waited + 1 if speed < SLOW and abs(carried[2] - self._carried) < BENDS * DT else 0
+        self._carried = float(carried[2])
+        start = DRAW_FURTHER if self._waited * DT > BENT else DRAW_FROM
         # Hands that say they have let go near the place have missed it: the box is set down all the same.
         self._loose = self._loose + 1 if labels.max() < LOOSE else 0
         start = LOOSE_FROM if self._loose > LOOSE_FRAMES else start
         near = self._since * DT > LEAST_HELD and speed < SLOW and far < start
         drawing = near if not self._draw else far < 2 * DRAW_FURTHER
-        self._draw = float(np.clip(self._draw + (DT if drawing else -DT) / DRAW_TIME, 0, 1))
+        if not self._draw:
+            self._draw_time = max(DRAW_TIME, far / DRAW_SPEED)
+        self._draw = float(np.clip(self._draw + (DT if drawing else -DT) / self._draw_time, 0, 1))
         carried = carried + float(smooth_step(self._draw)) * gap
         self._stay_above(carried)
         self.prop.pose[:] = carried
