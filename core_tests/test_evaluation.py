@@ -71,14 +71,14 @@ def test_counts_of_random_goals_add_up():
     outcomes = [
         stress.Outcome(0, 50.0, "", False, ["carry"], {"walk": [2, 2], "carry": [1, 0]}, 1500, 30),
         stress.Outcome(1, 70.0, "GoalError: N m", True, [], {"walk": [2, 1]}, 500, 70),
-        stress.Outcome(2, 10.0, "GoalError: N m", False),
+        stress.Outcome(2, 10.0, "GoalError: N m", False, given_up=["no way to N m"]),
     ]
     s = stress.summarise(outcomes)
     assert s["seconds"] == 130 and s["not_finite"] == 1 and s["frozen"] == 1 and s["errors"] == {"GoalError: N m": 2}
     assert s["asked_reached"] == {"walk": [4, 3], "carry": [1, 0]} and s["deep_share"] == pytest.approx(0.05)
     assert s["frozen_seeds"] == [0] and s["error_seeds"] == [1, 2]
     text = stress.table(s)
-    assert "3 of 4 (75%)" in text and "of these: GoalError: N m | 2" in text
+    assert "3 of 4 (75%)" in text and "of these: GoalError: N m | 2" in text and "passed over: no way to N m | 1" in text
     assert stress.message_of(GoalError("at (1.25, -3) m")) == "GoalError: at (N, N) m"
 
 

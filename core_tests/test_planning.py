@@ -130,3 +130,16 @@ def test_start_at_the_goal():
     path = plan_path(Cuboids(), (1, 1), (1, 1))
     assert path.shape == (1, 2) and path_length(path) == 0
     assert resample(np.array(((0.0, 0), (0, 0), (1, 0))), 0.25).shape == (5, 2)
+
+
+@pytest.mark.parametrize("depth", [1.2, 1.9, 3.6])
+def test_tops_of_any_depth_are_left(depth):
+    podium = Cuboids([((0.0, 0.0), 0.0, np.array([(-depth / 2, -depth / 2, 0.0)]), np.array([(depth / 2, depth / 2, 0.3)]))])
+    plan = FloorPlan(podium, (np.array((-5.0, -5.0)), np.array((5.0, 5.0))))
+    way = plan.find((0.0, 0.1), (0.5, -4.0))
+    np.testing.assert_allclose(way[[0, -1]], ((0.0, 0.1), (0.5, -4.0)), atol=1e-6)
+    off = np.abs(way).max(1) > depth / 2 + BODY_RADIUS
+    assert off[-1] and np.linalg.norm(way[np.argmax(off)]) < depth / 2 * 1.45 + 0.8, "it gets off on the shortest ways"
+    if depth > 1.5:
+        with pytest.raises(GoalError, match="no free way"):  # but nobody walks into the middle of a deep one
+            plan.find((0.5, -4.0), (0.0, 0.1))

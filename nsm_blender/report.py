@@ -35,6 +35,7 @@ def build_report(name: str, result: TakeResult, keyed: KeyedTake, environment: D
             "action": goal.action,
             "reached": bool(goal.reached),
             "seconds": round(float(goal.seconds), 3),
+            "reason": goal.reason,
             **{key: _number(getattr(goal, key)) for key in (*_ERRORS, *(_HAND_ERRORS if goal.action in ("carry", "open") else ()))},
         }
         for goal in result.goals
@@ -60,6 +61,8 @@ def goal_line(goal: dict[str, Any]) -> str:
     errors = "never near it" if distance is None or turn is None else f"{distance:.1f} cm and {turn:.1f}° off"
     if goal["reached"]:
         return f"{goal['object']}: {_DONE.get(goal['action'], 'done')} after {goal['seconds']:.1f} s, {errors}."
+    if goal.get("reason"):
+        return f"{goal['object']}: not reached. {goal['reason']}"
     return f"{goal['object']}: not reached in {goal['seconds']:.1f} s, {errors}; clear its way, start nearer, or try another seed."
 
 

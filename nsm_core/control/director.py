@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..conventions import FPS, GOAL_ACTIONS, INTERACTIONS
+from ..errors import GoalError
 from ..rotations import Array, wrap_angle
 from ..sensors.cuboid import InteractionVolume
 from ..sensors.query import Cuboids
@@ -123,18 +124,38 @@ class Director:
         self.index, self._started, self._rest, self._hold = index, self._frame, 0, -1
         self._part, self._since = 0, self._frame
         self.results[index].start_frame = self._frame
-        self.stage = begin(following, self._ground, moment, self.grasps, self._scene, self._ik)
+        self.stage = None
+        try:
+            self.stage = begin(following, self._ground, moment, self.grasps, self._scene, self._ik)
+        except GoalError as error:
+            self._give_up(error)
         self._perform(moment)
 
     def _perform(self, moment: Moment) -> None:
         """Let the stage command, and put the hands to work that it wants."""
-        self._command = self.stage.update(moment)  # type: ignore[union-attr]
+        if self.stage is None:
+            return
+        try:
+            self._command = self.stage.update(moment)
+        except GoalError as error:
+            self._give_up(error)
+            return
         grasp = getattr(self.stage, "grasp", None)
         if grasp is not None and grasp.active and grasp not in self.grasps:
             for other in self.grasps:
                 if other.prop is grasp.prop:
                     other.give_way()
             self.grasps.append(grasp)
+
+    def _give_up(self, error: GoalError) -> None:
+        """Report the present goal as one that cannot be reached; the error itself where nothing has been performed yet."""
+        if self.index == 0 and self._frame == self._started:
+            raise error
+        if self._hold >= 0:  # judged before; what was commanded goes on
+            return
+        result = self.results[self.index]
+        result.reason, self._hold = str(error), 1
+        result.seconds, result.end_frame = (self._frame - self._started) / FPS, self._frame
 
     def _judge(self, moment: Moment) -> None:
         """See whether the transition has ended, hold, and go on to the next goal."""

@@ -58,6 +58,7 @@ class GoalResult:
 
     For carry, ``position_error_cm`` and ``rotation_error_deg`` are the box's, where it was set down.  The hands' errors are
     those at the end of the grasp (carry: mean of both wrists and the turn of their axis; open: the one hand); nan elsewhere.
+    ``reason``: why it was given up, a sentence, where in the middle of a take no way led to it; empty where its time ran out.
     """
 
     object: str
@@ -74,6 +75,7 @@ class GoalResult:
     hand_rotation_deg: float = float("nan")
     network_hand_error_cm: float = float("nan")
     network_hand_rotation_deg: float = float("nan")
+    reason: str = ""
 
 
 @dataclass

@@ -24,7 +24,8 @@ _COMFORT = 0.17  # metres of room beyond the radius that a walker likes to keep
 _FAR = BODY_RADIUS + _COMFORT + 0.25  # clearance beyond which more does not matter
 _ESCAPE = 1.2  # metres around a start or goal that is hemmed in, within which the way may squeeze through
 _BRUSH = 0.03  # metres of room that squeezing through needs
-_LEAVE = 0.7  # metres to get off a thing that one stands or sits on
+_LEAVE = 0.7  # metres to get off a thing that one stands or sits on; further from deeper ones that a way starts on:
+_BEYOND = (0.3, 1.0)  # metres past the nearest free floor, tried one after the other
 
 
 class FloorPlan:
@@ -73,6 +74,8 @@ class FloorPlan:
         if self.line_is_free(*ends):
             return resample(np.stack(ends), step)
         cells = self._search(*ends)
+        if cells is None and float(self.clearance(ends[0][None])[0]) <= _BRUSH:
+            cells = self._leave_deep(*ends)
         if cells is None:
             raise GoalError(
                 f"There is no free way to ({ends[1][0]:.2f}, {ends[1][1]:.2f}) m for a body {2 * self.radius:.2f} m wide; "
@@ -113,20 +116,37 @@ class FloorPlan:
         other._nodes = np.stack((room, *np.gradient(room, self._spacing)), axis=-1)
         return other
 
-    def _search(self, start: Array, goal: Array) -> Array | None:
-        """A* over the cells with 8 neighbours; the way as points (N, 2), or None."""
+    def _cells(self) -> Array:
+        """Floor points (nx, ny, 2) of the cells that are searched, metres."""
         shape = np.round((self.bounds[1] - self._low) / self.cell).astype(int) + 1
         x, y = (self._low[k] + self.cell * np.arange(shape[k]) for k in (0, 1))
-        points = np.stack(np.meshgrid(x, y, indexing="ij"), -1)
+        return np.stack(np.meshgrid(x, y, indexing="ij"), -1)
+
+    def _leave_deep(self, start: Array, goal: Array) -> Array | None:
+        """As ``_search`` for a start so deep on a thing that free floor lies further away than usual."""
+        points = self._cells()
+        free = self.clearance(points) >= self.radius
+        if not free.any():
+            return None
+        nearest = float(np.linalg.norm(points[free] - start, axis=-1).min())
+        ways = (self._search(start, goal, nearest + more) for more in _BEYOND if nearest + more > _LEAVE)
+        return next((way for way in ways if way is not None), None)
+
+    def _search(self, start: Array, goal: Array, leave: float = _LEAVE) -> Array | None:
+        """A* over the cells with 8 neighbours; the way as points (N, 2), or None.
+
+        ``leave``: metres within which a start on top of a thing gets off it.
+        """
+        points = self._cells()
         room = self.clearance(points)
         price = 1 + 1.5 * np.clip((self.radius + _COMFORT - room) / _COMFORT, 0, 1)
         blocked = room < self.radius
         squeeze = np.zeros_like(blocked)
-        for end in (start, goal):
+        for end, far in ((start, leave), (goal, _LEAVE)):
             own, away = float(self.clearance(end[None])[0]), np.linalg.norm(points - end, axis=-1)
             if own < self.radius:
                 # Beside a thing one may brush it, never pass through it; only from on top of a thing the way leads off it.
-                squeeze |= blocked & (((room > _BRUSH) & (away < _ESCAPE)) if own > _BRUSH else (away < _LEAVE))
+                squeeze |= blocked & (((room > _BRUSH) & (away < _ESCAPE)) if own > _BRUSH else (away < far))
         # Flesh gives way before wood does: inside a solid costs much more than close to one.
         price = np.where(squeeze, 6 + 60 * np.clip((0.15 - room) / 0.15, 0, 2), np.where(blocked, np.inf, price))
         price = np.pad(price, 1, constant_values=np.inf)

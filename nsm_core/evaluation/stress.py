@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -28,7 +29,10 @@ FROZEN, STILL, RIGID = 20.0, 0.05, np.radians(1.0)  # seconds; metres and radian
 
 @dataclass
 class Outcome:
-    """What one take of random goals came to; ``tally`` counts (asked, reached) by action, ``error`` a message or ""."""
+    """What one take of random goals came to.
+
+    ``tally`` counts (asked, reached) by action; ``error`` is a message or "", ``given_up`` why goals were passed over.
+    """
 
     seed: int
     seconds: float = 0.0
@@ -40,6 +44,7 @@ class Outcome:
     deep: float = 0.0
     turn: float = 0.0
     jolt: float = 0.0
+    given_up: list[str] = field(default_factory=list)
 
 
 def run_seed(model: Model, seed: int, pool: Pool | None = None) -> Outcome:
@@ -65,7 +70,9 @@ def run_seed(model: Model, seed: int, pool: Pool | None = None) -> Outcome:
     outcome.seconds = len(take.root) / FPS
     outcome.not_finite = not all(np.isfinite(a).all() for a in (take.hips_position, take.local_rotations, take.root))
     for result in take.goals:
-        if result.seconds > 0 or result.reached:
+        if result.reason:
+            outcome.given_up.append(_without_numbers(result.reason))
+        if result.seconds > 0 or result.reached or result.reason:
             counts = outcome.tally.setdefault(result.action, [0, 0])
             counts[0], counts[1] = counts[0] + 1, counts[1] + int(result.reached)
     outcome.frozen = frozen_goals(take)
@@ -79,7 +86,11 @@ def run_seed(model: Model, seed: int, pool: Pool | None = None) -> Outcome:
 
 def message_of(error: BaseException) -> str:
     """Kind and message of an error with its numbers taken out, so that alike ones count together."""
-    return f"{type(error).__name__}: {re.sub(r'-?[0-9]+(?:[.][0-9]+)?', 'N', str(error))}"
+    return f"{type(error).__name__}: {_without_numbers(str(error))}"
+
+
+def _without_numbers(message: str) -> str:
+    return re.sub(r"-?[0-9]+(?:[.][0-9]+)?", "N", message)
 
 
 def frozen_goals(take: TakeResult) -> list[str]:
@@ -110,10 +121,8 @@ def stands_frozen(root: Array, local_rotations: Array, seconds: float = FROZEN) 
 
 def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     """Counts over all takes."""
-    messages: dict[str, int] = {}
-    for o in outcomes:
-        if o.error:
-            messages[o.error] = messages.get(o.error, 0) + 1
+    messages = Counter(o.error for o in outcomes if o.error)
+    given_up = Counter(reason for o in outcomes for reason in o.given_up)
     tally = {
         a: np.sum([o.tally[a] for o in outcomes if a in o.tally], axis=0).tolist() for a in ACTIONS if any(a in o.tally for o in outcomes)
     }
@@ -124,7 +133,8 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "not_finite": sum(o.not_finite for o in outcomes),
         "frozen": sum(len(o.frozen) for o in outcomes),
         "frozen_seeds": [o.seed for o in outcomes if o.frozen],
-        "errors": messages,
+        "errors": dict(messages),
+        "given_up": dict(given_up),
         "error_seeds": [o.seed for o in outcomes if o.error],
         "asked_reached": tally,
         "deep_share": sum(o.deep for o in outcomes) / frames if frames else float("nan"),
@@ -140,6 +150,7 @@ def table(s: dict[str, Any]) -> str:
         ("goals in which the character stood frozen for 20 s", f"{s['frozen']}", "0"),
         ("takes that broke off with an error", f"{sum(s['errors'].values())}", "0"),
         *((f"of these: {message}", str(count), "") for message, count in sorted(s["errors"].items(), key=lambda e: -e[1])),
+        *((f"goals passed over: {reason}", str(count), "") for reason, count in sorted(s["given_up"].items(), key=lambda e: -e[1])),
         *(
             (f"{action}: goals reached", f"{done} of {asked} ({done / asked:.0%})", "")
             for action, (asked, done) in s["asked_reached"].items()
