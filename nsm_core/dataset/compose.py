@@ -110,6 +110,8 @@ def _finish(session: Session, shortest: int) -> Take | None:
     motion.hips, motion.rotations = lock_feet(motion.hips, motion.rotations, motion.feet, place="median")
     for episode in session.episodes:
         episode.finish(motion)
+        if not np.isfinite(motion.hips).all():  # spoilt by this one: nothing for the others to fit
+            return None
     motion.contacts[:, FOOT_CONTACTS] = motion.feet & _slow(motion)
     if not (np.isfinite(motion.hips).all() and np.isfinite(motion.rotations).all()):
         return None
