@@ -15,23 +15,21 @@ from ..conventions import CONTACTS, FOOT_CONTACTS, FPS
 from ..errors import GoalError
 from ..features import Surroundings, build_inputs, no_object, read_outputs
 from ..inference import Model
-from ..limbs import place_limbs
-from ..rotations import Array, heading_quat, matrix_from_forward_up, quat_from_matrix, quat_mul, quat_to_matrix
+from ..rotations import Array
 from ..sensors.cylinder import DIAMETER, SPHERE_RADIUS, environment_sensor
 from ..sensors.query import DistanceQuery
-from ..series import State, standing_state
-from ..skeleton import ARMS, FEET, HIPS, J, forward_kinematics, local_from_world, root_of
+from ..skeleton import ARMS, HIPS, forward_kinematics, root_of
 from .director import Director, check_reachable, rotation_error
 from .finishing import Finishing
 from .goals import Goal, GoalResult, Moment
 from .planning import FloorPlan
+from .posing import pose_of, standing_start
 from .props import Box, Prop
 from .scene import Scene
 from .stepping import Blending, advance
 from .terrain import Terrain, around, merged
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
-_LEGS = tuple(leg[:3] for leg in FEET)
 _MARGIN = 4.0  # metres of floor planned on around start and goals
 _SENSOR_REACH = DIAMETER / 2 + SPHERE_RADIUS
 _WRISTS = [arm[2] for arm in ARMS]
@@ -91,7 +89,7 @@ class TakeRunner:
         root = np.array([*np.asarray(request.start_position, dtype=np.float64)[:2], request.start_heading], dtype=np.float32)
         if not np.isfinite(root).all():
             raise GoalError("The character's place or heading is not a number; clear its transform and place it anew.")
-        self.state = _start(model, root, rng)
+        self.state = standing_start(model, root, rng)
         goals, self.props = own_props(request.goals)
         self.scene = Scene(request.environment, self.props.values())
         places = np.array([root[:2], *[g.position[:2] for g in goals], *[p.pose[:2] for p in self.props.values()]])
@@ -266,37 +264,6 @@ def _errors(place: Array | None, facing: float, axes: int, position: Array, head
     if place is None:
         return 0.0, 0.0
     return 100 * float(np.linalg.norm(position[:axes] - place[:axes])), rotation_error(heading, facing)
-
-
-def pose_of(state: State) -> tuple[Array, Array]:
-    """Hips position (3,) and local rotations (23, 4) of one character's state.
-
-    Rotations come from the predicted axes; the legs are then solved so that the ankles are where the network put them,
-    since its positions carry the contact with the floor and a chain of rotations does not.
-    """
-    matrices = matrix_from_forward_up(state.joint_forward[0], state.joint_up[0])
-    world = quat_from_matrix(matrices.astype(np.float64))
-    local = local_from_world(world)
-    hips = state.joint_position[0, HIPS].astype(np.float64)
-    ankles = state.joint_position[0, [leg[2] for leg in FEET]].astype(np.float64)
-    feet = world[[leg[2] for leg in FEET]]
-    return hips.astype(np.float32), place_limbs(hips, local, _LEGS, ankles, feet).astype(np.float32)
-
-
-def _start(model: Model, root: Array, rng: np.random.Generator) -> State:
-    """A standing state at ``root`` (3,) from the stance that comes with the weights."""
-    stance = model.metadata.get("stance")
-    if stance is None:
-        raise GoalError("The weights carry no standing pose; train them again with this version.")
-    local = np.array(stance["local_rotations"], dtype=np.float64).reshape(J, 4)
-    local[0] = quat_mul(heading_quat(np.array(float(root[2]))), local[0])
-    hips = np.array([root[0], root[1], stance["hips_height"]], dtype=np.float64)
-    positions, world = forward_kinematics(hips, local)
-    matrices = quat_to_matrix(world)
-    state = standing_state(positions[None], -matrices[None, ..., 1], matrices[None, ..., 2], root[None])
-    shift = float(rng.random())
-    state.phase_past, state.phase_future = (state.phase_past + shift) % 1.0, (state.phase_future + shift) % 1.0
-    return state
 
 
 __all__ = ["Goal", "GoalResult", "TakeRequest", "TakeResult", "TakeRunner", "pose_of"]

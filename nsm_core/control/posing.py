@@ -1,0 +1,45 @@
+"""Between the network's state and poses: joints as rotations, and the standing state that a take begins with."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import GoalError
+from ..inference import Model
+from ..limbs import place_limbs
+from ..rotations import Array, heading_quat, matrix_from_forward_up, quat_from_matrix, quat_mul, quat_to_matrix
+from ..series import State, standing_state
+from ..skeleton import FEET, HIPS, J, forward_kinematics, local_from_world
+
+_LEGS = tuple(leg[:3] for leg in FEET)
+
+
+def pose_of(state: State) -> tuple[Array, Array]:
+    """Hips position (3,) and local rotations (23, 4) of one character's state.
+
+    Rotations come from the predicted axes; the legs are then solved so that the ankles are where the network put them,
+    since its positions carry the contact with the floor and a chain of rotations does not.
+    """
+    matrices = matrix_from_forward_up(state.joint_forward[0], state.joint_up[0])
+    world = quat_from_matrix(matrices.astype(np.float64))
+    local = local_from_world(world)
+    hips = state.joint_position[0, HIPS].astype(np.float64)
+    ankles = state.joint_position[0, [leg[2] for leg in FEET]].astype(np.float64)
+    feet = world[[leg[2] for leg in FEET]]
+    return hips.astype(np.float32), place_limbs(hips, local, _LEGS, ankles, feet).astype(np.float32)
+
+
+def standing_start(model: Model, root: Array, rng: np.random.Generator) -> State:
+    """A standing state at ``root`` (3,) from the stance that comes with the weights."""
+    stance = model.metadata.get("stance")
+    if stance is None:
+        raise GoalError("The weights carry no standing pose; train them again with this version.")
+    local = np.array(stance["local_rotations"], dtype=np.float64).reshape(J, 4)
+    local[0] = quat_mul(heading_quat(np.array(float(root[2]))), local[0])
+    hips = np.array([root[0], root[1], stance["hips_height"]], dtype=np.float64)
+    positions, world = forward_kinematics(hips, local)
+    matrices = quat_to_matrix(world)
+    state = standing_state(positions[None], -matrices[None, ..., 1], matrices[None, ..., 2], root[None])
+    shift = float(rng.random())
+    state.phase_past, state.phase_future = (state.phase_past + shift) % 1.0, (state.phase_future + shift) % 1.0
+    return state
