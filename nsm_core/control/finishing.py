@@ -6,12 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..conventions import SIT
+from ..conventions import CLIMB, SIT
 from ..rotations import Array
 from .contact_ik import ContactIK
 from .goals import Goal, Moment
 from .hands import HandClearance
 from .heels import Heels
+from .leg_clearance import LegClearance
 from .reaching import Pose
 from .scene import Scene
 from .stages import Grasp
@@ -25,7 +26,7 @@ class Finishing:
     def __init__(self, scene: Scene, ik: bool = True, terrain: Terrain | None = None) -> None:
         self.scene, self.ik = scene, ik
         self._contact = ContactIK(terrain=terrain)
-        self._heels = Heels()
+        self._heels, self._legs = Heels(), LegClearance(scene.environment)
         self._trunk, self._hands = TrunkClearance(scene.environment), HandClearance(scene.environment)
 
     def apply(self, hips: Array, rotations: Array, moment: Moment, goal: Goal | None, grasps: Sequence[Grasp]) -> tuple[Array, Array]:
@@ -38,6 +39,7 @@ class Finishing:
         if self.ik:
             seat = (goal.position, goal.heading) if goal is not None and goal.action == "sit" else None
             kept_hips, kept = self._contact.apply(hips, rotations, moment.contacts, seat, moment.heading)
+            kept_hips, kept = self._legs.apply(kept_hips, kept, float(moment.style[CLIMB]), self._contact.locked)
             kept = self._heels.apply(kept_hips, kept, float(moment.style[SIT]), seat[0] if seat else None)
             self._trunk.query = self.scene.but(*(g.prop for g in grasps))
             kept = self._trunk.apply(kept_hips, kept, float(moment.style[SIT]))
