@@ -9,18 +9,22 @@ from ..rotations import Array, heading_to_direction, wrap_angle
 from ..sensors.query import DistanceQuery
 from .foot_lock import smooth_step
 from .props import WIDE_OPEN, Leaf, Passage
-from .reaching import ARM, Hold, Pose
+from .reaching import Hold, Pose
 
-LET_GO_PUSH, LET_GO_PULL = np.radians(70), np.radians(80)  # angles of the leaf at which the hand lets go
+LET_GO_PUSH, LET_GO_PULL = np.radians(70), np.radians(72)  # angles of the leaf at which the hand lets go
 FASTEST, EASE = 2.5, 0.5  # radians a second of the leaf; share of the way to the hand's angle in a frame
-OUT_OF_REACH, OUT_FRAMES = ARM + 0.03, 2  # metres from shoulder to grip, and for how many frames, until the hand lets go
+OUT_OF_REACH, OUT_FRAMES = 0.03, 2  # metres that arm and trunk lack to the grip, and for how many frames, until the hand lets go
 SETTLING = 0.5  # seconds in which the leaf takes up the difference between the handle and the hand that took it
 BODY, AHEAD = 0.25, 0.34  # metres about the root that a leaf in motion meets, and that it keeps off: feet reach ahead of the body
 PASSED = 0.25  # metres beyond the opening at which a leaf is passed
-SWING_SPEED, SWING_GAIN = 1.3, 3.0  # radians a second, and a second, of a leaf that swings on by itself
+SWING_SPEED, SWING_SLOWS = 1.3, 3.0  # radians a second, and a second squared, of a leaf that swings on by itself and comes to rest
+SWING_GAINS, SWING_BRAKES = 4.0, 8.0  # radians a second squared: the most that its speed changes by
+COAST = np.radians(15)  # how far a pulled leaf swings on by itself, unless it has to go further to let the body pass
+CLEARS = np.radians(82)  # how far a pulled leaf is open at least when it rests: who passes hardly has to move it further
+SLIP_FRAMES, PAST_EDGE = 5, 0.08  # in which a hand slides off a pulled leaf, and metres beyond its free edge where it is off
 WIDEST = np.radians(125)
 NARROW = 0.2  # metres: half a body that faces the edge of a leaf swinging past it
-PULLING, AT_PLACE = 0.8, 0.3  # radians a second at which a leaf comes at least once the body stands back, within so many metres
+PULLING, AT_PLACE = 1.3, 0.3  # radians a second at which a leaf comes at least once the body stands back, within so many metres
 _CLEAR = 0.02  # metres between an open leaf and what stands behind it
 
 
@@ -37,6 +41,7 @@ class Opening:
         self.hold = Hold([way.hand])
         self.errors: dict[str, float] = {}
         self.widest = _widest(leaf, solids)
+        self._rest, self._slip = WIDE_OPEN, 0
         self._speed, self._pace, self._since, self._offset, self._out = 0.0, 0.0, 0, 0.0, 0
         handle = np.asarray(leaf.handle, dtype=np.float64)
         self._grip_angle = float(np.arctan2(handle[1] + way.side * leaf.thickness / 2, handle[0]))
@@ -65,9 +70,12 @@ class Opening:
 
     def let_go(self) -> None:
         """End it at any time: the hand returns; a leaf that had begun to open swings on."""
-        if self.state in ("reach", "held"):
+        if self.state == "held":
+            self._free_leaf()
+        elif self.state == "reach":
+            self.state = "free"
+        if self.hold.weight > 0:
             self.hold.release()
-            self.state = "released" if self.state == "held" else "free"
 
     def give_way(self) -> None:
         """Leave the leaf to another hold of it: this hand only returns."""
@@ -92,15 +100,16 @@ class Opening:
                 self._pace = min(self._pace + PULLING * DT / SETTLING, PULLING)
                 wanted = max(wanted, self.angle + self._pace * DT / EASE)
             self._turn(max(wanted, self._pushed(root)))
-            shoulder = pose.arms()[0][hand]
-            self._out = self._out + 1 if np.linalg.norm(self.grip() - shoulder) > OUT_OF_REACH else 0
+            self._out = self._out + 1 if self.hold.lacking > OUT_OF_REACH else 0
             enough = self.angle > (LET_GO_PUSH if self.way.push else LET_GO_PULL)
             if enough or self._out >= OUT_FRAMES or self.passed(root):
-                self.hold.release()
-                self.state = "released"
+                self._free_leaf()
         elif self.state == "released":
             self._swing(root)
-        self.hold.apply(pose if self.ik else Pose(pose.hips, pose.local, pose.wrists), self.grip()[None])
+        place = self.grip()
+        if self.state == "released" and self.hold.weight > 0:
+            place = self._slipped()
+        self.hold.apply(pose if self.ik else Pose(pose.hips, pose.local, pose.wrists), place[None])
         if grasping:
             self.errors["hand_error_cm"] = 100 * float(np.linalg.norm(pose.arms()[1][hand] - self.grip()))
             self.errors["network_hand_error_cm"] = 100 * float(np.linalg.norm(wrist - self.grip()))
@@ -108,6 +117,23 @@ class Opening:
     def passed(self, root: Array) -> bool:
         """Whether the body is through the opening."""
         return float((np.asarray(root[:2]) - self.way.middle) @ heading_to_direction(np.array(self.way.heading))) > PASSED
+
+    def _free_leaf(self) -> None:
+        """Let the leaf swing on by itself; the hand that pulled it slips off it first, lest the leaf swings through it."""
+        self.state = "released"
+        if self.way.push:
+            self.hold.release()
+        else:
+            self._rest = float(np.clip(self.angle + COAST, CLEARS, WIDE_OPEN))
+
+    def _slipped(self) -> Array:
+        """World place (3,) of a hand that slides from the handle over the free edge, where it lets go."""
+        self._slip += 1
+        if self._slip >= SLIP_FRAMES:
+            self.hold.release()
+        leaf = self.prop
+        off = (leaf.width + PAST_EDGE - float(leaf.handle[0])) * float(smooth_step(self._slip / SLIP_FRAMES))
+        return self.grip() + leaf.to_world((off, 0.0, 0.0)) - leaf.pose[:3]
 
     # --- the leaf --------------------------------------------------------------------------------------------------
 
@@ -119,18 +145,20 @@ class Opening:
 
     def _turn(self, wanted: float) -> None:
         """Turn the leaf towards an angle: never back, never too fast."""
-        step = float(np.clip(EASE * (min(wanted, self.widest) - self.angle), 0, FASTEST * DT))
+        fastest = FASTEST if self.way.push else min(FASTEST, self._speed + SWING_BRAKES * DT)  # who pulls does not run into it
+        step = float(np.clip(EASE * (min(wanted, self.widest) - self.angle), 0, fastest * DT))
         self._speed = step / DT
         self._set(self.angle + step)
 
     def _swing(self, root: Array) -> None:
         """Let the leaf swing on by itself, damped, to where it rests or to where the body is in its way."""
-        goal = min(max(WIDE_OPEN, self._pushed(root)), self.widest, self._blocked(root))
+        stops = self.angle + self._speed**2 / (2 * SWING_BRAKES)  # a leaf that a body has pushed does not stop dead when it is past
+        goal = min(max(self._rest, self._pushed(root), stops), self.widest, self._blocked(root))
         pushed = self._pushed(root) > self.angle
-        wanted = float(np.clip(SWING_GAIN * (goal - self.angle), 0, FASTEST if pushed else SWING_SPEED))
-        self._speed += float(np.clip(wanted - self._speed, -8 * DT, 4 * DT))
+        wanted = min(float(np.sqrt(2 * SWING_SLOWS * max(goal - self.angle, 0.0))), FASTEST if pushed else SWING_SPEED)
+        self._speed += float(np.clip(wanted - self._speed, -SWING_BRAKES * DT, SWING_GAINS * DT))
         self._set(min(self.angle + self._speed * DT, max(goal, self.angle)))
-        if self._pushed(root) <= self.angle and goal - self.angle < 1e-3 and goal >= min(WIDE_OPEN, self.widest) - 1e-3:
+        if self._pushed(root) <= self.angle and goal - self.angle < 1e-3 and goal >= min(self._rest, self.widest) - 1e-3:
             self._speed = 0.0
             if self.passed(root):
                 self.state = "free"

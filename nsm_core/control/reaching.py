@@ -60,6 +60,11 @@ class Hold:
         """Whether anything is still added to the pose."""
         return self.weight > 0 or self._fade > 0 or bool(self._lean.any() or self._shift.any())
 
+    @property
+    def lacking(self) -> float:
+        """Metres that the arms lacked in the last frame, trunk and hips having done their part; infinite while not held."""
+        return self._missing
+
     def approach(self, distances: Array, labels: Array) -> None:
         """Judge whether the hands are to be drawn: ``distances`` (n,) metres to their places, contact ``labels`` (n,)."""
         far = float(distances.max())
