@@ -47,7 +47,7 @@ def climb(
         toes[:, side, 2] = TOE_HEIGHT + up
         labels[:, 3 + side] = np.clip(np.minimum(1, np.where((t > a) & (t < b), 0, 1)), 0, 1)
         pitch[:, side] = 0.25 * np.sin(np.pi * x)
-    hips = np.stack((np.zeros(count), 0.1 - 0.25 - 0.5 * ease(25, 85), 0.87 + height * ease(35, 80)), axis=1)
+    hips = np.stack((np.zeros(count), 0.1 - 0.25 - 0.5 * ease(25, 85), 0.87 + (height if low < height else 0.0) * ease(35, 80)), axis=1)
     hips[:, 1] += 0.05
     local = np.zeros((count, J, 4))
     local[..., 0] = 1
@@ -96,6 +96,19 @@ def test_foot_that_stands_against_a_riser_is_brought_back():
     hips, local, labels = climb(0.3)
     positions, _ = run(hips[:20], local[:20], labels[:20], terrain)
     assert positions[-1, TOES[0], 1] - 0.075 > -0.33 and abs(positions[-1, TOES[0], 2] - TOE_HEIGHT) < 0.01
+
+
+@pytest.mark.parametrize("over", [0.02, 0.25])
+def test_foot_that_would_land_in_a_riser_is_held_off_before_it_gets_there(over):
+    _, terrain = block(0.3, edge=-0.7)
+    hips, local, labels = climb(0.3, low=0.3, over=over)
+    before, _ = forward_kinematics(hips, local)
+    positions, _ = run(hips, local, labels, terrain)
+    deep = lambda p: ((-0.7 - (p[:, TOES, 1] - 0.075)) * (p[:, TOES, 2] < 0.29)).max()  # noqa: E731
+    assert deep(before) > 0.12 and deep(positions) < 0.045 and deep(positions[-20:]) < 0.005
+    assert np.abs(positions[-1, TOES, 2] - TOE_HEIGHT).max() < 0.01, "stands before it"
+    jolt = lambda p: np.linalg.norm(np.diff(p[:, TOES], n=2, axis=0), axis=2).max()  # noqa: E731
+    assert jolt(positions) < jolt(before) + 0.05
 
 
 def test_flat_floor_is_as_before():

@@ -29,6 +29,8 @@ SETTLE = 0.015  # metres by which a foot that stands is raised or lowered onto t
 # The same on top of things, where a network knows the height less well; the rise of a foot over an edge and of one that has
 # gone into a step (m/s); the drop of the pelvis per metre between the feet.
 HIGH_TOE, HIGH_SETTLE, HIGH_SETTLE_SPEED, EDGE_UP, EDGE_DOWN, EDGE_EASE, STEP_DROP = 0.14, 0.1, 0.4, 2.2, 1.0, 0.6, 0.3
+# A foot that nears a riser too low is held off it, and one that stands in it is drawn out: share of the way a frame, m/s, m/s2.
+BACK_EASE, BACK_SPEED, BACK_LOCKED, BACK_GATHER = 0.5, 1.0, 0.3, 15.0
 GATHER = 15.0  # m/s2 by which a foot gathers that speed, and loses it twice as fast: in one frame knees snap
 _HIP_OFFSETS = OFFSETS[[leg[0] for leg in LEGS]].astype(np.float64)
 
@@ -42,22 +44,46 @@ class _Foot:
         self.anchor, self.anchor_heading = np.zeros(2), 0.0
         self.shift, self.turn = np.zeros(3), 0.0  # what is added to the pose now
         self.left, self.left_turn, self.fading = np.zeros(3), 0.0, 1.0  # what was there at release; 0..1 faded out
+        self.swing = 0.0  # 0..1 how much it is raised for its speed
         self.lift, self.rise = 0.0, 0.0  # how much a swinging foot is raised; by how much that grew in the last frame
+        self.back, self.backing = np.zeros(2), np.zeros(2)  # how a foot is held off a riser, in ``shift``; by how much that grew
         self.came: Array | None = None  # where the toe came in and where it was put in the last frame, (2,)
         self.before: Array | None = None
 
     def release(self) -> None:
         if self.locked:
-            self.left, self.left_turn, self.fading = self.shift.copy(), self.turn, 0.0
+            self.left, self.left_turn, self.fading = self.shift - (*self.back, 0.0), self.turn, 0.0
         self.locked, self.hold = False, 0.0
 
+    def hold_off(self, back: Array, dt: float) -> None:
+        """Bring a foot off a riser by ``back`` (2,), metres: swiftly, but without a jump; a foot that stands stays that far off."""
+        if self.locked:
+            step = back * min(1.0, BACK_LOCKED * dt / max(float(np.hypot(*back)), 1e-9))
+            self.anchor, self.back, self.backing = self.anchor + step, self.back + step, np.zeros(2)
+            return
+        step = BACK_EASE * (back - self.back)
+        step *= min(1.0, BACK_SPEED * dt / max(float(np.hypot(*step)), 1e-9))
+        change = step - self.backing
+        self.backing = self.backing + change * min(1.0, BACK_GATHER * dt * dt / max(float(np.hypot(*change)), 1e-9))
+        self.back = self.back + self.backing
+        if not back.any() and np.abs(self.back).max() < 1e-4:
+            self.back, self.backing = np.zeros(2), np.zeros(2)
+
     def update(
-        self, toe: Array, ankle_height: float, heading: float, label: float, dt: float, high: bool = False, over: float = -np.inf
+        self,
+        toe: Array,
+        ankle_height: float,
+        heading: float,
+        label: float,
+        dt: float,
+        high: bool = False,
+        over: float = -np.inf,
+        stay: float = -np.inf,
     ) -> None:
         """Choose ``shift``, ``turn`` and ``lift`` for a pose whose toe joint is at ``toe`` (3,), the foot turned to ``heading``.
 
         Heights are over the ground under the foot; ``high`` tells that this is not the floor, ``over`` by how much a
-        swinging foot must be raised to clear an edge, metres.
+        swinging foot must be raised to clear an edge, and ``stay`` by how much one that is raised must stay so, metres.
         """
         low, play, speed = (HIGH_TOE, HIGH_SETTLE, HIGH_SETTLE_SPEED) if high else (LOW_TOE, SETTLE, SETTLE_SPEED)
         if label < UNLOCK:
@@ -69,7 +95,7 @@ class _Foot:
         if not self.locked:
             self.fading = min(1.0, self.fading + dt / RELEASE_TIME)
             rest = 1 - float(smooth_step(self.fading))
-            self.shift, self.turn = self.left * rest, self.left_turn * rest
+            self.shift, self.turn = self.left * rest + (*self.back, 0.0), self.left_turn * rest
             self.refused = self.refused and rest > 0
             if label > LOCK and toe[2] < low and not self.refused and (glide < GLIDING or label > SURE):
                 self.locked = True
@@ -81,25 +107,27 @@ class _Foot:
             self.anchor += follow * (toe[:2] + self.shift[:2] - self.anchor)
             # A pose that glides on drags the foot along in the end: to let go would flick it over the floor.
             stretch = toe[:2] - self.anchor
-            self.anchor += stretch * max(0.0, 1 - MAX_STRETCH / max(float(np.hypot(*stretch)), 1e-9))
+            longest = MAX_STRETCH + float(np.hypot(*self.back))  # but not into a riser
+            self.anchor += stretch * max(0.0, 1 - longest / max(float(np.hypot(*stretch)), 1e-9))
             turn = float(wrap_angle(self.anchor_heading - heading))
             self.turn = float(np.clip(turn, -MAX_PIVOT, MAX_PIVOT))  # past that the foot pivots on its ball
             self.anchor_heading += self.turn - turn
             self.shift[:2] = self.anchor - toe[:2]
             settle = float(np.clip(TOE_HEIGHT - toe[2], -play, play))
             self.shift[2] += float(np.clip(settle - self.shift[2], -speed * dt, speed * dt))
-        self._clear_the_floor(toe, ankle_height, dt, over)
+        self._clear_the_floor(toe, ankle_height, dt, over, stay)
 
-    def _clear_the_floor(self, toe: Array, ankle_height: float, dt: float, over: float) -> None:
+    def _clear_the_floor(self, toe: Array, ankle_height: float, dt: float, over: float, stay: float) -> None:
         """Raise a foot that swings low: the network's mean of many steps drags it where a body would lift it."""
         now = toe[:2] + self.shift[:2]
         speed = 0.0 if self.before is None else float(np.hypot(*(now - self.before))) / dt
         self.before = now
-        wanted = 0.0
+        wanted, self.swing = 0.0, 0.0
         if not self.locked:
-            share = float(smooth_step(np.clip((speed - SLOW_FOOT) / (FAST_FOOT - SLOW_FOOT), 0, 1)))
+            self.swing = share = float(smooth_step(np.clip((speed - SLOW_FOOT) / (FAST_FOOT - SLOW_FOOT), 0, 1)))
             low = max(TOE_HEIGHT - toe[2], ANKLE_HEIGHT - ankle_height)
             wanted = share * max(0.0, CLEARANCE + low - self.shift[2], over - self.shift[2])
+        wanted = max(wanted, min(stay - self.shift[2], self.lift))
         up, down, ease = (EDGE_UP, EDGE_DOWN, EDGE_EASE) if max(over, self.lift) > 2 * CLEARANCE else (LIFT_UP, LIFT_DOWN, LIFT_EASE)
         step = float(np.clip(ease * (wanted - self.lift), -down * dt, up * dt))
         self.rise = float(np.clip(step, self.rise - 2 * GATHER * dt * dt, max(self.rise, 0.0) + GATHER * dt * dt))
@@ -154,10 +182,10 @@ class ContactIK:
         ankle_heights = (toes - rotate(feet, TOE_OFFSET))[:, 2]
         ground = self._look(toes, foot_headings, ankle_heights)
         for side, foot in enumerate(self._feet):
-            over, high = float(self._footing.over[side]), ground[side] > 0
+            over, stay, high = float(self._footing.over[side]), float(self._footing.stay[side]), ground[side] > 0
             seen = toes[side] - (0, 0, ground[side])
             label, ankle = float(contacts[FOOT_CONTACTS[side]]), float(ankle_heights[side] - ground[side])
-            foot.update(seen, ankle, float(foot_headings[side]), label, self.dt, high, over)
+            foot.update(seen, ankle, float(foot_headings[side]), label, self.dt, high, over, stay)
         self._draw_hips(hips, local, float(contacts[HIP_CONTACT]), hip_goal, heading)
         turn = np.array([foot.turn for foot in self._feet])
         if turn.any():
@@ -193,12 +221,18 @@ class ContactIK:
         if not footing.terrain:
             return footing.ground
         shifts = np.stack([foot.shift for foot in self._feet])
-        raised = shifts[:, 2] + [foot.lift for foot in self._feet]
+        raised = shifts[:, 2] + [foot.lift for foot in self._feet] + self._out
         footing.look(toes + shifts * (1, 1, 0), headings, ankle_heights, raised, self.locked, self.dt)
         for side, foot in enumerate(self._feet):
-            if foot.locked and foot.hold < 1:
+            if foot.locked:
                 back = footing.back_off(side, foot.anchor, foot.anchor_heading)
-                foot.anchor -= min(back, 0.02) * heading_to_direction(np.array(foot.anchor_heading))
+                heading = foot.anchor_heading
+            else:
+                heading = float(headings[side]) + foot.turn
+                # A foot that slows down will come down.
+                sole = toes[side, 2] - TOE_HEIGHT + raised[side] - (1 - foot.swing) * foot.lift
+                back = footing.back_off(side, toes[side, :2] + shifts[side, :2] - foot.back, heading, sole, footing.pace[side])
+            foot.hold_off(-back * heading_to_direction(np.array(heading)), self.dt)
         return footing.ground
 
     def _out_of_ground(self, toes: Array, feet: Array, ground: Array) -> Array:
@@ -207,9 +241,9 @@ class ContactIK:
             return sole_depth(toes, feet)
         deep = sole_depth(toes, feet, ground, self._footing.heel)
         up = np.minimum(EDGE_UP * self.dt, np.maximum(self._rise, 0) + GATHER * self.dt**2)
-        self._rise = np.clip(deep - self._out, -EDGE_DOWN * self.dt, up)
+        self._rise = np.clip(deep - self._out, -EDGE_UP * self.dt, up)
         self._out += self._rise
-        return np.maximum(sole_depth(toes, feet), np.minimum(self._out, np.maximum(deep, 0)))
+        return np.maximum(sole_depth(toes, feet), self._out)
 
     def _draw_hips(self, hips: Array, local: Array, label: float, goal: tuple[Array, float] | None, heading: float | None) -> None:
         """Move ``hips`` and turn ``local[0]`` in place toward the goal by the weight reached so far."""

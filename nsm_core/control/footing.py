@@ -14,7 +14,9 @@ STEP_IN = 0.12
 AHEAD = 0.2  # seconds that a swinging foot looks ahead
 CLEAR = 0.02  # metres over an edge
 _TOUCHING = 0.04  # metres over the ground that a tip meets before it is against a riser
-_BACK = np.arange(0.02, 0.13, 0.02)
+BEFORE = 0.02  # metres that a tip keeps off a riser
+SOON = 0.1  # seconds after which a foot that nears a riser would be in it: it is held back from now on
+_BACK = np.arange(0.0, 0.19, 0.01)
 
 
 class Footing:
@@ -25,6 +27,8 @@ class Footing:
         self.ground = np.zeros(2)  # height of what each foot stands on, or would
         self.heel = np.zeros(2)  # the same under its heel, where that is lower
         self.over = np.full(2, -np.inf)  # by how much a swinging foot must be raised to clear an edge
+        self.stay = np.full(2, -np.inf)  # by how much a raised foot must stay raised, for there is a step under its tip or ball
+        self.pace = np.zeros((2, 2))  # how feet move over the floor, m/s
         self._before: Array | None = None
 
     def look(self, toes: Array, headings: Array, ankle_heights: Array, raised: Array, locked: tuple[bool, bool], dt: float) -> None:
@@ -38,7 +42,7 @@ class Footing:
         ahead = heading_to_direction(headings)
         ball = toes[:, :2]
         pace = np.zeros((2, 2)) if self._before is None else (ball - self._before) / dt
-        self._before = ball.copy()
+        self._before, self.pace = ball.copy(), pace
         places = [ball, ball + MIDDLE * ahead, ball + HEEL * ahead, ball + TIP * ahead]
         places += [places[k] + share * AHEAD * pace for k in (0, 3) for share in (0.5, 1.0)]
         heights = self.terrain.height(np.concatenate(places)).reshape(len(places), 2)
@@ -50,14 +54,22 @@ class Footing:
             self.heel[side] = min(self.ground[side], h[2])
             edge = h.max() > self.ground[side] + _TOUCHING or h.max() > min(h) + _TOUCHING
             front, rear = max(h[0], h[3:].max()) - sole, h[2] - (ankle_heights[side] - ANKLE_HEIGHT)
+            under = max(h[0], h[3])
+            self.stay[side] = under - sole + CLEAR if under > self.ground[side] + _TOUCHING else -np.inf
             self.over[side] = max(front, rear) + CLEAR if edge else -np.inf
 
-    def back_off(self, side: int, toe: Array, heading: float) -> float:
-        """Metres by which a foot that stands at ``toe`` (2,) must come back so that its tip is not in a riser."""
+    def back_off(self, side: int, toe: Array, heading: float, sole: float = -np.inf, pace: Array | None = None) -> float:
+        """Metres by which a foot whose toe joint is at ``toe`` (2,) must come back so that its tip is not in a riser.
+
+        ``sole`` is how high its sole is, world: what is lower is no riser to it; the foot of a leg that moves by ``pace`` (2,),
+        m/s, is seen where it is and where it will soon be.
+        """
         if not self.terrain:
             return 0.0
         ahead = heading_to_direction(np.array(heading))
-        limit = self.ground[side] + _TOUCHING
-        shifts = np.concatenate(((0.0,), _BACK))
-        free = self.terrain.height(toe + (TIP - shifts)[:, None] * ahead) < limit
-        return float(shifts[np.argmax(free)]) if free.any() else 0.0
+        limit = max(self.ground[side] + _TOUCHING, sole + CLEAR)
+        places = toe + (TIP + BEFORE - _BACK)[:, None] * ahead
+        if pace is not None:
+            places = np.concatenate((places, places + SOON * pace))
+        free = (self.terrain.height(places) < limit).reshape(-1, len(_BACK)).all(0)
+        return float(_BACK[np.argmax(free)]) if free.any() else 0.0
