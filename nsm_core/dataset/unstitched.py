@@ -116,7 +116,7 @@ def _ask(session: Session, spans: list[tuple[int, int, int]]) -> None:
         elif session.commands and session.commands[-1].position is not None:
             continue  # sent here already
         slow = np.linalg.norm(np.diff(roots[first:last], axis=0), axis=1)
-        rest = first + int(slow.argmin())
+        rest = first + (int(slow.argmin()) if len(slow) else 0)  # a clip may begin with a single frame of standing
         place = np.append(roots[rest], 0).astype(np.float32)
         session.commands.append(Command(frame, "idle", place, tape.headings[rest]))
 
