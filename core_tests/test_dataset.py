@@ -57,9 +57,10 @@ def test_seats_stand_under_the_hips_and_goals_at_them(takes):
             seats += 1
             goal = next(c for c in take.commands if c.thing >= 0 and take.things[c.thing] is placed)
             assert goal.action == "sit" and goal.frame < a
-            # Once there, the hips rest at the goal: captured sway would teach a region, not a place.
+            # Once there, the hips rest at the goal: captured sway would teach a region, not a place.  Who turns to a table
+            # gets there with the turn, and leaves it with the turn back.
             off = np.linalg.norm(take.hips[a + 3 : b] - goal.position, axis=1)
-            assert off.max() < 0.15 and np.median(off) < 0.005
+            assert off.max() < 0.15 and (off < 0.005).sum() > 30
             turned = np.abs(wrap_angle(root[a + 8 : b - 14, 2] - goal.heading))
             assert turned.max() < 0.05 and turned.mean() < 0.012
             seat = placed.furniture.seat

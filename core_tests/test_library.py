@@ -98,7 +98,7 @@ def test_takes_of_captures_under_any_name_and_hierarchy(source):
     takes = [t for t in map(composer.compose, range(14)) if t is not None]
     actions = {c.action for t in takes for c in t.commands}
     assert {"sit", "walk", "idle"} <= actions
-    used = {name.rstrip("~").split("@")[0] for t in takes for name, _, _ in t.provenance}
+    used = {name.rstrip("~").split("@")[0] for t in takes for name, *_ in t.provenance}
     assert {"monday/deep/b", "monday/a", "take 0"} <= used and "box" not in actions
     sat = next(t for t in takes if t.things)
     assert sat.things[0].furniture.seat is not None and np.isfinite(sat.hips).all()

@@ -7,11 +7,21 @@ import numpy as np
 from ..errors import GoalError
 from ..inference import Model
 from ..limbs import place_limbs
-from ..rotations import Array, heading_quat, matrix_from_forward_up, quat_from_matrix, quat_mul, quat_to_matrix
+from ..rotations import (
+    Array,
+    heading_quat,
+    matrix_from_forward_up,
+    quat_from_matrix,
+    quat_from_rotvec,
+    quat_mul,
+    quat_rotate,
+    quat_to_matrix,
+)
 from ..series import State, standing_state
-from ..skeleton import FEET, HIPS, J, forward_kinematics, local_from_world
+from ..skeleton import ARMS, FEET, HIPS, OFFSETS, J, forward_kinematics, local_from_world
 
 _LEGS = tuple(leg[:3] for leg in FEET)
+_ELBOWS = tuple((elbow, np.array((0.0, 0.0, sign))) for (_, elbow, _), sign in zip(ARMS, (1, -1), strict=True))  # and their hinges
 
 
 def pose_of(state: State) -> tuple[Array, Array]:
@@ -26,7 +36,19 @@ def pose_of(state: State) -> tuple[Array, Array]:
     hips = state.joint_position[0, HIPS].astype(np.float64)
     ankles = state.joint_position[0, [leg[2] for leg in FEET]].astype(np.float64)
     feet = world[[leg[2] for leg in FEET]]
+    local = unbend_elbows(local)
     return hips.astype(np.float32), place_limbs(hips, local, _LEGS, ankles, feet).astype(np.float32)
+
+
+def unbend_elbows(local: Array) -> Array:
+    """Straighten elbows of local rotations (23, 4) that bend backward, as noisy captures teach now and then; returns new ones."""
+    local = local.copy()
+    for (elbow, hinge), wrist in zip(_ELBOWS, (arm[2] for arm in ARMS), strict=True):
+        upper, lower = OFFSETS[elbow], quat_rotate(local[elbow], OFFSETS[wrist].astype(local.dtype))
+        flexion = float(np.arctan2(np.cross(upper, lower) @ hinge, upper @ lower))
+        if flexion < 0:
+            local[elbow] = quat_mul(quat_from_rotvec(-flexion * hinge), local[elbow])
+    return local
 
 
 def standing_start(model: Model, root: Array, rng: np.random.Generator) -> State:
