@@ -60,6 +60,12 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--learning-rate", type=float, default=defaults.learning_rate)
     parser.add_argument("--rollout", type=int, default=defaults.rollout.length)
     parser.add_argument(
+        "--root-rate",
+        type=float,
+        default=defaults.rollout.root_rate,
+        help="share of drift that roll-outs learn to undo per frame",
+    )
+    parser.add_argument(
         "--fresh", type=float, default=defaults.fresh.share, help="share of takes composed meanwhile and put on other objects (0 for none)"
     )
     parser.add_argument("--no-stitching", action="store_true", help="train on captured pieces by themselves, to compare")
@@ -71,7 +77,7 @@ def main(arguments: list[str]) -> int:
         data_minutes=a.data_minutes,
         seed=a.seed,
         learning_rate=a.learning_rate,
-        rollout=RolloutSettings(length=a.rollout),
+        rollout=RolloutSettings(length=a.rollout, root_rate=a.root_rate),
         fresh=FreshSettings(share=a.fresh),
         stitched=not a.no_stitching,
     )
