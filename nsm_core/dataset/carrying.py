@@ -89,13 +89,13 @@ def lay(session: Session) -> Carry | None:
     rng = session.rng
     if not session.source.segments.get(NAME):
         return None
-    box, piece = _draw_box(session)
+    box, piece = draw_box(session)
     face = float(rng.integers(4) * np.pi / 2)
     support = draw_support(session, box.across(face))
     fetch = _approach(session, support, box.stand_off(face))
     if fetch is None:
         return None
-    taken = _bend(session, box, face, support)
+    taken = bend_to(session, box, face, support)
     if taken is None:
         return None
     if rng.random() < 0.12:
@@ -113,7 +113,8 @@ def lay(session: Session) -> Carry | None:
     return carry
 
 
-def _draw_box(session: Session) -> tuple[Box, Furniture]:
+def draw_box(session: Session) -> tuple[Box, Furniture]:
+    """A box of sides that one carries, from the pool, and its shape about its centre."""
     piece = session.draw("crate")
     scale = np.clip(piece.size, *SIDE) / piece.size
     mins, maxs = ((m - piece.centre) * scale for m in (piece.mins, piece.maxs))
@@ -187,7 +188,7 @@ def _from(session: Session, action: str, since: int, distance: float) -> int:
     return session.command(action, len(tape) - frame)
 
 
-def _bend(session: Session, box: Box, face: float, support: Support | None, centre: Array | None = None) -> Spot | None:
+def bend_to(session: Session, box: Box, face: float, support: Support | None, centre: Array | None = None) -> Spot | None:
     """Bend to a box before the tape's end, or to its ``centre`` (3,) and back up; None where no captured bend reaches it."""
     rng, tape = session.rng, session.tape
     root, facing = tape.roots[-1], tape.headings[-1] + float(rng.normal(0, 0.03))
@@ -239,7 +240,7 @@ def _bring(session: Session, box: Box, face: float, taken: Spot) -> tuple[Spot |
         bring = [_from(session, "idle+carry", before, float(rng.uniform(*_NEAR)))]
     if rng.random() < 0.4:
         tape.stand(rng.uniform(0.1, 0.6))
-    return _bend(session, box, face, support), bring
+    return bend_to(session, box, face, support), bring
 
 
 def _put_back(session: Session, box: Box, face: float, taken: Spot) -> tuple[Spot | None, list[int]]:
@@ -248,7 +249,7 @@ def _put_back(session: Session, box: Box, face: float, taken: Spot) -> tuple[Spo
     session.command("walk+carry", len(tape) - taken.bend.touch - int(rng.integers(2, 7)))
     tape.stand(rng.uniform(0.8, 3.0))
     bring = [session.command("idle+carry", session.lead())]
-    return _bend(session, box, face, taken.support, taken.centre), bring
+    return bend_to(session, box, face, taken.support, taken.centre), bring
 
 
 def _apart(session: Session, box: Box, taken: Spot, put: Spot) -> bool:

@@ -182,18 +182,18 @@ def carry(session: Session) -> bool:
     half = pieces[int(rng.integers(len(pieces)))]
     # One bend for all: no other one is stitched to it.
     session.source = replace(session.source, segments={**session.source.segments, carrying.NAME: [half]})
-    box, piece = carrying._draw_box(session)
+    box, piece = carrying.draw_box(session)
     face = float(rng.integers(4) * np.pi / 2)
     fetch = session.command("carry")
     _begin(session, half.first)
     tape.hold(half.first, session.lead(), 1, seam=False)
-    taken = carrying._bend(session, box, face, draw_support(session, box.across(face)))
+    taken = carrying.bend_to(session, box, face, draw_support(session, box.across(face)))
     if taken is None:
         return False
     session.command("walk+carry", len(tape) - taken.bend.touch - int(rng.integers(2, 7)))
     tape.hold(half.first, int(rng.uniform(0.8, 3.0) * FPS), 1, seam=False)
     bring = [session.command("idle+carry", session.lead())]
-    put = carrying._bend(session, box, face, taken.support, taken.centre)
+    put = carrying.bend_to(session, box, face, taken.support, taken.centre)
     if put is None:
         return False
     tape.seams.clear()  # between frames of one piece there is none
