@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import furniture
 from ..control.goals import STAND_AHEAD
-from ..conventions import HIP_CONTACT, SIT
+from ..conventions import FPS, HIP_CONTACT, SIT
 from ..evaluation.metrics import penetration_depths
 from ..furniture import Furniture
 from ..limbs import place_limbs
@@ -227,7 +227,7 @@ def lay(session: Session) -> Sit | None:
 
 
 def _lay(session: Session, piece: Furniture, sideways: bool) -> Sit | None:
-    rng, lib, tape, seat, size = session.rng, session.lib, session.tape, piece.seat, piece.size
+    rng, tape, seat, size = session.rng, session.tape, piece.seat, piece.size
     hips = session.free_place(0.9, 4.5, 0.5 + 0.5 * float(max(size[:2])))
     if hips is None:
         return None
@@ -244,17 +244,7 @@ def _lay(session: Session, piece: Furniture, sideways: bool) -> Sit | None:
     if not session.go(target, heading, (float(size[0]), float(size[1]))):
         return None
     segment = session.nearest_segment(NAME)
-    down, up = segment.marks["down"], segment.marks["up"]
-    sit.start = len(tape)
-    tape.run_on(np.arange(segment.first, down, 1 / rng.uniform(0.85, 1.25)), seam=True)
-    sit.reached = len(tape)
-    middle = down + int(np.argmin(np.linalg.norm(lib.velocity[down:up, HIPS], axis=1)))
-    tape.run_on(np.linspace(down, middle, max(2, abs(middle - down))), seam=False)
-    sit.still = len(tape)
-    tape.hold(middle, int((rng.uniform(0.6, 3.0) + (3.4 if sideways else 0)) * 30), 3, seam=False)
-    sit.leaving = len(tape)
-    tape.run_on(np.linspace(middle, up, max(2, abs(up - middle))), seam=False)
-    sit.rise = len(tape)
+    play(session, sit, segment, seam=True, longer=3.4 if sideways else 0.0)
     if sideways:
         sit.back = int(rng.integers(34, 48))
         sit.turn = float(rng.choice((-1, 1)) * rng.uniform(np.radians(75), np.radians(100)))
@@ -267,6 +257,22 @@ def _lay(session: Session, piece: Furniture, sideways: bool) -> Sit | None:
     sit.position = tape.roots[sit.leaving - 1] - rotate_planar(seat.point[:2], sit.heading)
     _rise(session, sit, segment)
     return sit
+
+
+def play(session: Session, sit: Sit, segment: LaidSegment, seam: bool, longer: float = 0.0) -> None:
+    """Lay a captured sit-down, a rest on the seat, ``longer`` by so many seconds, and the way up to where the seat is left."""
+    rng, lib, tape = session.rng, session.lib, session.tape
+    down, up = segment.marks["down"], segment.marks["up"]
+    sit.start = len(tape)
+    tape.run_on(np.arange(segment.first, down, 1 / rng.uniform(0.85, 1.25)), seam=seam)
+    sit.reached = len(tape)
+    middle = down + int(np.argmin(np.linalg.norm(lib.velocity[down:up, HIPS], axis=1)))
+    tape.run_on(np.linspace(down, middle, max(2, abs(middle - down))), seam=False)
+    sit.still = len(tape)
+    tape.hold(middle, int((rng.uniform(0.6, 3.0) + longer) * FPS), 3, seam=False)
+    sit.leaving = len(tape)
+    tape.run_on(np.linspace(middle, up, max(2, abs(up - middle))), seam=False)
+    sit.rise = len(tape)
 
 
 def _rise(session: Session, sit: Sit, segment: LaidSegment) -> None:

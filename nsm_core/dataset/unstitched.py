@@ -13,7 +13,6 @@ import numpy as np
 from ..conventions import FPS, IDLE, RUN, STYLES, WALK
 from ..furniture import Furniture
 from ..rotations import Array, heading_to_direction, rotate_planar
-from ..skeleton import HIPS
 from . import carrying, sitting
 from .carrying import Carry
 from .session import LaidSegment, Session
@@ -143,23 +142,14 @@ def sit(session: Session) -> bool:
 
 
 def _sit_on(session: Session, piece: Furniture, pieces: list[LaidSegment]) -> Sit:
-    rng, lib, tape = session.rng, session.lib, session.tape
+    rng, tape = session.rng, session.tape
     segment = pieces[int(rng.integers(len(pieces)))]
-    down, up = segment.marks["down"], segment.marks["up"]
+    up = segment.marks["up"]
     mark = session.command("sit")
     _begin(session, segment.first)
     tape.hold(segment.first, session.lead(), 1, seam=False)
     episode = Sit(piece, tape.roots[-1], mark)
-    episode.start = len(tape)
-    tape.run_on(np.arange(segment.first, down, 1 / rng.uniform(0.85, 1.25)), seam=False)
-    episode.reached = len(tape)
-    middle = down + int(np.argmin(np.linalg.norm(lib.velocity[down:up, HIPS], axis=1)))
-    tape.run_on(np.linspace(down, middle, max(2, abs(middle - down))), seam=False)
-    episode.still = len(tape)
-    tape.hold(middle, int(rng.uniform(0.6, 3.0) * FPS), 3, seam=False)
-    episode.leaving = len(tape)
-    tape.run_on(np.linspace(middle, up, max(2, abs(up - middle))), seam=False)
-    episode.rise = len(tape)
+    sitting.play(session, episode, segment, seam=False)
     seat = piece.seat
     episode.heading = tape.headings[episode.leaving - 1] - seat.heading
     episode.position = tape.roots[episode.leaving - 1] - rotate_planar(seat.point[:2], np.float64(episode.heading))

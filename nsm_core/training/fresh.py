@@ -19,6 +19,7 @@ from ..dataset.stored import OBJECT_FIELDS, Dataset, empty_arrays
 from ..dataset.switched import switched
 from ..errors import CaptureError
 from ..rotations import Array
+from ..threads import one_thread
 
 SEEDS_APART = 1_000_000  # between the seeds of stored and of fresh takes
 LONGEST, THINGS = 1400, 8  # frames and things of a take that a slot holds; what is longer is cut
@@ -44,15 +45,14 @@ def both(composer: Composer, seed: int) -> list[dict[str, Array]]:
 
 def _compose_on(captures: str, meshes: str | None, cache: str, stitch: bool, seed: int, out: multiprocessing.Queue) -> None:
     """The process: compose take after take from ``seed`` on until it is ended."""
-    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ[variable] = "1"
     if hasattr(os, "nice"):
         os.nice(5)  # the network's steps come first
     composer = Composer(load(captures), pool=pool_of(meshes, cache), stitch=stitch)
-    while True:
-        for arrays in both(composer, seed):
-            out.put(arrays)
-        seed += 1
+    with one_thread():
+        while True:
+            for arrays in both(composer, seed):
+                out.put(arrays)
+            seed += 1
 
 
 class Ring:
@@ -94,7 +94,7 @@ class FreshTakes:
         self._process = context.Process(target=_compose_on, args=arguments, daemon=True)
         self._process.start()
         while self.ring.written < min(8, slots):
-            self._write(self._first())
+            self.ring.write(self._first())
 
     def _first(self) -> dict[str, Array]:
         waited = 0.0
@@ -108,15 +108,19 @@ class FreshTakes:
         self.close()
         raise CaptureError("no fresh take was composed; train with --fresh 0, on the stored takes alone.")
 
-    def _write(self, arrays: dict[str, Array]) -> tuple[int, int]:
-        return self.ring.write(arrays)
-
     def poll(self) -> tuple[int, int] | None:
-        """Take in one new take if there is one; returns the frames of the ring that it has replaced."""
+        """Take in one new take if there is one; returns the frames of the ring that it has replaced.
+
+        Raises CaptureError where the process has died.
+        """
         try:
-            return self._write(self._queue.get_nowait())
+            return self.ring.write(self._queue.get_nowait())
         except queue.Empty:
-            return None
+            if self._process.is_alive():
+                return None
+            raise CaptureError(
+                "the process that composes fresh takes has ended; run the same command again to go on."
+            ) from None
 
     def close(self) -> None:
         """End the process."""
