@@ -247,7 +247,7 @@ def _put_back(session: Session, box: Box, face: float, taken: Spot) -> tuple[Spo
     """Hold the box for a while and put it back where it was."""
     rng, tape = session.rng, session.tape
     session.command("walk+carry", len(tape) - taken.bend.touch - int(rng.integers(2, 7)))
-    tape.stand(rng.uniform(0.8, 3.0))
+    tape.stay(rng.uniform(0.8, 3.0))
     bring = [session.command("idle+carry", session.lead())]
     return bend_to(session, box, face, taken.support, taken.centre), bring
 
@@ -273,6 +273,6 @@ def _leave(session: Session, put: Spot) -> None:
     mark = session.command("idle", len(tape) - put.bend.touch - int(rng.integers(2, 7)))
     if rng.random() < 0.55:
         session.stand_here(mark)
-        tape.stand(rng.uniform(0.2, 1.0))
+        tape.stay(rng.uniform(0.2, 1.0))
     else:
         session.leave_early(mark)

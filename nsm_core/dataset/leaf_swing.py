@@ -112,7 +112,7 @@ def turn(door: Doorway, joints: Array, start: int, panel: float, backed: int, rn
     wanted = np.maximum.accumulate(np.minimum(wanted, last) * (x * x * (3 - 2 * x)))
     angles = np.maximum.accumulate(gaussian_smooth(wanted * ANGLES[1], 3.0)).clip(0, None)
     angles[: start + 1] = 0
-    let_go = np.radians(rng.uniform(46, 62) if push else rng.uniform(38, 56))
+    let_go = np.radians(rng.uniform(54, 70) if push else rng.uniform(56, 72))
     own = np.linalg.norm(shoulder - door.grips(angles), axis=-1)
     done = np.flatnonzero((t > start + 5) & ((angles >= let_go) | (own > FURTHEST) | (own < FOLDED) & (t > start + 15) | (t > count - 25)))
     # A hand lets go once the leaf hardly moves any more.

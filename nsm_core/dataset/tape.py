@@ -64,6 +64,10 @@ class Tape:
         else:
             self.hold(last, count, 1, seam=False)
 
+    def stay(self, seconds: float) -> None:
+        """Hold the last frame, whatever the capture goes on to do: after a bend, which is captured once and played to and fro."""
+        self.hold(int(self.frames[-1]), int(seconds * FPS), 1, seam=False)
+
     def trim(self, length: int) -> None:
         """Drop frames from ``length`` on; commands stay."""
         del self.frames[length:], self.roots[length:], self.headings[length:]
