@@ -10,6 +10,7 @@ from ..rotations import Array, heading_quat, heading_to_direction, wrap_angle
 from ..skeleton import ANKLE_HEIGHT, FEET, OFFSETS, TOE_HEIGHT
 from .foot_lock import LEGS, TOE_OFFSET, detect_foot_contacts, foot_heading, lock_feet, smooth_step, sole_depth
 from .footing import Footing
+from .goals import Seat
 from .terrain import Terrain
 
 __all__ = ["ContactIK", "detect_foot_contacts", "lock_feet"]
@@ -154,15 +155,16 @@ class ContactIK:
         self._feet = (_Foot(), _Foot())
         self._footing, self._out, self._rise = Footing(self.terrain), np.zeros(2), np.zeros(2)
         self._drop = 0.0
-        self._seated, self._draw = False, 0.0
-        self._goal: tuple[Array, float] | None = None
+        self._seated, self._draw, self._face = False, 0.0, 0.0
+        self._goal: Array | None = None  # where the hips are drawn
+        self._facing = 0.0  # and the heading that they turn to
 
     def apply(
         self,
         hips_position: Array,
         local_rotations: Array,
         contacts: Array,
-        hip_goal: tuple[Array, float] | None = None,
+        hip_goal: Seat | None = None,
         heading: float | None = None,
     ) -> tuple[Array, Array]:
         """Correct one frame; return new (3,) hips position and (23, 4) local rotations.
@@ -170,8 +172,8 @@ class ContactIK:
         Args:
             hips_position: (3,) world, metres; local_rotations: (23, 4).  Neither is changed.
             contacts: (5,) labels 0..1 in the order of ``conventions.CONTACTS``.
-            hip_goal: world position (3,) of the hip joint and heading to sit at, or None.  While the hip label is high the
-                hips are drawn there within half a second, in position and heading, and stay within 1 cm and 1 degree.
+            hip_goal: world position (3,) of the hip joint and heading to sit at (None while it still turns), or None.  While the
+                hip label is high the hips are drawn there within half a second and stay within 1 cm and 1 degree.
             heading: what counts as the body's heading now; None takes that of the hips joint.
         """
         dtype = local_rotations.dtype
@@ -245,28 +247,32 @@ class ContactIK:
         self._out += self._rise
         return np.maximum(sole_depth(toes, feet), self._out)
 
-    def _draw_hips(self, hips: Array, local: Array, label: float, goal: tuple[Array, float] | None, heading: float | None) -> None:
-        """Move ``hips`` and turn ``local[0]`` in place toward the goal by the weight reached so far."""
+    def _draw_hips(self, hips: Array, local: Array, label: float, goal: Seat | None, heading: float | None) -> None:
+        """Move ``hips`` and turn ``local[0]`` in place toward the goal by the weights reached so far."""
         if goal is not None and (not self._draw or self._goal is None):
-            self._goal = (np.asarray(goal[0], dtype=np.float64), float(goal[1]))
+            self._goal = np.asarray(goal[0], dtype=np.float64)
         # A sitter who is sent to the next seat is let go from this one first.
-        same = goal is not None and self._goal is not None and np.linalg.norm(self._goal[0] - goal[0]) < NEXT_SEAT
-        self._seated = same and label > (UNLOCK if self._seated else LOCK)
+        same = goal is not None and self._goal is not None and np.linalg.norm(self._goal - goal[0]) < NEXT_SEAT
+        self._seated = bool(same) and label > (UNLOCK if self._seated else LOCK)
         self._draw = float(np.clip(self._draw + (1 if self._seated else -1) * self.dt / DRAW_TIME, 0, 1))
+        faces = self._seated and goal is not None and goal[1] is not None
+        if faces and not self._face:
+            self._facing = float(goal[1])  # type: ignore[index, arg-type]
+        self._face = float(np.clip(self._face + (1 if faces else -1) * self.dt / DRAW_TIME, 0, 1))
         if not self._draw:
             self._goal = None
             return
         weight = float(smooth_step(self._draw))
-        gap = self._goal[0] - hips
+        gap = self._goal - hips
         far = np.linalg.norm(gap)
         # A little play keeps the sitter alive; far goals are not for this class to reach.
         if far > HIP_PLAY:
             hips += weight * gap * (min(far - HIP_PLAY, MAX_DRAW) / far)
         now = float(foot_heading(local[0])) if heading is None else heading
-        turn = float(wrap_angle(self._goal[1] - now))
+        turn = float(wrap_angle(self._facing - now))
         share = float(smooth_step((MAX_DRAW_TURN - abs(turn)) / (MAX_DRAW_TURN - ASKEW)))
         turn = np.sign(turn) * max(abs(turn) - HIP_PLAY_TURN, 0) * share
-        local[0] = mul(heading_quat(np.asarray(weight * turn)), local[0])
+        local[0] = mul(heading_quat(np.asarray(float(smooth_step(self._face)) * turn)), local[0])
 
     def _lower_pelvis(self, hips: Array, starts: Array, targets: Array) -> None:
         """Bring ``hips`` down in place, slowly and a little, where a locked foot is out of reach; let go what stays out."""

@@ -124,9 +124,9 @@ class Director:
         self.index, self._started, self._rest, self._hold = index, self._frame, 0, -1
         self._part, self._since = 0, self._frame
         self.results[index].start_frame = self._frame
-        self.stage = None
+        before, self.stage = self.stage, None
         try:
-            self.stage = begin(following, self._ground, moment, self.grasps, self._scene, self._ik)
+            self.stage = begin(following, self._ground, moment, self.grasps, self._scene, self._ik, before)
         except GoalError as error:
             self._give_up(error)
         self._perform(moment)

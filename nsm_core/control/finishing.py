@@ -9,7 +9,7 @@ import numpy as np
 from ..conventions import CLIMB, SIT
 from ..rotations import Array
 from .contact_ik import ContactIK
-from .goals import Goal, Moment
+from .goals import Moment, Seat
 from .hands import HandClearance
 from .heels import Heels
 from .leg_clearance import LegClearance
@@ -29,15 +29,14 @@ class Finishing:
         self._heels, self._legs = Heels(), LegClearance(scene.environment)
         self._trunk, self._hands = TrunkClearance(scene.environment), HandClearance(scene.environment)
 
-    def apply(self, hips: Array, rotations: Array, moment: Moment, goal: Goal | None, grasps: Sequence[Grasp]) -> tuple[Array, Array]:
+    def apply(self, hips: Array, rotations: Array, moment: Moment, seat: Seat | None, grasps: Sequence[Grasp]) -> tuple[Array, Array]:
         """Return new hips (3,) and local rotations (23, 4) and move the props in hand.
 
-        ``hips``, ``rotations`` and ``moment`` are the network's of this frame, ``goal`` the present one, ``grasps`` the hands at
+        ``hips``, ``rotations`` and ``moment`` are the network's of this frame, ``seat`` what is sat on, ``grasps`` the hands at
         work on props.
         """
         kept_hips, kept = hips, rotations
         if self.ik:
-            seat = (goal.position, goal.heading) if goal is not None and goal.action == "sit" else None
             kept_hips, kept = self._contact.apply(hips, rotations, moment.contacts, seat, moment.heading)
             kept_hips, kept = self._legs.apply(kept_hips, kept, float(moment.style[CLIMB]), self._contact.locked)
             kept = self._heels.apply(kept_hips, kept, float(moment.style[SIT]), seat[0] if seat else None)

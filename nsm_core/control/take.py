@@ -219,8 +219,8 @@ class TakeRunner:
         """Turn the state into a pose, correct its contacts and store both."""
         s, d = self.state, self.director
         hips, rotations = pose_of(s)
-        goal = d.goals[d.index] if 0 <= d.index < len(d.goals) else None
-        kept_hips, kept = self._finishing.apply(hips, rotations, self._moment(contact), goal, d.grasps)
+        seat = d.stage.seat() if d.stage is not None else None
+        kept_hips, kept = self._finishing.apply(hips, rotations, self._moment(contact), seat, d.grasps)
         for name, pose in self.prop_poses().items():
             self._poses[name].append(pose)
         self._frames.append((kept_hips, kept, hips, rotations, contact.copy(), s.root[0].copy(), s.style_past[0, -1].copy(), experts))

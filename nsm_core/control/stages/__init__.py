@@ -16,16 +16,23 @@ from .carrying import Carry, choose_side, standing_place
 from .climbing import Climb, foot_of
 from .doors import Pass, beyond
 from .places import EXECUTED, Go, Sit, Stage, Stay
+from .rising import TurnBack
 from .seats import before_seat
 
 Grasp = Carrying | Opening
 
 
-def begin(goal: Goal, ground: Ground, moment: Moment, grasps: list[Grasp], scene: Scene, ik: bool = True) -> Stage:
+def begin(
+    goal: Goal, ground: Ground, moment: Moment, grasps: list[Grasp], scene: Scene, ik: bool = True, before: Stage | None = None
+) -> Stage:
     """Make the stage of a goal for a character as it is now.
 
-    ``grasps`` are those still at work; ``scene`` what a box may rest on and a leaf may meet; ``ik`` see ``Carrying``.
+    ``grasps`` are those still at work; ``scene`` what a box may rest on and a leaf may meet; ``ik`` see ``Carrying``;
+    ``before`` the stage that it leaves.
     """
+    back = before.leave(goal) if before is not None else None
+    if back is not None:
+        return TurnBack(goal, back, lambda then: begin(goal, ground, then, grasps, scene, ik))
     if goal.action == "idle":
         return Stay(goal, moment)
     if goal.action == "sit":

@@ -6,12 +6,13 @@ import numpy as np
 
 from ...conventions import IDLE, SIT
 from ...rotations import Array, heading_to_direction, wrap_angle
-from ..goals import STAND_AHEAD, Goal, Moment
+from ..goals import STAND_AHEAD, Goal, Moment, Seat
 from .approach import REACH, RUNNING, WALKING, Approach, Command, Ground
 from .seats import before_seat
 
 EXECUTED = 0.9  # a label over this counts as executed (design of the response times)
 SEATED_WITHIN = 0.2  # metres between hips and goal that still count as seated on it
+SLOW = 0.3  # m/s below which one who sits down from the side turns
 
 
 class Stage:
@@ -33,6 +34,14 @@ class Stage:
     def target(self) -> tuple[Array | None, float, int]:
         """Place (None: any) and heading that the hips, or the box, should have in the end, and over how many axes that counts."""
         return self.goal.position, self.goal.heading, 2
+
+    def seat(self) -> Seat | None:
+        """The seat that the hips are to settle on."""
+        return None
+
+    def leave(self, following: Goal) -> Command | None:
+        """What is commanded before another goal may begin; None where it may begin at once."""
+        return None
 
     def end(self, reached: bool, again: bool = False) -> None:
         """Give way to the next goal; ``again`` tells that it carries the same box."""
@@ -76,15 +85,18 @@ class Go(Stage):
 
 
 class Sit(Stage):
-    """Walk to where one sits down, before the seat or beside it, and sit."""
+    """Walk to where one sits down, before the seat or beside it, and sit; from the side one turns once one is seated."""
 
     def __init__(self, goal: Goal, ground: Ground, moment: Moment) -> None:
         super().__init__(goal)
-        final = Command("sit", goal.position, goal.heading, thing=goal.interaction)
         stand, heading = before_seat(goal, ground.plan, moment.root[:2])
         self._side = abs(float(wrap_angle(heading - goal.heading))) > 0.1
+        self._seated = self._on_it(moment)  # whether the seat has been reached
+        self._there = Command("sit", goal.position, goal.heading, thing=goal.interaction)
+        # One who is sent from the side to sit in another direction would walk round to the front, through what stands there.
+        self._back = Command("sit", goal.position, heading, thing=goal.interaction) if self._side else self._there
         ready = self._beside if self._side else None
-        self.approach = Approach(ground, stand, heading, final, ready=ready, anyway=self._side)
+        self.approach = Approach(ground, stand, heading, self._back, ready=ready, anyway=self._side)
 
     def _beside(self, moment: Moment) -> bool:
         """From the side one is led to the very place: the seat is asked for with the back to it."""
@@ -92,12 +104,25 @@ class Sit(Stage):
         return near and abs(float(wrap_angle(moment.heading - self.approach.heading))) < np.radians(30)
 
     def update(self, moment: Moment) -> Command:
-        return self.approach.update(moment, self.arrived)
+        if not self._seated:
+            command = self.approach.update(moment, self.arrived)
+            self._seated = self.approach.given and self._on_it(moment) and moment.speed < SLOW
+        return self._there if self._seated else command
+
+    def _on_it(self, moment: Moment) -> bool:
+        near = float(np.linalg.norm(moment.hips - self.goal.position)) < SEATED_WITHIN
+        return near and float(moment.style[SIT]) > EXECUTED
 
     def arrived(self, moment: Moment) -> bool:
-        near = float(np.linalg.norm(moment.hips - self.goal.position)) < SEATED_WITHIN
         turned = not self._side or abs(float(wrap_angle(moment.heading - self.goal.heading))) < np.radians(15)
-        return near and turned and float(moment.style[SIT]) > EXECUTED and moment.speed < 0.1
+        return turned and self._on_it(moment) and moment.speed < 0.1
 
     def target(self) -> tuple[Array | None, float, int]:
         return self.goal.position, self.goal.heading, 3
+
+    def seat(self) -> Seat | None:
+        return self.goal.position, None if self._side and not self._seated else self.goal.heading
+
+    def leave(self, following: Goal) -> Command | None:
+        stays = following.action == "sit" and float(np.linalg.norm(following.position - self.goal.position)) < SEATED_WITHIN
+        return self._back if self._side and self._seated and not stays else None
