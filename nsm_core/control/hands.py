@@ -10,7 +10,8 @@ from ..sensors.query import DistanceQuery
 from ..skeleton import ARMS, END_SITES, JOINTS, OFFSETS
 
 # Places on an arm that are kept out: share of the way from elbow to wrist (0..1) or from wrist to finger tips (1..2); radius, metres.
-_PROBES = ((0.5, 0.035), (0.8, 0.032), (1.0, 0.03), (1.5, 0.022), (2.0, 0.015))
+# On the hand they lie closer than a table top is thick.
+_PROBES = ((0.5, 0.035), (0.8, 0.032), (1.0, 0.03), (1.25, 0.026), (1.5, 0.022), (1.75, 0.018), (2.0, 0.015))
 _SHARES = np.array([p[0] for p in _PROBES])
 _RADII = np.array([p[1] for p in _PROBES])
 FURTHEST, EASE, SPEED = 0.12, 0.3, 0.02  # metres a wrist is moved at most; share and metres per frame by which that changes
