@@ -143,8 +143,8 @@ class Actor:
     def _keep(self, series=None) -> None:
         hips, local = self.pose()
         director = self.director
-        goal = director.goals[director.index] if director.index >= 0 else None
-        kept_hips, kept = self.finishing.apply(hips, local, self.moment(), goal, director.grasps)
+        seat = director.stage.seat() if director.stage is not None else None
+        kept_hips, kept = self.finishing.apply(hips, local, self.moment(), seat, director.grasps)
         self.frames.append(
             {
                 "pose": (kept_hips, kept),

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from test_director import Puppet
 
 from nsm_core import furniture
 from nsm_core.control.goals import STAND_AHEAD, Goal
 from nsm_core.control.planning import FloorPlan
 from nsm_core.control.stages.seats import before_seat
+from nsm_core.conventions import GOAL_ACTIONS
 from nsm_core.rotations import wrap_angle
 from nsm_core.sensors.cuboid import interaction_sensor
 from nsm_core.skeleton import HIP_OVER_SEAT
@@ -58,3 +60,37 @@ def test_never_over_an_arm_rest():
     goal, plan = at("armchair", desk=True)
     stand, heading = before_seat(goal, plan, np.array((2.0, 0.0)))
     assert heading == 0.0 and stand[1] < goal.position[1]
+
+
+def commanded(puppet: Puppet) -> list[tuple[str, float]]:
+    """What the newest key asked for in each frame: the actions, and the heading told from that of the seat, degrees."""
+    names = ["+".join(np.array(GOAL_ACTIONS)[a[-1] > 0.5]) for a in puppet.action]
+    return [(n, round(float(np.degrees(wrap_angle(h[-1]))))) for n, h in zip(names, puppet.heading, strict=True)]
+
+
+def test_one_sits_with_the_back_to_the_seat_turns_to_the_desk_and_back_before_one_rises():
+    goal, plan = at("chair", desk=True)
+    puppet = Puppet([goal, Goal("idle", "", np.zeros(3), 0.0, hold=0.5)], root=(2.0, 0.3, 0.0), plan=plan)
+    while len(puppet.roots) < 900 and puppet.step():
+        pass
+    assert all(r.reached for r in puppet.director.results)
+    asked = commanded(puppet)
+    told = [a for n, a in enumerate(asked) if a[0] == "sit" and (n == 0 or asked[n - 1] != a)]
+    assert told == [("sit", 90), ("sit", 0), ("sit", 90)]
+    # Nobody turns before the seat is reached, or rises before one has turned back.
+    first = asked.index(("sit", 0))
+    assert np.linalg.norm(puppet.roots[first][:2] - goal.position[:2]) < 0.2
+    up = next(n for n in range(first, len(asked)) if asked[n][0] == "idle")
+    assert abs(wrap_angle(puppet.roots[up][2] - np.pi / 2)) < np.radians(13)
+    # It stands beside the seat in the end, not in the desk before it.
+    assert puppet.roots[-1][0] == pytest.approx(STAND_AHEAD, abs=0.1) and abs(puppet.roots[-1][1] - goal.position[1]) < 0.15
+
+
+def test_one_who_is_asked_to_sit_where_one_sits_at_a_desk_stays():
+    goal, plan = at("stool", desk=True)
+    puppet = Puppet([goal, Goal("sit", "again", goal.position, goal.heading, hold=0.5)], root=(2.0, 0.3, 0.0), plan=plan)
+    while len(puppet.roots) < 900 and puppet.step():
+        pass
+    asked = commanded(puppet)
+    assert all(r.reached for r in puppet.director.results)
+    assert {a for a in asked[asked.index(("sit", 0)) :]} == {("sit", 0)}

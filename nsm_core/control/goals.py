@@ -84,7 +84,7 @@ class Moment:
     """What the director sees of a character.
 
     ``root`` (3,), ``hips`` (3,) world, ``heading``, hip ``speed`` m/s, labels ``style`` (7,), the network's ``wrists`` (2, 3)
-    right and left, world, and its ``contacts`` (5,).
+    right and left, world, and its ``contacts`` (5,); ``turning`` how fast the heading changes, rad/s.
     """
 
     root: Array
@@ -94,3 +94,4 @@ class Moment:
     style: Array = field(repr=False)
     wrists: Array = field(repr=False, default_factory=lambda: np.zeros((2, 3)))
     contacts: Array = field(repr=False, default_factory=lambda: np.zeros(len(CONTACTS)))
+    turning: float = 0.0

@@ -15,7 +15,7 @@ from ..conventions import CONTACTS, FOOT_CONTACTS, FPS
 from ..errors import GoalError
 from ..features import Surroundings, build_inputs, no_object, read_outputs
 from ..inference import Model
-from ..rotations import Array
+from ..rotations import Array, wrap_angle
 from ..sensors.cylinder import DIAMETER, SPHERE_RADIUS, environment_sensor
 from ..sensors.query import DistanceQuery
 from ..skeleton import ARMS, HIPS, forward_kinematics, root_of
@@ -211,9 +211,11 @@ class TakeRunner:
 
     def _moment(self, contacts: Array) -> Moment:
         s = self.state
-        speed = float(np.linalg.norm(s.root_past[0, -1, :2] - s.root_past[0, -7, :2]) * FPS / 6)
+        change = (s.root_past[0, -1] - s.root_past[0, -7]).astype(np.float64)
+        speed, turning = np.linalg.norm(change[:2]) * FPS / 6, np.abs(wrap_angle(change[2])) * FPS / 6
         wrists = s.joint_position[0, _WRISTS].astype(np.float64)
-        return Moment(s.root[0], s.joint_position[0, HIPS], float(s.root[0, 2]), speed, s.style_past[0, -1], wrists, contacts)
+        hips, heading, style = s.joint_position[0, HIPS], float(s.root[0, 2]), s.style_past[0, -1]
+        return Moment(s.root[0], hips, heading, float(speed), style, wrists, contacts, float(turning))
 
     def _keep(self, contact: Array, experts: Array) -> None:
         """Turn the state into a pose, correct its contacts and store both."""

@@ -12,6 +12,7 @@ from .seats import before_seat
 
 EXECUTED = 0.9  # a label over this counts as executed (design of the response times)
 SEATED_WITHIN = 0.2  # metres between hips and goal that still count as seated on it
+STILL = np.radians(3)  # a second: who turns faster has not come to rest on the seat
 SLOW = 0.3  # m/s below which one who sits down from the side turns
 
 
@@ -115,7 +116,7 @@ class Sit(Stage):
 
     def arrived(self, moment: Moment) -> bool:
         turned = not self._side or abs(float(wrap_angle(moment.heading - self.goal.heading))) < np.radians(15)
-        return turned and self._on_it(moment) and moment.speed < 0.1
+        return turned and self._on_it(moment) and moment.speed < 0.1 and moment.turning < STILL
 
     def target(self) -> tuple[Array | None, float, int]:
         return self.goal.position, self.goal.heading, 3
