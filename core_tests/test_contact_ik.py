@@ -232,6 +232,19 @@ def test_hips_come_to_the_seat_and_feet_stay(offset, turn):
     assert np.ptp(toes[8:], axis=0).max() < 5e-3
 
 
+def test_hips_settle_while_one_still_turns_and_face_the_goal_afterwards():
+    hips, local = seated_pose()
+    ik, label, goal = ContactIK(), np.array((1.0, 0, 0, 1, 1)), hips + (0.06, 0, 0)
+    headings, places = [], []
+    for frame in range(60):
+        new_hips, new_local = ik.apply(hips, local, label, (goal, None if frame < 30 else 0.2))
+        places.append(new_hips)
+        headings.append(2 * np.arctan2(new_local[0, 3], new_local[0, 0]))
+    start = 2 * np.arctan2(local[0, 3], local[0, 0])
+    assert np.linalg.norm(places[29] - goal) < 0.03 and np.allclose(headings[:30], start, atol=1e-6)
+    assert abs(headings[-1] - 0.2) < np.radians(1) and np.abs(np.diff(headings)).max() < np.radians(2)
+
+
 def test_hips_are_let_go_smoothly_when_the_label_falls():
     hips, local = seated_pose()
     labels = np.zeros((60, 5))

@@ -7,30 +7,41 @@ from collections.abc import Callable
 import numpy as np
 
 from ...conventions import SIT
-from ...rotations import Array, wrap_angle
-from ..goals import Goal, Moment, Seat
+from ...rotations import Array, heading_to_direction, wrap_angle
+from ..goals import STAND_AHEAD, Goal, Moment, Seat
 from .approach import Command
 from .places import Stage
 
-TURNED = np.radians(12)  # from here on one may rise
-PATIENCE = 75  # frames after which one rises all the same
+TURNED, UP, BESIDE = np.radians(12), 0.3, 0.2  # from here on one may rise; sit label and metres from where one is up beside the seat
+PATIENCE = 75  # frames after which one rises, and after which one goes on, all the same
 
 
 class TurnBack(Stage):
-    """Turn on the seat as ``back`` commands, and then do what ``following`` makes of the goal."""
+    """Turn on the seat as ``back`` commands, rise to stand beside it, and then do what ``following`` makes of the goal."""
 
     def __init__(self, goal: Goal, back: Command, following: Callable[[Moment], Stage]) -> None:
         super().__init__(goal)
         self.back, self.following = back, following
-        self.stage: Stage | None = None
+        stand = np.asarray(back.position)[:2] + STAND_AHEAD * heading_to_direction(np.array(back.heading))
+        self._rise = Command("idle", np.append(stand, 0.0), back.heading)
+        self.command, self.stage = back, None  # type: Command, Stage | None
         self._frames = 0
 
     def update(self, moment: Moment) -> Command:
-        self._frames += 1
-        turned = abs(float(wrap_angle(moment.heading - self.back.heading))) < TURNED
-        if self.stage is None and (turned or self._frames > PATIENCE or float(moment.style[SIT]) < 0.5):
-            self.stage = self.following(moment)
-        return self.back if self.stage is None else self.stage.update(moment)
+        if self.stage is None:
+            self._frames += 1
+            if self.command is self.back and (self._turned(moment) or self._frames > PATIENCE):
+                self.command, self._frames = self._rise, 0
+            elif self.command is self._rise and (self._up(moment) or self._frames > PATIENCE):
+                self.stage = self.following(moment)
+        return self.command if self.stage is None else self.stage.update(moment)
+
+    def _turned(self, moment: Moment) -> bool:
+        return abs(float(wrap_angle(moment.heading - self.back.heading))) < TURNED or float(moment.style[SIT]) < 0.5
+
+    def _up(self, moment: Moment) -> bool:
+        assert self._rise.position is not None
+        return float(moment.style[SIT]) < UP and float(np.linalg.norm(moment.root[:2] - self._rise.position[:2])) < BESIDE
 
     def arrived(self, moment: Moment) -> bool:
         return self.stage is not None and self.stage.arrived(moment)
@@ -39,10 +50,14 @@ class TurnBack(Stage):
         return super().target() if self.stage is None else self.stage.target()
 
     def seat(self) -> Seat | None:
-        return (np.asarray(self.back.position), None) if self.stage is None else self.stage.seat()
+        if self.stage is not None:
+            return self.stage.seat()
+        return (np.asarray(self.back.position), None) if self.command is self.back else None
 
     def leave(self, following: Goal) -> Command | None:
-        return self.back if self.stage is None else self.stage.leave(following)
+        if self.stage is not None:
+            return self.stage.leave(following)
+        return self.back if self.command is self.back else None
 
     def end(self, reached: bool, again: bool = False) -> None:
         if self.stage is not None:
