@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,9 +24,10 @@ class TurnBack(Stage):
         super().__init__(goal)
         self.back, self.following = back, following
         stand = np.asarray(back.position)[:2] + STAND_AHEAD * heading_to_direction(np.array(back.heading))
+        self._stand = np.append(stand, back.heading).astype(np.float32)
         self._rise = Command("idle", np.append(stand, 0.0), back.heading)
-        self.command, self.stage = back, None  # type: Command, Stage | None
-        self._frames = 0
+        self.command, self._frames = back, 0
+        self.stage: Stage | None = None
 
     def update(self, moment: Moment) -> Command:
         if self.stage is None:
@@ -33,15 +35,15 @@ class TurnBack(Stage):
             if self.command is self.back and (self._turned(moment) or self._frames > PATIENCE):
                 self.command, self._frames = self._rise, 0
             elif self.command is self._rise and (self._up(moment) or self._frames > PATIENCE):
-                self.stage = self.following(moment)
+                # What follows is planned from where one is about to stand: the way there leads off the seat.
+                self.stage = self.following(replace(moment, root=self._stand, heading=self.back.heading))
         return self.command if self.stage is None else self.stage.update(moment)
 
     def _turned(self, moment: Moment) -> bool:
         return abs(float(wrap_angle(moment.heading - self.back.heading))) < TURNED or float(moment.style[SIT]) < 0.5
 
     def _up(self, moment: Moment) -> bool:
-        assert self._rise.position is not None
-        return float(moment.style[SIT]) < UP and float(np.linalg.norm(moment.root[:2] - self._rise.position[:2])) < BESIDE
+        return float(moment.style[SIT]) < UP and float(np.linalg.norm(moment.root[:2] - self._stand[:2])) < BESIDE
 
     def arrived(self, moment: Moment) -> bool:
         return self.stage is not None and self.stage.arrived(moment)
