@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..control.goals import Goal
 from ..control.props import Prop
 from ..control.take import TakeRequest, TakeResult
 from ..errors import NsmError, OutputError
@@ -41,7 +42,7 @@ def sheet(asked: TakeRequest, take: TakeResult, path: Path, title: str, rows: in
     positions = forward_kinematics(take.hips_position, take.local_rotations)[0]
     still = asked.environment if isinstance(asked.environment, Cuboids) else None
     # Who carries looks another way at the box than at its place: seen from beside or before itself, wherever it looks.
-    camera = "character" if any(g.action == "carry" for g in asked.goals) else float(asked.goals[-1].heading)
+    camera = "character" if any(g.action == "carry" for g in asked.goals) else float(_main(asked).heading)
     images = []
     for view in ("side", "front"):
         part = path.with_name(f".{path.stem}_{view}.png")
@@ -57,6 +58,11 @@ def sheet(asked: TakeRequest, take: TakeResult, path: Path, title: str, rows: in
     except OSError as error:
         raise OutputError(f"The picture cannot be written to {path} ({error.strerror}); choose a folder you may write to.") from error
     return path
+
+
+def _main(asked: TakeRequest) -> Goal:
+    """The goal that a take is about: who walks off from a seat is seen as the seat stands."""
+    return next((g for g in asked.goals if g.action == "sit"), asked.goals[-1])
 
 
 def draw(model: Model, folder: str | Path, only: Sequence[str], pool: Any = None, most: int = 6) -> list[Path]:
@@ -83,7 +89,7 @@ def draw(model: Model, folder: str | Path, only: Sequence[str], pool: Any = None
                 continue
             made.append(sheet(asked, take, stem.with_suffix(".png"), f"{title}, {'reached' if report['reached'] else 'not reached'}"))
             positions = forward_kinematics(take.hips_position, take.local_rotations)[0]
-            goal = np.append(asked.goals[-1].position[:2], asked.goals[-1].heading)
+            goal = np.append(_main(asked).position[:2], _main(asked).heading)
             still = asked.environment if isinstance(asked.environment, Cuboids) else None
             path_sheet(positions, stem.with_name(stem.name + "_plan.png"), roots=take.root, boxes=still, goals=goal, title=title)
             print(made[-1])
