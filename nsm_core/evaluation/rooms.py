@@ -22,9 +22,10 @@ from ..sensors.query import Cuboids, DistanceQuery
 from . import rollout
 from .carrying import LOW, TABLE, box_at, make_crate, support
 from .climbing import climb_goal
-from .sitting import SEATS, sit_goal
+from .sitting import AT_TABLE, SEATS, sit_goal, table_over
 
 RADIUS = (3.0, 3.6)  # metres from the middle of the room to its things
+UNDER_TABLE = 0.5  # share of the chairs and stools that stand partly under a table
 _WAY_FREE = 0.45  # metres of room at places that are walked to
 
 
@@ -62,6 +63,11 @@ def make_room(rng: np.random.Generator, pool: Pool | None = None) -> Room:
     # A place on the floor for the box as well, in the middle.
     assert room.box is not None
     room.spots.append(np.array((*rng.uniform(-0.6, 0.6, 2), room.box.size[2] / 2, rng.uniform(-np.pi, np.pi))))
+    assert room.seat is not None
+    piece, place, turn, _ = room.seat
+    if piece.kind in AT_TABLE and rng.random() < UNDER_TABLE:
+        table, at, _ = table_over(piece, rng)
+        room.still.append((table, place + rotate_planar(at, np.float64(turn)), turn))
     return room
 
 

@@ -80,17 +80,22 @@ def trials_at_tables(starts: int = 10, settings: int = len(AT_TABLE), pool: Pool
         kind = AT_TABLE[n % len(AT_TABLE)]
         known = pool is not None and bool(pool.of_kind(kind))
         piece = pool.draw(kind, rng) if known else furniture.make(kind, rng)  # type: ignore[union-attr]
-        assert piece.seat is not None
-        table = furniture.make(
-            "table", rng, width=rng.uniform(0.9, 1.5), depth=rng.uniform(0.6, 0.8), height=rng.uniform(0.72, 0.78), legs="posts"
-        )
-        edge = piece.seat.point[1] - rng.uniform(*TO_EDGE) - float(table.size[1]) / 2
-        others = ((table, np.array((piece.seat.point[0], edge)), 0.0),)
+        others = (table_over(piece, rng),)
         free = rollout.clear_of(furniture.cuboids([(piece, np.zeros(2), 0.0), *others]))
         for _ in range(starts):
             start, heading = rollout.start_about(rng, np.zeros(2), free)
             result.append(Trial(n, piece, start, heading, others, known, leaves=True))
     return result
+
+
+def table_over(piece: furniture.Furniture, rng: np.random.Generator) -> tuple[furniture.Furniture, Array, float]:
+    """A table that a seat stands partly under, and its place (2,) and heading in the seat's frame."""
+    assert piece.seat is not None
+    table = furniture.make(
+        "table", rng, width=rng.uniform(0.9, 1.5), depth=rng.uniform(0.6, 0.8), height=rng.uniform(0.72, 0.78), legs="posts"
+    )
+    edge = piece.seat.point[1] - rng.uniform(*TO_EDGE) - float(table.size[1]) / 2
+    return table, np.array((piece.seat.point[0], edge)), 0.0
 
 
 def sit_goal(piece: furniture.Furniture, place: Array, turn: float, known: bool = False, hold: float = 1.0) -> Goal:
