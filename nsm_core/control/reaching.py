@@ -14,6 +14,7 @@ from .foot_lock import smooth_step
 
 ARM = float(np.linalg.norm(OFFSETS[list(ARMS[0][1:])], axis=-1).sum())  # from shoulder to wrist, metres
 TAKE_TIME, LET_GO_TIME = 0.3, 0.4  # seconds in which a hand is drawn onto its place, and given back
+SWIFT, CLOSING = 2.0, 0.003  # times faster where it says that it holds; metres a frame by which a hand on its way comes nearer
 # A hand may be drawn from this near, metres: where it has stayed this near for DWELL frames or is at its place, or says it holds.
 NEAR, NEAR_IN_CONTACT, THERE, DWELL = 0.25, 0.35, 0.07, 8
 TOUCH, WAIT = 0.005, 15  # metres that an arm may lack to hold; frames after which it holds all the same
@@ -49,6 +50,7 @@ class Hold:
         self.hands = hands
         self.weight = 0.0
         self.near = 0  # frames that the hands have been near their places
+        self._far, self._closing = np.inf, 0.0  # metres to the places in the last frame, and how much that fell
         self._added = np.zeros((len(hands), 3))  # what was put on the pose's own wrists in the last frame
         self._left = np.zeros((len(hands), 3))  # the same at release
         self._fade = 0.0
@@ -69,16 +71,19 @@ class Hold:
         """Judge whether the hands are to be drawn: ``distances`` (n,) metres to their places, contact ``labels`` (n,)."""
         far = float(distances.max())
         self.near = self.near + 1 if far < NEAR else 0
-        drawn = self.near > DWELL or far < THERE or bool((labels > 0.5).all() and far < NEAR_IN_CONTACT)
+        self._far, self._closing = far, self._far - far
+        touching = bool((labels > 0.5).all())
+        drawn = self.near > DWELL or far < THERE or touching and far < NEAR_IN_CONTACT
         if drawn or (self.weight > 0 and far < GONE):
-            self.weight = min(1.0, self.weight + DT / TAKE_TIME)
+            self.weight = min(1.0, self.weight + (SWIFT if touching else 1.0) * DT / TAKE_TIME)
         else:
             self.weight = max(0.0, self.weight - DT / LET_GO_TIME)
 
     def complete(self, ik: bool) -> bool:
-        """Whether the hands are where they hold; those that do not quite get there are waited for, but not for long."""
+        """Whether the hands are where they hold; those still on their way, or that do not quite get there, are waited for, not for long."""
         self._waited = self._waited + 1 if self.weight >= 1 else 0
-        return self.weight >= 1 and (not ik or self._missing < TOUCH or self._waited > WAIT)
+        ready = self._closing < CLOSING and (not ik or self._missing < TOUCH)
+        return self.weight >= 1 and (ready or self._waited > WAIT)
 
     def release(self) -> None:
         """Let go; the hands return to where the pose has them.
