@@ -75,7 +75,8 @@ def test_pulled_leaf_turns_with_the_hand_and_coasts_only_a_little(passed):
     rest = let_go + 1 + int(np.argmin(np.diff(angle[let_go + 1 :]) > 1e-4))
     assert angle[let_go] > np.radians(55) and angle[rest] - angle[let_go] < np.radians(30)
     assert rest - let_go <= 20
-    assert np.diff(angle)[let_go + 1 : rest].max() < 1.15 * np.diff(angle)[let_go - 2 : let_go + 1].max(), "it gains no speed by itself"
+    fastest = np.diff(angle)[let_go - 2 : let_go + 1].max()
+    assert np.diff(angle)[let_go + 1 : rest].max() < 1.25 * fastest, "it gains no speed but by a nudge of who passes"
 
 
 def test_hand_stays_on_the_moving_handle(passed):

@@ -24,7 +24,7 @@ CLEARS = np.radians(82)  # how far a pulled leaf is open at least when it rests:
 SLIP_FRAMES, PAST_EDGE = 5, 0.08  # in which a hand slides off a pulled leaf, and metres beyond its free edge where it is off
 WIDEST = np.radians(125)
 NARROW = 0.2  # metres: half a body that faces the edge of a leaf swinging past it
-PULLING, AT_PLACE = 1.3, 0.3  # radians a second at which a leaf comes at least once the body stands back, within so many metres
+PULLING, AT_PLACE = 0.6, 0.3  # radians a second at which a leaf comes at least once the body stands back, within so many metres
 _CLEAR = 0.02  # metres between an open leaf and what stands behind it
 
 
@@ -42,6 +42,7 @@ class Opening:
         self.errors: dict[str, float] = {}
         self.widest = _widest(leaf, solids)
         self._rest, self._slip = WIDE_OPEN, 0
+        self._own = SWING_SPEED  # radians a second of the leaf by itself: one that was pulled gains no speed
         self._speed, self._pace, self._since, self._offset, self._out = 0.0, 0.0, 0, 0.0, 0
         handle = np.asarray(leaf.handle, dtype=np.float64)
         self._grip_angle = float(np.arctan2(handle[1] + way.side * leaf.thickness / 2, handle[0]))
@@ -120,7 +121,7 @@ class Opening:
 
     def _free_leaf(self) -> None:
         """Let the leaf swing on by itself; the hand that pulled it slips off it first, lest the leaf swings through it."""
-        self.state = "released"
+        self.state, self._own = "released", SWING_SPEED if self.way.push else min(max(self._speed, PULLING), SWING_SPEED)
         if self.way.push:
             self.hold.release()
         else:
@@ -155,7 +156,7 @@ class Opening:
         stops = self.angle + self._speed**2 / (2 * SWING_BRAKES)  # a leaf that a body has pushed does not stop dead when it is past
         goal = min(max(self._rest, self._pushed(root), stops), self.widest, self._blocked(root))
         pushed = self._pushed(root) > self.angle
-        wanted = min(float(np.sqrt(2 * SWING_SLOWS * max(goal - self.angle, 0.0))), FASTEST if pushed else SWING_SPEED)
+        wanted = min(float(np.sqrt(2 * SWING_SLOWS * max(goal - self.angle, 0.0))), FASTEST if pushed else self._own)
         self._speed += float(np.clip(wanted - self._speed, -SWING_BRAKES * DT, SWING_GAINS * DT))
         self._set(min(self.angle + self._speed * DT, max(goal, self.angle)))
         if self._pushed(root) <= self.angle and goal - self.angle < 1e-3 and goal >= min(self._rest, self.widest) - 1e-3:

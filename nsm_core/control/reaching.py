@@ -14,7 +14,7 @@ from .foot_lock import smooth_step
 
 ARM = float(np.linalg.norm(OFFSETS[list(ARMS[0][1:])], axis=-1).sum())  # from shoulder to wrist, metres
 TAKE_TIME, LET_GO_TIME = 0.3, 0.4  # seconds in which a hand is drawn onto its place, and given back
-SWIFT, CLOSING = 2.0, 0.003  # times faster where it says that it holds; metres a frame by which a hand on its way comes nearer
+SWIFT, CLOSING = 3.0, 0.003  # times faster where it says that it holds; metres a frame by which a hand on its way comes nearer
 # A hand may be drawn from this near, metres: where it has stayed this near for DWELL frames or is at its place, or says it holds.
 NEAR, NEAR_IN_CONTACT, THERE, DWELL = 0.25, 0.35, 0.07, 8
 TOUCH, WAIT = 0.005, 15  # metres that an arm may lack to hold; frames after which it holds all the same
