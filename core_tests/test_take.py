@@ -105,13 +105,16 @@ def test_the_place_in_the_world_makes_no_difference(model, takes):
     moved = run(model, request(t, place=place, turn=turn, time_limit=12.0))
     assert moved.goals[0].reached and abs(len(moved.root) - len(take.root)) <= 15
     n = min(len(moved.root), len(take.root), 120)
-    positions, _ = forward_kinematics(take.hips_position[:n], take.local_rotations[:n])
-    expected = rotate_planar(positions, np.float32(turn))
-    expected[..., :2] += place
-    there, _ = forward_kinematics(moved.hips_position[:n], moved.local_rotations[:n])
-    apart = np.linalg.norm(there - expected, axis=-1)
+    apart = {}
+    for which in ("network_hips", "network_rotations"), ("hips_position", "local_rotations"):
+        (here, there) = (forward_kinematics(*(getattr(k, name)[:n] for name in which))[0] for k in (take, moved))
+        expected = rotate_planar(here, np.float32(turn))
+        expected[..., :2] += place
+        apart[which[0]] = np.linalg.norm(there - expected, axis=-1)
     # Roundings grow in a loop that feeds on itself; a dependence on the place would show at once.
-    assert apart[:30].max() < 0.002 and apart[:, HIPS].max() < 0.05
+    assert apart["network_hips"][:30].max() < 0.002 and apart["network_hips"][:, HIPS].max() < 0.05
+    # The knee of a leg at full stretch makes a centimetre of a rounding.
+    assert apart["hips_position"][:30].max() < 0.03 and apart["hips_position"][:, HIPS].max() < 0.05
 
 
 def test_frames_can_be_shown_and_counted_as_they_come(model):
