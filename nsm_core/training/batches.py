@@ -30,7 +30,7 @@ class RolloutSettings:
     """How roll-outs are run and corrected."""
 
     length: int = 60  # frames a roll-out lasts at most
-    root_rate: float = 0.04  # share of the root's drift that the target undoes per frame
+    root_rate: float = 0.08  # share of the root's drift that the target undoes per frame
     pose_rate: float = 0.12  # the same for the pose in the root frame
     planted_rate: float = 0.02  # the same for feet that stand: they are put right in their next swing
     furthest: float = 0.6  # metres of root drift, or of mean joint error times four, that end a roll-out

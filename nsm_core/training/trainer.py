@@ -26,15 +26,15 @@ CREDITS = Path(__file__).parent.parent / "weights" / "CREDITS.md"
 class TrainingSettings:
     """Everything a run depends on; stored in the weights."""
 
-    steps: int = 16000
+    steps: int = 40000
     data_batch: int = 192
     pool: int = 320
-    learning_rate: float = 6e-4
+    learning_rate: float = 5e-4
     weight_decay: float = 2.5e-3
     noise: float = 0.05
     averaging: float = 0.999
     seed: int = 0
-    data_minutes: float = 240.0
+    data_minutes: float = 260.0
     rollout: RolloutSettings = RolloutSettings()
     fresh: FreshSettings = FreshSettings()
     stitched: bool = True
