@@ -147,8 +147,7 @@ def tables(result: dict[str, Any]) -> str:
         if name not in result:
             continue
         summary = Figures(result[name])
-        own = (result.get("data") or {}).get(_SLIDE_OF.get(name, name))
-        rows = part.rows(summary) + (travel_rows(summary, own) if part.travels else [])
+        rows = part.rows(summary) + (travel_rows(summary, _slide_of_data(result, name)) if part.travels else [])
         rows += _settings(name, result)
         for ablation in ABLATIONS:
             rows += _ablation_rows(name, ablation, Figures(result.get(f"{name}, {ablation}", {})))
@@ -166,7 +165,13 @@ def tables(result: dict[str, Any]) -> str:
     return "\n".join(lines).strip("\n")
 
 
-_SLIDE_OF = {"table": "sit", "travel": "walk", "interrupt": "all"}  # which action of the data a part is compared with
+def _slide_of_data(result: dict[str, Any], part: str) -> float | None:
+    """Foot slide, cm/s, that the training data has in such frames as the trials of ``part`` show: weighted by their labels."""
+    data = result.get("data") or {}
+    trials = [t for t in result.get("trials", ()) if t["part"] == part and not t["ablation"]]
+    counts = {name: sum(t.get(f"slide_{name}_count") or 0.0 for t in trials) for name in STYLES}
+    known = {name: count for name, count in counts.items() if count and name in data}
+    return sum(data[name] * count for name, count in known.items()) / sum(known.values()) if known else None
 
 
 def _slides(result: dict[str, Any]) -> str:
