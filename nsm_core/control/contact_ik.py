@@ -185,8 +185,7 @@ class ContactIK:
                 continue
             down = z - np.sqrt(max(reach * reach - x * x - y * y, 0.0))
             if np.sqrt(x * x + y * y + (z - most) ** 2) > reach + MAX_SHORTFALL:
-                foot.refused = True  # the foot goes home before it may hold again
-                foot.release()
+                foot.step()
             elif np.abs(foot.shift).max() > 0.003:  # a leg that is straight of itself needs no help
                 need = max(need, min(down, most))
         step = float(np.clip(need - self._drop, -PELVIS_SPEED_UP * self.dt, PELVIS_SPEED_DOWN * self.dt))

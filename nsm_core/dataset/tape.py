@@ -62,7 +62,7 @@ class Tape:
         if len(captured) >= count and speeds.max() < 0.12:
             self.run_on(captured, seam=False)
         else:
-            self.hold(last, count, 1, seam=False)
+            self.stay(seconds)
 
     def stay(self, seconds: float) -> None:
         """Hold the last frame, whatever the capture goes on to do: after a bend, which is captured once and played to and fro."""

@@ -181,7 +181,7 @@ def carry(session: Session) -> bool:
     if taken is None:
         return False
     session.command("walk+carry", len(tape) - taken.bend.touch - int(rng.integers(2, 7)))
-    tape.hold(half.first, int(rng.uniform(0.8, 3.0) * FPS), 1, seam=False)
+    tape.stay(rng.uniform(0.8, 3.0))
     bring = [session.command("idle+carry", session.lead())]
     put = carrying.bend_to(session, box, face, taken.support, taken.centre)
     if put is None:
