@@ -15,7 +15,7 @@ from mathutils import Vector
 from nsm_blender import demo
 from nsm_blender.channels import channels_of
 from nsm_blender.keying import read_pose
-from nsm_blender.takes import TakeSpec, prepare
+from nsm_blender.takes import TakeSpec, finish, prepare
 from nsm_core.control.planning import FloorPlan
 from nsm_core.control.props import passage
 from nsm_core.control.stages import check_reachable
@@ -86,7 +86,7 @@ def test_the_house_has_a_place_for_every_action_and_ways_between_them():
     specs = demo.goals_in(house, hold=0.5)
     assert [s.action for s in specs] == ["sit", "open", "carry", "climb", "run"] and specs[0].hold == 0.5
     assert {s.object.name for s in specs if s.object} | {"Sideboard"} <= set(house.objects)
-    request, frame, things = prepare(TakeSpec(character, specs), scene)
+    request, frame, things = finish(prepare(TakeSpec(character, specs), scene))
     _, open_, carry, climb, _ = request.goals
     assert set(things) == {"Door", "Box"}
     leaf = open_.prop

@@ -57,26 +57,26 @@ def test_renamed_bones(settings):
     with pytest.raises(RuntimeError, match="lacks the bone LeftKnee"):
         bpy.ops.nsm.generate()
     with pytest.raises(SkeletonError, match="LeftKnee"):
-        prepare(TakeSpec(settings.character, [GoalSpec("idle")]), bpy.context.scene)
+        finish(prepare(TakeSpec(settings.character, [GoalSpec("idle")]), bpy.context.scene))
 
 
 def test_armature_without_the_bones():
     other = bpy.data.objects.new("Other", bpy.data.armatures.new("Other"))
     bpy.context.scene.collection.objects.link(other)
     with pytest.raises(SkeletonError, match="Other lacks the bones Hips"):
-        prepare(TakeSpec(other, [GoalSpec("idle")]), bpy.context.scene)
+        finish(prepare(TakeSpec(other, [GoalSpec("idle")]), bpy.context.scene))
 
 
 def test_character_that_is_no_armature():
     with pytest.raises(SkeletonError, match="Crate is not an armature"):
-        prepare(TakeSpec(box("Crate", (0, 0, 0), (1, 1, 1)), [GoalSpec("idle")]), bpy.context.scene)
+        finish(prepare(TakeSpec(box("Crate", (0, 0, 0), (1, 1, 1)), [GoalSpec("idle")]), bpy.context.scene))
 
 
 def test_character_removed_from_the_scene():
     character = add_character()
     bpy.context.scene.collection.objects.unlink(character)
     with pytest.raises(SkeletonError, match="no longer in the scene"):
-        prepare(TakeSpec(character, [GoalSpec("idle")]), bpy.context.scene)
+        finish(prepare(TakeSpec(character, [GoalSpec("idle")]), bpy.context.scene))
 
 
 def test_uneven_scale(settings):
@@ -93,7 +93,7 @@ def test_goal_object_deleted(settings):
     bpy.data.objects.remove(settings.goals[0].object)
     assert not bpy.ops.nsm.generate.poll() and "has no object; choose one" in reason_not_ready(bpy.context)
     with pytest.raises(GoalError, match="has no object; choose one"):
-        prepare(spec_of(bpy.context.scene), bpy.context.scene)
+        finish(prepare(spec_of(bpy.context.scene), bpy.context.scene))
 
 
 def test_goal_object_without_a_mesh(settings):
@@ -123,7 +123,7 @@ def test_coordinates_that_are_not_numbers(settings):
 
 def test_no_goals():
     with pytest.raises(GoalError, match="no goal"):
-        prepare(TakeSpec(add_character(), []), bpy.context.scene)
+        finish(prepare(TakeSpec(add_character(), []), bpy.context.scene))
 
 
 def test_goal_points_say_what_is_wrong_and_keep_the_rest(settings):

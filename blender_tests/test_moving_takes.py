@@ -31,7 +31,7 @@ class TestTakes:
         lid.matrix_parent_inverse = target.matrix_world.inverted()
         leaf = door((3.0, -3.0, 0.0))
         specs = [GoalSpec("carry", target, to=here), GoalSpec("open", leaf), GoalSpec("carry", target, to=here)]
-        request, _, things = prepare(TakeSpec(character, specs), bpy.context.scene)
+        request, _, things = finish(prepare(TakeSpec(character, specs), bpy.context.scene))
         assert set(things) == {"Box", "Door"} and things["Box"].object == target
         probes = np.array(((0, 0, 0.1), (0, 0, 0.4), (3.4, -3, 1), (2.5, -3, 1)), np.float32)
         np.testing.assert_array_equal(request.environment.signed_distance(probes, 0.05) < 0.05, (False, False, False, True))
@@ -45,7 +45,7 @@ class TestTakes:
         scene = bpy.context.scene
         scene.frame_set(7)
         kept = target.location.copy()
-        _, _, things = prepare(TakeSpec(character, [GoalSpec("carry", target, to=here)], start_frame=50), scene)
+        _, _, things = finish(prepare(TakeSpec(character, [GoalSpec("carry", target, to=here)], start_frame=50), scene))
         assert things["Box"].world.translation.x == pytest.approx(1.0)
         assert scene.frame_current == 7 and target.location == kept
 
@@ -53,7 +53,7 @@ class TestTakes:
         character, target, here = self.scene()
         leaf = door((-0.5, 3.0, 0.0))
         specs = [GoalSpec("open", leaf), GoalSpec("walk", location=(0.0, 6.0, 0.0)), GoalSpec("open", leaf)]
-        goals = prepare(TakeSpec(character, specs), bpy.context.scene)[0].goals
+        goals = finish(prepare(TakeSpec(character, specs), bpy.context.scene))[0].goals
         assert abs(math.cos(goals[0].heading) + 1) < 1e-6 and abs(math.cos(goals[2].heading) - 1) < 1e-6
 
     def test_an_action_that_the_weights_have_not_learned(self):
@@ -83,7 +83,7 @@ class TestWhatMayNotBeMoved:
         bpy.context.view_layer.update()
         character = add_character((0.0, -2.0, 0.0))
         with pytest.raises(NsmError, match="Box is linked from another file"):
-            prepare(TakeSpec(character, [GoalSpec("carry", target, to=empty("Here", (2, 1, 0)))]), bpy.context.scene)
+            finish(prepare(TakeSpec(character, [GoalSpec("carry", target, to=empty("Here", (2, 1, 0)))]), bpy.context.scene))
 
     def test_parts_and_parents_of_the_character(self):
         character, hat = add_character(), crate(name="Hat")

@@ -78,14 +78,14 @@ class TestBeforeTheNetwork:
         scene.frame_set(7)
         here = read_back(character, [50])[0][0]
         before = everything(scene, character)
-        request, _, _ = prepare(sit_on(character, seat, start_frame=50), scene)
+        request, _, _ = finish(prepare(sit_on(character, seat, start_frame=50), scene))
         np.testing.assert_allclose(request.start_position, here[:2], atol=1e-4)
         assert everything(scene, character) == before
 
     def test_environment_holds_the_room_but_not_the_character(self):
         character, seat, _ = room(at=(0.0, -4.0))
         box("Table", (1.0, -0.5, 0.0), (2.0, 0.5, 0.8))
-        request, _, _ = prepare(sit_on(character, seat), bpy.context.scene)
+        request, _, _ = finish(prepare(sit_on(character, seat), bpy.context.scene))
         inside_table, inside_body, free = request.environment.signed_distance(
             np.array(((1.5, 0, 0.4), (0, 0, 1.2), (-1.5, 0, 0.4)), np.float32), 0.3
         )
@@ -95,7 +95,7 @@ class TestBeforeTheNetwork:
         character, seat, _ = room(at=(0.0, -4.0), scale=2.0)
         show = GoalSpec("walk", None, location=(0.0, -1.0, 0.0))
         box("Table", (1.0, -0.5, 0.0), (2.0, 0.5, 0.8))
-        request, frame, _ = prepare(TakeSpec(character, [show]), bpy.context.scene)
+        request, frame, _ = finish(prepare(TakeSpec(character, [show]), bpy.context.scene))
         near = request.environment.signed_distance(np.array(((0.4, 0, 0.2),), np.float32), 0.3)
         assert near[0] == pytest.approx(0.1, abs=1e-3)  # 0.2 m in the scene
         np.testing.assert_allclose(request.goals[0].position, (0, -0.5, 0), atol=1e-6)
@@ -104,7 +104,7 @@ class TestBeforeTheNetwork:
     def test_goals_start_where_the_one_before_ended(self):
         character, seat, _ = room()
         goals = [GoalSpec("walk", None, location=(2.0, 0.0, 0.0)), GoalSpec("walk", None, location=(2.0, 2.0, 0.0)), GoalSpec("idle")]
-        request, _, _ = prepare(TakeSpec(character, goals), bpy.context.scene)
+        request, _, _ = finish(prepare(TakeSpec(character, goals), bpy.context.scene))
         assert [round(g.heading, 3) for g in request.goals] == [round(math.pi / 2, 3), round(math.pi, 3), round(math.pi, 3)]
         np.testing.assert_allclose(request.goals[2].position, (2, 2, 0), atol=1e-6)
 

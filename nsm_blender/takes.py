@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Generator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Generator
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import bpy
 import numpy as np
@@ -28,6 +28,8 @@ from .report import build_report
 from .scene import SceneState, WorldFrame
 from .surroundings import Surroundings
 from .things import Thing, require_movable
+
+_T = TypeVar("_T")
 
 
 @dataclass
@@ -79,11 +81,11 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | No
     Nothing in the file changes before the keys are made, but for the current frame, which is put back.
     Raises SkeletonError, GoalError, GeometryError and WeightsError with a sentence for the animator.
     """
-    request, frame, things = prepare(spec, scene)
+    request, frame, things = yield from prepare(spec, scene)
     if model is None:
-        model = yield from _loaded()
+        model = yield from beside("Loading the network", shipped_model)
     require_learned((goal.action for goal in request.goals), model.metadata)
-    runner = TakeRunner(model, request)
+    runner = yield from beside("Planning the ways", lambda: TakeRunner(model, request))
     while _step(runner):
         hips, rotations = runner.pose()
         moved = [(things[name].object, things[name].world_at(pose)) for name, pose in runner.prop_poses().items()]
@@ -100,15 +102,18 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | No
     return Take(keyed, report, result, frame)
 
 
-def _loaded() -> Generator[Progress, None, inference.Model]:
-    """Load the shipped network beside the window's own work: the first time it takes a second or two."""
+def beside(stage: str, work: Callable[[], _T]) -> Generator[Progress, None, _T]:
+    """Do ``work``, which must not touch Blender's data, in a thread, so that the window goes on; the value is its result.
+
+    What it raises is raised here.
+    """
     pool = ThreadPoolExecutor(1)
-    loading = pool.submit(shipped_model)
+    done = pool.submit(work)
     pool.shutdown(wait=False)
-    while not loading.done():
-        yield Progress("Loading the network", 0.0)
-        time.sleep(0.005)
-    return loading.result()
+    while not done.done():
+        yield Progress(stage, 0.0)
+        wait([done], 0.005)
+    return done.result()
 
 
 def _step(runner: TakeRunner) -> bool:
@@ -120,8 +125,8 @@ def _step(runner: TakeRunner) -> bool:
         raise GoalError(f"{name}: {error}") from error
 
 
-def finish(steps: Generator[Progress, None, Take]) -> Take:
-    """Run a take to its end without showing anything."""
+def finish(steps: Generator[Progress, None, _T]) -> _T:
+    """Run a take, or the part of one, to its end without showing anything; the value of its generator."""
     while True:
         try:
             next(steps)
@@ -129,10 +134,12 @@ def finish(steps: Generator[Progress, None, Take]) -> Take:
             return stop.value
 
 
-def prepare(spec: TakeSpec, scene: bpy.types.Scene) -> tuple[TakeRequest, WorldFrame, dict[str, Thing]]:
-    """Gather what a take needs from the scene as it is at the take's first frame; the current frame is put back.
+def prepare(
+    spec: TakeSpec, scene: bpy.types.Scene
+) -> Generator[Progress, None, tuple[TakeRequest, WorldFrame, dict[str, Thing]]]:
+    """Gather what a take needs from the scene as it is at the take's first frame, in slices; the current frame is put back.
 
-    The last of the result are the objects that it moves, by the names of their props.
+    The last of the generator's value are the objects that it moves, by the names of their props.
     """
     require_character(spec.character, scene)
     if not spec.goals:
@@ -146,6 +153,7 @@ def prepare(spec: TakeSpec, scene: bpy.types.Scene) -> tuple[TakeRequest, WorldF
         for target in moving:
             require_movable(target, spec.character)
         around = Surroundings(scene, frame, spec.character, moving)
+        yield Progress("Reading the scene", 0.0)
         goals = resolve_goals(spec.goals, scene, frame, start, around)
         things = {target.name: Thing.of(target, frame, around.left[target.name][0]) for target in moving}
         environment = around.query
