@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import bpy
 import numpy as np
 import pytest
 
 from nsm_blender import render
+from nsm_blender.camera import path_of
 from nsm_blender.character import add_character
 from nsm_blender.keying import KeyedTake, key_take
 from nsm_blender.labels import stamp
 from nsm_blender.room import build_room
+from nsm_blender.room_props import box
+from nsm_blender.viewpoint import Views, choose_views
 from nsm_core.errors import OutputError
 from nsm_core.skeleton import J
+
+ROOT = Path(__file__).resolve().parents[1]
 
 
 @pytest.fixture
@@ -92,17 +101,55 @@ def test_a_place_that_cannot_be_written_is_refused_before_rendering(take, tmp_pa
         render.video(take, tmp_path / "file" / "take.mp4")
 
 
-def test_the_camera_avoids_walls(take):
-    from nsm_blender.camera import choose_direction, path_of
-
+def views(take: KeyedTake, **how) -> Views:
+    """Where a take is looked at from, at the usual distance."""
     scene = bpy.context.scene
-    for name, low, high in (("A", (-3, -1.2, 0), (4, -1.0, 3)), ("B", (2.6, -1.2, 0), (2.8, 4, 3))):  # walls to -Y and to +X
-        from nsm_blender.room_props import box
+    hips, facing = path_of(take, scene)
+    return choose_views(take, scene, hips, facing, 5.0, **how)
 
+
+def test_the_camera_avoids_walls(take):
+    for name, low, high in (("A", (-3, -1.2, 0), (4, -1.0, 3)), ("B", (2.6, -1.2, 0), (2.8, 4, 3))):  # walls to -Y and to +X
         box(name, low, high, None)
     bpy.context.view_layer.update()
-    direction = choose_direction(take, scene, *path_of(take, scene))
-    assert direction[1] > 0 and direction[0] < 0.3
+    for seen in (views(take), views(take, frames=[20, 25, 30])):
+        assert (seen.directions[:, 1] > -0.2).all() and (seen.directions[:, 0] < 0.3).all()
+        assert seen.nearness == 1 and not seen.cutaway
+
+
+def test_a_wished_side_is_kept_until_a_moving_board_stands_there(take):
+    board = box("Board", (-3, -1.3, 0), (4, -1.2, 3), None)
+    for frame, away in ((20, -21), (24, -21), (25, -1.2), (30, -1.2)):  # a leaf that swings before the camera
+        board.location.y = away
+        board.keyframe_insert("location", frame=frame)
+    wish = (0.0, -1.0, 0.4)
+    seen = views(take, wish=wish, frames=[20, 23, 27, 30])
+    np.testing.assert_allclose(seen.directions[:4], np.tile(np.array(wish) / np.linalg.norm(wish), (4, 1)), atol=1e-6)
+    assert (seen.directions[7:, 1] > -0.2).all()
+    np.testing.assert_allclose(np.linalg.norm(views(take, wish=wish).directions, axis=1), 1, atol=1e-6)
+
+
+def test_a_film_goes_round_softly(take):
+    box("Wall", (-3, -1.2, 0), (4, -1.0, 3), None)
+    bpy.context.view_layer.update()
+    steps = np.linalg.norm(np.diff(views(take, wish=(1.0, -0.2, 0.3)).directions, axis=0), axis=1)
+    assert (steps < 0.06).all(), "the camera jumps where it need not"
+
+
+@pytest.mark.parametrize("half, cutaway", [(3.4, False), (1.2, True)], ids=["closed room", "closet"])
+def test_who_is_shut_in_is_seen_from_within_or_through_a_wall(take, half, cutaway):
+    box("Shell", (1 - half, -half, -0.1), (1 + half, half, 2.6), None)
+    bpy.context.view_layer.update()
+    seen = views(take, frames=[20, 25, 30])
+    assert (seen.nearness < 1, seen.cutaway) == (not cutaway, cutaway)
+
+
+def test_what_no_picture_shows_is_looked_through(take):
+    wall = box("Helper", (-3, -1.2, 0), (4, -1.0, 3), None)
+    wall.hide_render = True
+    bpy.context.view_layer.update()
+    wish = np.array((0.2, -1.0, 0.4)) / np.linalg.norm((0.2, -1.0, 0.4))
+    np.testing.assert_allclose(views(take, wish=wish, frames=[25]).directions[5], wish, atol=1e-6)
 
 
 def test_the_room_has_its_seats_in_reach_and_the_table_in_the_way():
@@ -115,6 +162,17 @@ def test_the_room_has_its_seats_in_reach_and_the_table_in_the_way():
     inside = np.abs(along - np.array(table.location[:2])) < np.array(table.dimensions[:2]) / 2 - 0.1
     assert inside.all(axis=1).any(), "the straight way leads through the table"
     assert all(o.data.materials for o in bpy.data.objects if o.type == "MESH")
+
+
+def test_only_what_the_driver_says_in_vain_is_kept_from_the_terminal():
+    code = """import os, sys
+from nsm_blender.studio import quiet
+with quiet():
+    os.write(2, b"EGL Error (0x3009): EGL_BAD_MATCH\\nout of memory\\n"); os.write(1, b"Fra:1 Mem:2\\n")
+    print("said"); print("told", file=sys.stderr)
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120, check=True)
+    assert done.stdout == "said\n" and sorted(done.stderr.splitlines()) == ["out of memory", "told"]
 
 
 def test_labels_are_written_dark_on_the_picture():

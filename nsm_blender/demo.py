@@ -56,21 +56,25 @@ def run(options: argparse.Namespace) -> int:
     plan = ", ".join(f"{goal.action} {goal.label}" for goal in goals)
     print(f"Room with {len(room.objects)} objects; {character.name} is to {plan}.", flush=True)
     spec = takes.TakeSpec(character, goals, name="Demo", start_frame=1, seed=options.seed, contact_ik=not options.no_contact_ik)
-    take = _generate(spec, scene)
+    lines = [Line("Take"), Line("Contact sheet"), Line("Video")]
+    with lines[0] as line:
+        take = _generate(spec, scene, line)
     scene.frame_start, scene.frame_end = take.keyed.frame_start, take.keyed.frame_end
     scene.frame_set(scene.frame_start)
     save(out / "demo.blend")
     (out / "demo.json").write_text(json.dumps(take.report, indent=1) + "\n", encoding="utf-8")
-    with Line("Contact sheet") as line:
+    with lines[1] as line:
         render.contact_sheet(take.keyed, out / "demo.png", tiles=options.tiles, direction=room.view, progress=line)
     if not options.no_video:
-        with Line("Video") as line:
+        with lines[2] as line:
             size = (options.width, options.width * 9 // 16)
             render.video(take.keyed, out / "demo.mp4", size, options.video_step, room.view, progress=line)
     print_report(take.report)
     for name in ("demo.blend", "demo.png", "demo.json", *(() if options.no_video else ("demo.mp4",))):
         print(f"  {out / name}")
-    print(f"Done in {time.perf_counter() - began:.0f} s.", flush=True)
+    parts = ", ".join(f"{line.label.lower()} {line.spent:.0f} s" for line in lines if line.spent)
+    motion = take.report["frames"] / take.report["fps"]
+    print(f"Done in {time.perf_counter() - began:.0f} s ({parts}) for {motion:.0f} s of motion.", flush=True)
     return 0 if all(goal["reached"] for goal in take.report["goals"]) else 1
 
 
@@ -126,7 +130,7 @@ class Line:
     """A progress line with the time left; where the output is no terminal, a line every quarter."""
 
     def __init__(self, label: str) -> None:
-        self.label, self.began, self.quarter = label, time.perf_counter(), 0
+        self.label, self.began, self.quarter, self.spent = label, 0.0, 0, 0.0
         self.live = sys.stdout.isatty()
 
     def __call__(self, fraction: float) -> None:
@@ -141,21 +145,22 @@ class Line:
             print(f"{self.label}: {fraction:.0%}{left}", flush=True)
 
     def __enter__(self) -> Line:
+        self.began = time.perf_counter()
         return self
 
     def __exit__(self, kind: object, *_: object) -> None:
-        end = f"{self.label:14} {'done' if kind is None else 'stopped'} after {time.perf_counter() - self.began:.1f} s"
+        self.spent = time.perf_counter() - self.began
+        end = f"{self.label:14} {'done' if kind is None else 'stopped'} after {self.spent:.1f} s"
         print(f"\r{end:70}" if self.live else end.strip(), flush=True)
 
 
-def _generate(spec: takes.TakeSpec, scene: bpy.types.Scene) -> takes.Take:
+def _generate(spec: takes.TakeSpec, scene: bpy.types.Scene, line: Line) -> takes.Take:
     steps = takes.generate(spec, scene)
-    with Line("Take") as line:
-        while True:
-            try:
-                line(next(steps).fraction)
-            except StopIteration as stop:
-                return stop.value
+    while True:
+        try:
+            line(next(steps).fraction)
+        except StopIteration as stop:
+            return stop.value
 
 
 def _light_and_look(scene: bpy.types.Scene, room: Room) -> None:
@@ -191,7 +196,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--no-contact-ik", action="store_true", help="show the network alone")
     parser.add_argument("--tiles", type=int, default=15, help="pictures on the contact sheet")
     parser.add_argument("--no-video", action="store_true")
-    parser.add_argument("--width", type=int, default=512, help="width of the video, pixels")
+    parser.add_argument("--width", type=int, default=384, help="width of the video, pixels")
     parser.add_argument("--video-step", type=int, default=2, help="render every so many frames; 1 is the smoothest and slowest")
     return parser
 
