@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from nsm_blender.colliders import BVHQuery, collider_shapes, gather_colliders, object_mesh_triangles
+from nsm_blender.scene import WorldFrame
 from nsm_core.errors import GeometryError
 from nsm_core.furniture import cuboids, make
 from nsm_core.seats import find_seat
@@ -255,7 +256,7 @@ def test_the_floor_height_moves_with_the_character():
     rug = add_cube("Carpet", location=(0, 0, 2.01))
     rug.scale = (2, 2, 0.02)
     assert distance(gather(), (0, 0, 2.1))[0] == pytest.approx(0.08, abs=1e-5)
-    assert distance(gather(floor=2.0), (0, 0, 2.1))[0] == 0.5
+    assert distance(gather(frame=WorldFrame(floor=2.0)), (0, 0, 2.1))[0] == 0.5
 
 
 def test_a_character_is_left_out_with_its_body_and_props():

@@ -15,10 +15,12 @@ from mathutils import Matrix, Vector
 
 from nsm_core.errors import SkeletonError
 from nsm_core.rotations import Array, quat_conjugate, quat_mul
-from nsm_core.skeleton import END_SITES, HIPS, INDEX, JOINTS, OFFSETS, PARENTS, local_from_world, require_joints, root_of
+from nsm_core.skeleton import END_SITES, FEET, HIPS, INDEX, JOINTS, OFFSETS, PARENTS, local_from_world, require_joints, root_of
 
 # The joint that a bone's tail points to, where it has more than one child.
 _MAIN_CHILD = {"Hips": "Chest", "Chest4": "Neck"}
+# A spine that leans so much (the sine) in the rest pose is still upright: only the pose differs, not the axes.
+_ASKEW = 0.35
 
 
 @dataclass(frozen=True)
@@ -27,19 +29,23 @@ class StartPose:
 
     position: Array  # (2,) metres
     heading: float  # radians, 0 faces -Y
-    scale: float  # of the armature object
+    scale: float  # Blender units to a metre of the core's skeleton
     hips_position: Array  # (3,) world, metres
     local_rotations: Array  # (23, 4) as in the core
 
 
 @dataclass(frozen=True)
 class Placement:
-    """The armature object's own transform, uniform in scale, and its bones' rest frames."""
+    """Where an armature stands, how large its skeleton is in the world, and its bones' rest frames.
+
+    Bones may be in any unit and the object scaled (evenly) to make up for it, as importers leave them; and the rest pose may
+    stand along any axis and face along any other, as with bones exported with Y up.
+    """
 
     matrix: Array  # (4, 4) armature to world
     rotation: Array  # (4,) quaternion of it
-    scale: float
-    rest: Array  # (23, 4) rest rotations of the bones in the armature
+    scale: float  # Blender units to a metre of the core's skeleton: leg length in the world over its own
+    rest: Array  # (23, 4) rest rotations of the bones, seen along the axes of the rest pose: up is its Z, ahead its -Y
 
     @classmethod
     def of(cls, armature: bpy.types.Object) -> Placement:
@@ -55,7 +61,32 @@ class Placement:
             )
         rotation = np.array(armature.matrix_world.to_quaternion(), dtype=np.float64)
         rest = np.array([armature.data.bones[name].matrix_local.to_quaternion() for name in JOINTS], dtype=np.float64)
-        return cls(matrix, rotation, scale, rest)
+        heads = np.array([armature.data.bones[name].head_local for name in JOINTS], dtype=np.float64)
+        size = scale * _leg_length(heads) / _leg_length(joint_positions_at_rest())
+        if not 1e-6 < size < 1e6:
+            raise SkeletonError(f"The legs of {armature.name} have no length; give hips, knees and ankles their places in edit mode.")
+        # Bones are kept in single precision; five digits are a tenth of a millimetre on a body.
+        return cls(matrix, rotation, float(f"{size:.5g}"), quat_mul(quat_conjugate(_axes(heads)), rest))
+
+
+def _leg_length(heads: Array) -> float:
+    """Mean length of the legs, hip by knee to ankle, of joints (23, 3)."""
+    return float(np.mean([np.linalg.norm(np.diff(heads[list(leg[:3])], axis=0), axis=1).sum() for leg in FEET]))
+
+
+def _axes(heads: Array) -> Array:
+    """Rotation (4,) from the core's rest pose to one with joints (23, 3): the nearest along axes, its own where it stands askew."""
+    up = heads[INDEX["Head"]] - heads[HIPS]
+    left = sum(heads[INDEX[f"Left{part}"]] - heads[INDEX[f"Right{part}"]] for part in ("Hip", "Shoulder"))
+    back = np.cross(up, left)
+    if np.linalg.norm(back) < 1e-9 * max(np.linalg.norm(up), np.linalg.norm(left)) ** 2 or not back.any():
+        return np.array((1.0, 0.0, 0.0, 0.0))
+    z, y = up / np.linalg.norm(up), back / np.linalg.norm(back)
+    own = np.stack((np.cross(y, z), y, z), axis=1)
+    snapped = np.round(own)
+    if np.abs(np.linalg.det(snapped) - 1) < 0.5 and np.abs(own - snapped).max() < _ASKEW:
+        own = snapped
+    return np.array(Matrix(own.tolist()).to_quaternion(), dtype=np.float64)
 
 
 def require_skeleton(armature: bpy.types.Object | None) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
@@ -15,6 +15,7 @@ from nsm_core.sensors.cylinder import SPHERE_RADIUS
 from nsm_core.sensors.voxels import VoxelGrid, voxelise
 
 from .evaluated import Shape, evaluated_shapes, object_mesh_triangles
+from .scene import WorldFrame
 
 __all__ = ["BVHQuery", "gather_colliders", "object_mesh_triangles"]
 
@@ -167,28 +168,31 @@ def gather_colliders(
     scene: bpy.types.Scene,
     depsgraph: bpy.types.Depsgraph | None = None,
     exclude: Iterable[bpy.types.Object] = (),
-    floor: float = 0.0,
+    frame: WorldFrame = WorldFrame(),  # noqa: B008
 ) -> BVHQuery:
-    """Build the query over everything solid in the scene as evaluated now, at its current frame.
+    """Build the query over everything solid in the scene as evaluated now, at its current frame, in the core's ``frame``.
 
     Left out: ``exclude`` and whatever is parented to or deformed by one of it, objects hidden in the viewport or in
     renders, objects with the custom property "nsm_collider" switched off, and floors: whatever ends less than 3 cm
-    over ``floor`` (a height, Blender units), and the faces at that height of room-sized meshes.  A scene without
-    colliders gives a query that finds nothing.  Raises GeometryError on coordinates that are not finite.
+    over the floor, and the faces at that height of room-sized meshes.  A scene without colliders gives a query that finds
+    nothing.  Raises GeometryError on coordinates that are not finite.
     """
     if depsgraph is None:
         depsgraph = bpy.context.evaluated_depsgraph_get()
-    shapes = collider_shapes(scene, depsgraph, list(exclude), floor)
-    return BVHQuery([(s.vertices, s.triangles) for s in shapes], floor)
+    return BVHQuery([(s.vertices, s.triangles) for s in collider_shapes(scene, depsgraph, list(exclude), frame)], 0.0)
 
 
 def collider_shapes(
-    scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, exclude: Sequence[bpy.types.Object] = (), floor: float = 0.0
+    scene: bpy.types.Scene,
+    depsgraph: bpy.types.Depsgraph,
+    exclude: Sequence[bpy.types.Object] = (),
+    frame: WorldFrame = WorldFrame(),  # noqa: B008
 ) -> list[Shape]:
-    """Meshes of the scene that characters collide with, chosen as ``gather_colliders`` says."""
+    """Meshes of the scene that characters collide with, in the core's ``frame``, chosen as ``gather_colliders`` says."""
     excluded = {o.name_full for o in exclude}
     owners = [o for o in scene.objects if not _left_out(o, excluded, depsgraph.view_layer)]
-    return [s for s in evaluated_shapes(depsgraph, owners) if s.vertices[:, 2].max() >= floor + FLOOR_HEIGHT]
+    shapes = (replace(s, vertices=frame.to_core(s.vertices)) for s in evaluated_shapes(depsgraph, owners))
+    return [s for s in shapes if s.vertices[:, 2].max() >= FLOOR_HEIGHT]
 
 
 def _left_out(candidate: bpy.types.Object, excluded: set[str], layer: bpy.types.ViewLayer) -> bool:

@@ -10,7 +10,6 @@ import numpy as np
 from mathutils import Matrix, Quaternion, Vector
 
 from nsm_core.rotations import Array, quat_normalize
-from nsm_core.sensors.query import DistanceQuery
 from nsm_core.skeleton import HIPS, JOINTS
 
 from .armature import Placement
@@ -20,17 +19,19 @@ from .keying import bone_channels
 
 @dataclass(frozen=True)
 class WorldFrame:
-    """The core's world as one character sees it: metres divided by its scale, its floor at zero."""
+    """The core's world as one character sees it: its own metres, of which its legs are as long as the skeleton's; its floor at zero.
+
+    ``scale`` is Blender units to such a metre, whatever the units of scene, object and bones are; ``floor`` a height, Blender units.
+    """
 
     scale: float = 1.0
     floor: float = 0.0
 
     @classmethod
     def of(cls, armature: bpy.types.Object) -> WorldFrame:
-        """Frame of a character: its armature's scale and height; SkeletonError as for ``Placement.of``."""
+        """Frame of a character: the size of its skeleton and its armature's height; SkeletonError as for ``Placement.of``."""
         placement = Placement.of(armature)
-        scale = 1.0 if abs(placement.scale - 1) < 1e-4 else placement.scale
-        return cls(scale, float(placement.matrix[2, 3]))
+        return cls(placement.scale, float(placement.matrix[2, 3]))
 
     def to_core(self, points: Array) -> Array:
         """World points (..., 3), Blender units, in the core's frame."""
@@ -39,21 +40,6 @@ class WorldFrame:
     def to_world(self, points: Array) -> Array:
         """Core points (..., 3) in the world, Blender units."""
         return np.asarray(points, dtype=np.float64) * self.scale + np.array((0, 0, self.floor))
-
-    def query(self, world: DistanceQuery) -> DistanceQuery:
-        """The same solids, asked in the core's frame."""
-        return world if self == WorldFrame() else _FramedQuery(world, self)
-
-
-@dataclass(frozen=True)
-class _FramedQuery:
-    world: DistanceQuery
-    frame: WorldFrame
-
-    def signed_distance(self, points: Array, max_distance: float) -> Array:
-        """Distances (N,) float32, core frame, of ``points`` (N, 3), never over ``max_distance``."""
-        points = self.frame.to_world(points).astype(np.float32)
-        return self.world.signed_distance(points, max_distance * self.frame.scale) / np.float32(self.frame.scale)
 
 
 class SceneState:

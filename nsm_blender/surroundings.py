@@ -47,7 +47,7 @@ class Surroundings:
     def query(self) -> DistanceQuery:
         """Everything solid but the character and what its goals move."""
         depsgraph = bpy.context.evaluated_depsgraph_get()
-        return self.frame.query(gather_colliders(self.scene, depsgraph, [*self._own, *self.moving], self.frame.floor))
+        return gather_colliders(self.scene, depsgraph, [*self._own, *self.moving], self.frame)
 
     def plan(self, *points: Array) -> FloorPlan:
         """Free floor around places (2,)."""
@@ -68,5 +68,5 @@ class Surroundings:
     def meshes_but(self, *left_out: bpy.types.Object) -> list[tuple[Array, Array]]:
         """Vertices (V, 3), core frame, and triangles (F, 3) of each solid but ``left_out``, the character and what was moved by now."""
         moved = [o for o in self.moving if o.name in self.left]
-        shapes = collider_shapes(self.scene, bpy.context.evaluated_depsgraph_get(), [*self._own, *moved, *left_out], self.frame.floor)
-        return [(self.frame.to_core(s.vertices), s.triangles) for s in shapes]
+        shapes = collider_shapes(self.scene, bpy.context.evaluated_depsgraph_get(), [*self._own, *moved, *left_out], self.frame)
+        return [(s.vertices, s.triangles) for s in shapes]
