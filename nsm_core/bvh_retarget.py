@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .bvh_mapping import SIDES, SPINE, Mapping
+from .bvh_axes import axes_of, offsets_pose, standing_up, world_up
 from .bvh_rest import Frames, from_motion, from_pose, is_rest, normalized, shortest_turn
 from .clip import Clip
 from .control.foot_lock import intervals
@@ -22,7 +23,7 @@ from .rotations import Array, quat_from_matrix, quat_slerp, quat_to_matrix
 from .skeleton import ANKLE_HEIGHT, FEET, INDEX, OFFSETS, TOE_HEIGHT, J, local_from_world
 
 if TYPE_CHECKING:
-    from .bvh import Bvh
+    from .bvh_source import Bvh
 
 _LEG = float(-OFFSETS[list(FEET[0][1:3]), 2].sum())
 _STILL = 0.25  # metres a second under which a foot counts as standing
@@ -66,20 +67,14 @@ def _found(source: Bvh, mapping: Mapping) -> dict[str, int]:
 
 def _axes(source: Bvh, mapping: Mapping, joints: dict[str, int]) -> Array:
     """Rotation (3, 3) from the file's axes to Z up, facing -Y."""
-    positions, _ = source.world()
-    if mapping.up == "auto":
-        tall = positions[:, joints["Head"]] - positions[:, [joints[s + "Ankle"] for s in SIDES]].mean(1)
-        up = np.median(tall, axis=0)
-        up = np.where(np.abs(up) == np.abs(up).max(), np.sign(up), 0.0)
-    else:
-        up = _axis(mapping.up)
+    up = world_up(source, joints) if mapping.up == "auto" else _axis(mapping.up)
     if mapping.forward != "auto":
         forward = _axis(mapping.forward)
         if abs(forward @ up) > 0.5:
             raise CaptureError(f"{mapping.name or source.name}: forward and up are the same axis; forward must be level.")
     else:
         forward = np.array((0, -1.0, 0)) if abs(up[2]) > 0.5 else np.array((0, 0, 1.0))
-    return np.stack((np.cross(up, forward), -forward, up))
+    return axes_of(up, forward)
 
 
 def _axis(name: str) -> Array:
@@ -90,30 +85,28 @@ def _axis(name: str) -> Array:
 
 def _frames(source: Bvh, axes: Array, start: int = 0) -> Frames:
     """World positions and rotation matrices of a motion from frame ``start`` on, in our axes, the file's units."""
-    positions, rotations = source.world()
-    return Frames(positions[start:] @ axes.T, axes @ quat_to_matrix(rotations[start:]))
+    positions, rotations = source[start:].world()
+    return Frames(positions @ axes.T, axes @ quat_to_matrix(rotations))
 
 
 def _rest_pose(source: Bvh, mapping: Mapping, joints: dict[str, int], axes: Array) -> tuple[Frames | None, int]:
     """The pose whose rotations are known (None: there is none) and the first frame of motion behind it."""
-    positions, rotations = source.rest()
-    offsets = Frames(positions[None] @ axes.T, axes @ quat_to_matrix(rotations[None]))
     if mapping.rest == "offsets":
-        return offsets, 0
+        return offsets_pose(source, axes), 0
     if mapping.rest == "motion":
         return None, 0
     if mapping.rest.startswith("frame"):
         number = int(mapping.rest.split()[1])
         if number >= len(source):
             raise CaptureError(f"{source.name}.bvh has {len(source)} frames; its mapping wants the rest pose at frame {number}.")
-        all_frames = _frames(source, axes)
-        return all_frames[number : number + 1], number + 1 if number < 3 else 0
-    first = _frames(source, axes)[:1]
+        return _frames(source[number : number + 1], axes), number + 1 if number < 3 else 0
+    first = _frames(source[:1], axes)
     if is_rest(first, joints, arms=25.0):
         return first, 1
-    if is_rest(offsets, joints):
-        return offsets, 0
-    return None, 0
+    # Offsets that stand are a rest pose whichever way they stand: a root may turn them to the world's up.
+    standing = standing_up(source, joints)
+    offsets = offsets_pose(source, axes if standing is None else axes_of(standing, None))
+    return (offsets, 0) if is_rest(offsets, joints) else (None, 0)
 
 
 def _leg_length(frames: Frames, joints: dict[str, int]) -> float:

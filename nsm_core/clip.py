@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,11 +17,15 @@ MIRRORED = "~"  # ends the name of a mirror image
 
 @dataclass(frozen=True)
 class Clip:
-    """Hips positions (T, 3), metres, world, and parent-relative rotations (T, J, 4) at 30 Hz."""
+    """Hips positions (T, 3), metres, world, and parent-relative rotations (T, J, 4) at 30 Hz.
+
+    ``notes`` are sentences on what its file says other than it was read.
+    """
 
     name: str
     hips_position: Array
     local_rotations: Array
+    notes: tuple[str, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         """Check shapes and numbers; CaptureError says what is wrong."""
