@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 _LEG = float(-OFFSETS[list(FEET[0][1:3]), 2].sum())
 _STILL = 0.25  # metres a second under which a foot counts as standing
 _MAX_SOLE_TURN = np.radians(25)
+_UPRIGHT, _SELDOM = 0.5, 0.05  # rise of the trunk per length, and the share of frames below which nobody stands
+_BED = (-0.05, 1.5)  # metres over a floor that the lowest joint of who lies is found at
+_FLESH = 0.08  # metres between a joint and what it lies on
 
 
 def retarget(source: Bvh, mapping: Mapping) -> Clip:
@@ -130,20 +133,23 @@ def _solve(
     ankles = np.stack([places[s + "Ankle"] for s in SIDES], axis=1)
     toes = np.stack([places.get(s + "Toe", places[s + "Ankle"]) for s in SIDES], axis=1)
     feet, toe_joints = [INDEX[s + "Ankle"] for s in SIDES], [INDEX[s + "Toe"] for s in SIDES]
-    world[:, feet] = _level_soles(world[:, feet], _standing(ankles, toes))
+    upright = _upright(frames, joints)
+    world[:, feet] = _level_soles(world[:, feet], _standing(ankles, toes) & upright)
     for side, name in enumerate(SIDES):
         if "_toe_" + name not in constants:
             world[:, toe_joints[side]] = world[:, feet[side]]
     lever = world[:, feet] @ OFFSETS[toe_joints[0]].astype(float)
     soles = np.minimum(ankles[..., 2] - ANKLE_HEIGHT, ankles[..., 2] + lever[..., 2] - TOE_HEIGHT)
-    tilt = _floor_tilt(ankles, toes, soles)
+    tilt = _floor_tilt(ankles, toes, soles) if upright.any() else np.zeros(2)
     ankles[..., 2] -= ankles[..., :2] @ tilt
     toes[..., 2] -= toes[..., :2] @ tilt
     soles = soles - ankles[..., :2] @ tilt
-    standing = _standing(ankles, toes)
+    standing = _standing(ankles, toes) & upright
     ground = [float(np.percentile(soles[standing[:, s], s] if standing[:, s].any() else soles[:, s], 5)) for s in (0, 1)]
     # Legs of unequal length, as captured, still stand on one floor; feet at different heights do not.
     shift = np.array(ground) if abs(ground[0] - ground[1]) < 0.05 else np.full(2, min(ground))
+    if not upright.any():  # who lies or crawls has no soles on the floor
+        shift = np.full(2, _own_floor(np.stack([p[:, 2] for p in places.values()], axis=1)))
     ankles[..., 2] -= shift
     middle = (places["RightHip"] + places["LeftHip"]) / 2
     hip_offset = (OFFSETS[INDEX["RightHip"]] + OFFSETS[INDEX["LeftHip"]]).astype(float) / 2
@@ -152,6 +158,19 @@ def _solve(
     quats = quat_from_matrix(world)
     local = place_limbs(hips, local_from_world(quats), (FEET[0][:3], FEET[1][:3]), ankles, quats[:, feet])
     return _shortened(hips.astype(np.float32)), local.astype(np.float32)
+
+
+def _upright(frames: Frames, joints: dict[str, int]) -> Array:
+    """Frames (T, 1) bool whose trunk stands rather than lies; none at all where hardly any does."""
+    trunk = normalized(frames.positions[:, joints["Head"]] - frames.positions[:, joints["Hips"]])[:, 2]
+    upright = trunk > _UPRIGHT
+    return (upright & (upright.mean() > _SELDOM))[:, None]
+
+
+def _own_floor(heights: Array) -> float:
+    """Height of the floor under a body that never stands, from its joints' (T, N), metres: the file's zero, where it lies over that."""
+    lowest = float(np.percentile(heights.min(1), 5))
+    return 0.0 if _BED[0] < lowest < _BED[1] else lowest - _FLESH
 
 
 def _shortened(hips: Array) -> Array:

@@ -13,9 +13,11 @@ _LEG = float(-OFFSETS[list(FEET[0][1:3]), 2].sum())
 _GRAVITY = 9.81
 _APART = 0.12  # metres that the ankles pass each other by for a step to count
 _STRIDES = (0.5, 3.0)  # legs' lengths of strides that are walked
-_LEAST_STRIDES = 2
-_PLAUSIBLE = (0.45, 2.2)  # of the pace that the strides ask for
-_RATES = (24, 25, 30, 48, 50, 60, 72, 90, 100, 120, 150, 200, 240, 250)
+_AHEAD = 0.85  # share of a stride that leads where the body faces, before and after
+_LEAST_STRIDES = 3
+_RISE = 0.1  # of a stride's length: more is climbed
+_USUAL, _PLAUSIBLE = 0.75, (0.43, 2.6)  # of the pace that the strides ask for: captured walks have 0.5 to 1, runs in turns up to 2.5
+_RATES = (24, 25, 30, 50, 60, 100, 120, 200, 240)
 
 
 def pace(clip: Clip) -> float | None:
@@ -29,11 +31,14 @@ def pace(clip: Clip) -> float | None:
     ankles = positions[:, [FEET[0][2], FEET[1][2]], :2]
     apart = ((ankles[:, 0] - ankles[:, 1]) * heading_to_direction(headings)).sum(-1)
     steps = _crossings(apart)
-    at = positions[steps, HIPS, :2]
     if len(steps) < 3:
         return None
-    lengths, seconds = np.linalg.norm(at[2:] - at[:-2], axis=-1), (steps[2:] - steps[:-2]) / FPS
-    walked = (lengths > _STRIDES[0] * _LEG) & (lengths < _STRIDES[1] * _LEG)
+    at, facing = positions[steps, HIPS, :2], heading_to_direction(headings[steps])
+    strides, seconds = at[2:] - at[:-2], (steps[2:] - steps[:-2]) / FPS
+    lengths = np.linalg.norm(strides, axis=-1)
+    ahead = np.minimum((strides * facing[2:]).sum(-1), (strides * facing[:-2]).sum(-1)) > _AHEAD * lengths
+    level = np.abs(positions[steps[2:], HIPS, 2] - positions[steps[:-2], HIPS, 2]) < _RISE * lengths
+    walked = ahead & level & (lengths > _STRIDES[0] * _LEG) & (lengths < _STRIDES[1] * _LEG)
     if walked.sum() < _LEAST_STRIDES:
         return None
     asked = np.sqrt((lengths[walked] / (2.3 * _LEG)) ** (1 / 0.3) * _GRAVITY * _LEG)
@@ -53,9 +58,10 @@ def remark_on_rate(clip: Clip, rate: float) -> tuple[str, ...]:
     found = pace(clip)
     if found is None or _PLAUSIBLE[0] <= found <= _PLAUSIBLE[1]:
         return ()
-    likely = min(_RATES, key=lambda r: abs(np.log(r * found / rate)))
+    true = rate * _USUAL / found
+    likely = sorted(sorted(_RATES, key=lambda r: abs(np.log(r / true)))[:2])
     slow = "slowly" if found < 1 else "fast"
     return (
-        f"{clip.name}.bvh walks {max(found, 1 / found):.1f} times too {slow} for the length of its strides: its Frame Time says {rate:.4g} "
-        f"frames a second; if that is wrong, write the true rate into mapping.toml beside it, such as `rate = {likely}`.",
+        f"{clip.name}.bvh walks too {slow} for the length of its strides: its Frame Time says {rate:.4g} frames a second, they look like "
+        f"some {true:.0f}; if that is so, write the true rate into mapping.toml beside it, such as `rate = {likely[0]}` or {likely[1]}.",
     )
