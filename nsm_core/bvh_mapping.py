@@ -57,7 +57,7 @@ def load_mapping(path: str | Path) -> Mapping:
     if missing and joints:
         raise SkeletonError(f"{path.name} names no joint for {', '.join(missing)}; add a line for each under [joints].")
     units = found.get("units", "auto")
-    if isinstance(units, str) and units != "auto" and units not in _UNITS or not isinstance(units, str) and not is_number(units, *_UNIT_RANGE):
+    if units not in ("auto", *_UNITS) and not is_number(units, *_UNIT_RANGE):
         raise CaptureError(f'{path.name}: units must be "auto", {", ".join(_UNITS)} or the metres of one unit, not {shown(units)}.')
     for key in ("up", "forward"):
         value = found.get(key, "auto")

@@ -139,10 +139,10 @@ def _is_chained(names: Names, parents: Parents, joints: dict[str, str]) -> bool:
 
 def _in_place(names: Names, parents: Parents, joints: dict[str, str]) -> dict[str, str]:
     """The mapping without collars and toes that are no part of their limb, and without a neck that the head does not hang on."""
-    wrong = {s + "Collar" for s in SIDES if s + "Collar" in joints and not _hangs(names, parents, joints[s + "Shoulder"], joints[s + "Collar"])}
-    wrong |= {s + "Toe" for s in SIDES if s + "Toe" in joints and not _hangs(names, parents, joints[s + "Toe"], joints[s + "Ankle"])}
-    if "Neck" in joints and not _hangs(names, parents, joints["Head"], joints["Neck"]):
-        wrong.add("Neck")
+    pairs = {"Neck": ("Head", "Neck")}
+    for s in SIDES:
+        pairs |= {s + "Collar": (s + "Shoulder", s + "Collar"), s + "Toe": (s + "Toe", s + "Ankle")}
+    wrong = {n for n, (a, b) in pairs.items() if n in joints and not _hangs(names, parents, joints[a], joints[b])}
     return {k: v for k, v in joints.items() if k not in wrong}
 
 
@@ -187,9 +187,10 @@ def _all_forms(names: Names) -> dict[tuple[str, str], str]:
     short = _without_affixes(names)
     forms: dict[tuple[str, str], str] = {}
     # What is plainly said goes before what may be read so, and that before what is a copy's number.
-    for level in (lambda plain: _forms(plain)[:1], lambda plain: _forms(plain)[1:], lambda plain: _forms(re.sub(r"[_.\- ]\d+$", "", plain))):
+    for level in range(3):
         for name, plain in zip(names, short, strict=True):
-            for form in level(plain):
+            found = _forms(plain if level < 2 else re.sub(r"[_.\- ]\d+$", "", plain))
+            for form in (found[:1], found[1:], found)[level]:
                 forms.setdefault(form, name)
     return forms
 

@@ -196,7 +196,9 @@ def _interval(interval: float, where: str, rate: float | None, notes: list[str])
 def _frames_a_second(interval: float) -> str:
     if not np.isfinite(interval) or interval <= 0:
         return "no motion"
-    return f"{interval:g} seconds from one frame to the next" if interval > 1 / SLOWEST else f"{1 / max(interval, 1e-300):.3g} frames a second"
+    if interval > 1 / SLOWEST:
+        return f"{interval:g} seconds from one frame to the next"
+    return f"{1 / max(interval, 1e-300):.3g} frames a second"
 
 
 def _rows(name: str, lines: list[str], start: int, frames: int | None, width: int, notes: list[str]) -> Array:
@@ -227,7 +229,7 @@ def _rows(name: str, lines: list[str], start: int, frames: int | None, width: in
     there = f"{frames} frames are announced, {len(rows)} are there"
     if not rows or (frames is not None and len(rows) < frames - 1):
         last = filled[-1] + 1 if filled else start
-        raise CaptureError(f"{name}, line {last}: {there}; the file is cut off: export it again, or correct the count to read what is left.")
+        raise CaptureError(f"{name}, line {last}: {there}; the file is cut off: export it again, or correct the count.")
     if frames not in (None, len(rows)):
         notes.append(f"{name}: {there}; all of those are read.")
     if given > width:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .bvh_mapping import SIDES, SPINE, Mapping
 from .bvh_axes import axes_of, offsets_pose, standing_up, world_up
+from .bvh_mapping import SIDES, SPINE, Mapping
 from .bvh_rest import Frames, from_motion, from_pose, is_rest, normalized, shortest_turn
 from .clip import Clip
 from .control.foot_lock import intervals

@@ -7,7 +7,7 @@ import numpy as np
 from .clip import Clip
 from .conventions import FPS
 from .rotations import Array, heading_to_direction
-from .skeleton import FEET, HIPS, OFFSETS
+from .skeleton import FEET, HIPS, OFFSETS, root_of
 
 _LEG = float(-OFFSETS[list(FEET[0][1:3]), 2].sum())
 _GRAVITY = 9.81
@@ -27,7 +27,7 @@ def pace(clip: Clip) -> float | None:
     of a stride, which no frame time changes, tells the speed it is walked at.
     """
     positions, _ = clip.world()
-    _, headings = clip.root()
+    _, headings = root_of(positions)
     ankles = positions[:, [FEET[0][2], FEET[1][2]], :2]
     apart = ((ankles[:, 0] - ankles[:, 1]) * heading_to_direction(headings)).sum(-1)
     steps = _crossings(apart)
