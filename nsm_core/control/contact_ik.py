@@ -36,15 +36,15 @@ class ContactIK:
     used for display alone: the corrections are kept as offsets from the pose that comes in.
     """
 
-    def __init__(self, fps: float = FPS, terrain: Terrain | None = None) -> None:
-        """``terrain`` is what feet may stand on besides the floor."""
-        self.dt, self.terrain = 1.0 / fps, terrain
+    def __init__(self, fps: float = FPS, terrain: Terrain | None = None, low: Terrain | None = None) -> None:
+        """``terrain`` is what feet may stand on besides the floor, ``low`` that of it which poses come in without (see ``relief``)."""
+        self.dt, self.terrain, self.low = 1.0 / fps, terrain, low
         self.reset()
 
     def reset(self) -> None:
         """Forget all locks, as for a new take or after a jump of the character."""
         self._feet = (Foot(), Foot())
-        self._footing, self._out, self._rise = Footing(self.terrain), np.zeros(2), np.zeros(2)
+        self._footing, self._out, self._rise = Footing(self.terrain, self.low), np.zeros(2), np.zeros(2)
         self._drop = 0.0
         self._seated, self._draw, self._face = False, 0.0, 0.0
         self._goal: Array | None = None  # where the hips are drawn
@@ -57,6 +57,7 @@ class ContactIK:
         contacts: Array,
         hip_goal: Seat | None = None,
         heading: float | None = None,
+        level: float = 0.0,
     ) -> tuple[Array, Array]:
         """Correct one frame; return new (3,) hips position and (23, 4) local rotations.
 
@@ -66,17 +67,21 @@ class ContactIK:
             hip_goal: world position (3,) of the hip joint and heading to sit at (None while it still turns), or None.  While the
                 hip label is high the hips are drawn there within half a second and stay within 1 cm and 1 degree.
             heading: what counts as the body's heading now; None takes that of the hips joint.
+            level: height of the floor, metres, on which the pose that comes in stands.
         """
         dtype = local_rotations.dtype
         hips, local = hips_position.astype(np.float64), local_rotations.astype(np.float64)
         starts, parents = chain_frames(hips, local, (LEGS[0][0], LEGS[1][0]))
         toes, feet = self._feet_of(starts, parents, local)
         foot_headings = foot_heading(feet)
+        own = self._footing.raise_to_low(level, self.dt)
+        toes[:, 2] += own
         ankle_heights = (toes - rotate(feet, TOE_OFFSET))[:, 2]
         ground = self._look(toes, foot_headings, ankle_heights)
-        self._step(toes, bool(ground.any()))
+        climbed = ground > self._footing.under
+        self._step(toes, bool(climbed.any()))
         for side, foot in enumerate(self._feet):
-            over, stay, high = float(self._footing.over[side]), float(self._footing.stay[side]), ground[side] > 0
+            over, stay, high = float(self._footing.over[side]), float(self._footing.stay[side]), bool(climbed[side])
             seen = toes[side] - (0, 0, ground[side])
             label, ankle = float(contacts[FOOT_CONTACTS[side]]), float(ankle_heights[side] - ground[side])
             foot.update(seen, ankle, float(foot_headings[side]), label, self.dt, high, over, stay)
@@ -92,7 +97,8 @@ class ContactIK:
         targets = toes - rotate(feet, TOE_OFFSET)
         starts = hips + rotate(local[0], _HIP_OFFSETS)
         self._lower_pelvis(hips, starts, targets)
-        if not (self._draw or self._drop or turn.any() or lift.any() or raised.any() or any(foot.shift.any() for foot in self._feet)):
+        moved = turn.any() or lift.any() or raised.any() or own.any() or any(foot.shift.any() for foot in self._feet)
+        if not (self._draw or self._drop or moved):
             return hips_position.copy(), local_rotations.copy()
         return hips.astype(hips_position.dtype), place_limbs(hips, local, LEGS, targets, feet).astype(dtype)
 

@@ -23,21 +23,24 @@ from .trunk import TrunkClearance
 class Finishing:
     """Corrects one character's poses, one call a frame; with ``ik`` False only props move."""
 
-    def __init__(self, scene: Scene, ik: bool = True, terrain: Terrain | None = None) -> None:
+    def __init__(self, scene: Scene, ik: bool = True, terrain: Terrain | None = None, low: Terrain | None = None) -> None:
+        """``terrain`` and ``low`` as in ``ContactIK``."""
         self.scene, self.ik = scene, ik
-        self._contact = ContactIK(terrain=terrain)
+        self._contact = ContactIK(terrain=terrain, low=low)
         self._heels, self._legs = Heels(), LegClearance(scene.environment)
         self._trunk, self._hands = TrunkClearance(scene.environment), HandClearance(scene.environment)
 
-    def apply(self, hips: Array, rotations: Array, moment: Moment, seat: Seat | None, grasps: Sequence[Grasp]) -> tuple[Array, Array]:
+    def apply(
+        self, hips: Array, rotations: Array, moment: Moment, seat: Seat | None, grasps: Sequence[Grasp], level: float = 0.0
+    ) -> tuple[Array, Array]:
         """Return new hips (3,) and local rotations (23, 4) and move the props in hand.
 
-        ``hips``, ``rotations`` and ``moment`` are the network's of this frame, ``seat`` what is sat on, ``grasps`` the hands at
-        work on props.
+        ``hips``, ``rotations`` and ``moment`` are the network's of this frame, on a floor at the height ``level``; ``seat`` what
+        is sat on, ``grasps`` the hands at work on props.
         """
         kept_hips, kept = hips, rotations
         if self.ik:
-            kept_hips, kept = self._contact.apply(hips, rotations, moment.contacts, seat, moment.heading)
+            kept_hips, kept = self._contact.apply(hips, rotations, moment.contacts, seat, moment.heading, level)
             kept_hips, kept = self._legs.apply(kept_hips, kept, float(moment.style[CLIMB]), self._contact.locked)
             kept = self._heels.apply(kept_hips, kept, float(moment.style[SIT]), seat[0] if seat else None)
             self._trunk.query = self.scene.but(*(g.prop for g in grasps))

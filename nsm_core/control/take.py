@@ -25,6 +25,7 @@ from .goals import Goal, GoalResult, Moment
 from .planning import FloorPlan
 from .posing import pose_of, standing_start
 from .props import Box, Prop
+from .relief import Relief
 from .scene import Scene
 from .stepping import Blending, advance
 from .terrain import Terrain, around, merged
@@ -40,8 +41,8 @@ class TakeRequest:
     """What a take needs to know, world frame.
 
     ``start_position`` (2,) metres and ``start_heading`` of the root; ``environment`` everything solid that does not move
-    (no floor, no character, none of the goals' props); ``time_limit`` seconds per goal, and for each part of one that
-    carries or opens.
+    (no floor, no character, none of the goals' props); ``ground`` the heights of what is walked over, such as rugs and
+    thresholds, and is no part of it; ``time_limit`` seconds without any progress after which a goal is given up.
     """
 
     start_position: Array
@@ -52,6 +53,7 @@ class TakeRequest:
     contact_ik: bool = True
     time_limit: float = 20.0
     blending: Blending = field(default_factory=Blending)
+    ground: Terrain = field(default_factory=Terrain)
 
 
 @dataclass
@@ -96,8 +98,9 @@ class TakeRunner:
         self.plan = FloorPlan(request.environment, (places.min(0) - _MARGIN, places.max(0) + _MARGIN))
         check_reachable(goals, self.plan, root[:2])
         self.director = Director(goals, self.plan, root, rng, request.time_limit, self.scene, request.contact_ik)
-        self.terrain = ground_of(goals, request.environment)
-        self._finishing = Finishing(self.scene, request.contact_ik, self.terrain)
+        self.relief = Relief(request.ground, root[:2])
+        self.terrain = merged((request.ground, ground_of(goals, request.environment)))
+        self._finishing = Finishing(self.scene, request.contact_ik, self.terrain, request.ground)
         self._ms = dict.fromkeys(STAGES, 0.0)
         self._frames: list[tuple[Array, ...]] = []
         self._poses: dict[str, list[Array]] = {name: [] for name in self.props}
@@ -138,14 +141,15 @@ class TakeRunner:
         t0 = time.perf_counter()
         position, heading, action, sensed = self.director.update(self._moment(self._frames[-1][4]))
         self._measure()
-        state.goal_position, state.goal_heading, state.goal_action = position[None], heading[None], action[None]
+        relief = self.relief
+        state.goal_position, state.goal_heading, state.goal_action = relief.goals(position)[None], heading[None], action[None]
         t1 = time.perf_counter()
         root = state.root
         around = self.scene.near(root[0, :2], _SENSOR_REACH)
-        environment = environment_sensor(around, root[0, :2], float(root[0, 2]))
+        environment = environment_sensor(relief.seen(around), root[0, :2], float(root[0, 2]))
         cells, occupancy = no_object(root)
         if sensed is not None:
-            cells, occupancy = sensed.cells_world()[None], sensed.occupancy[None]
+            cells, occupancy = relief.sensed(sensed).cells_world()[None], sensed.occupancy[None]
         t2 = time.perf_counter()
         x, gating = build_inputs(state, Surroundings(environment[None], cells, occupancy))
         t3 = time.perf_counter()
@@ -153,6 +157,7 @@ class TakeRunner:
         t4 = time.perf_counter()
         predicted = read_outputs(y, state)
         self.state = advance(state, predicted, self.request.blending)
+        relief.follow(self.state.root[0, :2])
         t5 = time.perf_counter()
         self._keep(predicted.contact[0], experts[0])
         t6 = time.perf_counter()
@@ -213,16 +218,18 @@ class TakeRunner:
         s = self.state
         change = (s.root_past[0, -1] - s.root_past[0, -7]).astype(np.float64)
         speed, turning = np.linalg.norm(change[:2]) * FPS / 6, np.abs(wrap_angle(change[2])) * FPS / 6
-        wrists = s.joint_position[0, _WRISTS].astype(np.float64)
-        hips, heading, style = s.joint_position[0, HIPS], float(s.root[0, 2]), s.style_past[0, -1]
+        up = np.array((0, 0, self.relief.level), dtype=np.float32)
+        wrists = (s.joint_position[0, _WRISTS] + up).astype(np.float64)
+        hips, heading, style = s.joint_position[0, HIPS] + up, float(s.root[0, 2]), s.style_past[0, -1]
         return Moment(s.root[0], hips, heading, float(speed), style, wrists, contacts, float(turning))
 
     def _keep(self, contact: Array, experts: Array) -> None:
         """Turn the state into a pose, correct its contacts and store both."""
-        s, d = self.state, self.director
+        s, d, level = self.state, self.director, self.relief.level
         hips, rotations = pose_of(s)
+        hips = hips + np.array((0, 0, level), dtype=hips.dtype)
         seat = d.stage.seat() if d.stage is not None else None
-        kept_hips, kept = self._finishing.apply(hips, rotations, self._moment(contact), seat, d.grasps)
+        kept_hips, kept = self._finishing.apply(hips, rotations, self._moment(contact), seat, d.grasps, level)
         for name, pose in self.prop_poses().items():
             self._poses[name].append(pose)
         self._frames.append((kept_hips, kept, hips, rotations, contact.copy(), s.root[0].copy(), s.style_past[0, -1].copy(), experts))

@@ -1,9 +1,10 @@
-"""How high the ground is that feet step on: the tops of what a character climbs, the floor elsewhere."""
+"""How high the ground is that feet step on: rugs and thresholds, the tops of what a character climbs, the floor elsewhere."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -12,27 +13,89 @@ from ..sensors.cuboid import InteractionVolume
 from ..sensors.query import DistanceQuery
 
 CELL = 0.02  # metres between the places that are probed
+# What ends lower over the floor, metres, is ground that one walks over: rugs, mats, thresholds, kerbs; what is higher stands in
+# the way or is climbed.  No body is looked for below it (``planning.HEIGHTS``).
+FLOOR_TOP = 0.12
 _TOUCH, _STEPS = 0.002, 80  # metres over a surface that count as on it; steps of a probe at most
 _HIGHEST = 0.8  # metres: what is higher is no ground
+_LEAST_HEIGHT = 0.004  # metres: what is lower is as good as painted on the floor
+_MOST_CELLS, _AT_ONCE = 400_000, 1_000_000  # cells of one map of a mesh, and pairs of a triangle and a cell compared at once
 
 
 @dataclass(frozen=True)
 class HeightMap:
     """Heights of one object's tops in a frame of its own.
 
-    ``origin`` (2,) world place of the first cell's centre, ``heading`` of the frame, ``heights`` (nx, ny) metres over the floor.
+    ``origin`` (2,) world place of the first cell's centre, ``heading`` of the frame, ``heights`` (nx, ny) metres over the floor,
+    ``cell`` metres between them.
     """
 
     origin: Array
     heading: float
     heights: Array
+    cell: float = CELL
 
     def at(self, points: Array) -> Array:
         """Heights (N,) at floor points (N, 2), 0 off the map."""
-        cell = np.rint(rotate_planar(points - self.origin, np.float64(-self.heading)) / CELL).astype(int)
+        cell = np.rint(rotate_planar(points - self.origin, np.float64(-self.heading)) / self.cell).astype(int)
         inside = ((cell >= 0) & (cell < self.heights.shape)).all(-1)
         i, j = np.where(inside[..., None], cell, 0).T
         return np.where(inside, self.heights[i, j], 0.0)
+
+    @classmethod
+    def over(cls, corners: Array) -> HeightMap | None:
+        """The tops of triangles (F, 3, 3), world metres, seen from above; None where nothing lies over the floor."""
+        corners = np.asarray(corners, dtype=np.float64)
+        corners = corners[corners[..., 2].max(1) > _LEAST_HEIGHT] if len(corners) else corners
+        if not len(corners):
+            return None
+        low, high = corners[..., :2].min((0, 1)), corners[..., :2].max((0, 1))
+        cell = max(CELL, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
+        shape = np.maximum(2, np.ceil((high - low) / cell).astype(int))
+        heights, origin = np.zeros(shape[0] * shape[1]), low + cell / 2
+        places = (corners[..., :2] - origin) / cell
+        # Triangles that cover no cell's middle count by their corners, the others by every middle in their bounding box.
+        corner_cells = np.clip(np.rint(places.reshape(-1, 2)).astype(int), 0, shape - 1)
+        np.maximum.at(heights, corner_cells[:, 0] * shape[1] + corner_cells[:, 1], corners[..., 2].reshape(-1))
+        first = np.ceil(places.min(1) - 1e-6).astype(int)
+        size = np.floor(places.max(1) + 1e-6).astype(int) - first + 1
+        size = np.where((size > 0).all(1), size.max(1), 0)
+        width = 1
+        while (size > width // 2).any():
+            rows = np.flatnonzero((size > width // 2) & (size <= width))
+            offsets = np.stack(np.meshgrid(*[np.arange(width)] * 2, indexing="ij"), -1).reshape(-1, 2)
+            for some in np.array_split(rows, max(1, -(-len(rows) * width * width // _AT_ONCE))):
+                cells = first[some, None] + offsets
+                share = _barycentric(cells, places[some])
+                hit = (share >= -1e-6).all(-1) & (cells >= 0).all(-1) & (cells < shape).all(-1)
+                z = (share * corners[some, None, :, 2]).sum(-1)
+                np.maximum.at(heights, (cells[..., 0] * shape[1] + cells[..., 1])[hit], z[hit])
+            width *= 2
+        return cls(origin, 0.0, heights.reshape(tuple(shape)), cell)
+
+    def near(self, low: Array, high: Array) -> bool:
+        """Whether it may reach between the corners ``low`` and ``high`` (2,) of the floor."""
+        middle, reach = self._circle
+        return bool((middle + reach >= low).all() and (middle - reach <= high).all())
+
+    @cached_property
+    def _circle(self) -> tuple[Array, float]:
+        """Middle (2,) and radius of the circle around it, metres."""
+        half = self.cell * (np.array(self.heights.shape, dtype=np.float64) - 1) / 2
+        return self.origin + rotate_planar(half, np.float64(self.heading)), float(np.linalg.norm(half)) + self.cell
+
+
+def _barycentric(points: Array, triangles: Array) -> Array:
+    """Shares (F, N, 3) of the corners of triangles (F, 3, 2) in points (F, N, 2); all negative where a triangle has no area."""
+    a, b, c = (triangles[:, None, k] for k in range(3))
+    def cross(p: Array, q: Array) -> Array:
+        return p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
+
+    double = cross(b - a, c - a)
+    safe = np.where(np.abs(double) < 1e-9, 1.0, double)
+    u, v = cross(b - points, c - points) / safe, cross(c - points, a - points) / safe
+    share = np.stack((u, v, 1 - u - v), -1)
+    return np.where(np.abs(double)[..., None] < 1e-9, -1.0, share)
 
 
 class Terrain:
@@ -48,8 +111,33 @@ class Terrain:
         """Heights (N,) in metres of the ground at floor points (N, 2), world."""
         points = np.asarray(points, dtype=np.float64)
         out = np.zeros(len(points))
+        if not self.maps or not len(points):
+            return out
+        low, high = points.min(0), points.max(0)
         for each in self.maps:
-            np.maximum(out, each.at(points), out=out)
+            if each.near(low, high):
+                np.maximum(out, each.at(points), out=out)
+        return out
+
+    def signed_distance(self, points: Array, max_distance: float) -> Array:
+        """Distances (N,) float32 in metres of world ``points`` (N, 3) to the body of the ground over the floor, to a cell: see ``DistanceQuery``."""
+        points = np.asarray(points, dtype=np.float64)
+        out = np.full(len(points), max_distance, dtype=np.float32)
+        low = np.flatnonzero(points[:, 2] < max((float(m.heights.max()) for m in self.maps), default=-np.inf) + max_distance)
+        if not len(low):
+            return out
+        p, reach = points[low], int(min(max_distance, _HIGHEST / 4) / CELL)
+        offsets = CELL * np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2, indexing="ij"), -1).reshape(-1, 2)
+        far = np.linalg.norm(offsets, axis=1)
+        own, outside, inside = self.height(p[:, :2]), np.full(len(p), max_distance), np.full(len(p), max_distance)
+        for offset, away in zip(offsets[far < max_distance], far[far < max_distance], strict=True):
+            h = self.height(p[:, :2] + offset)
+            beside = max(0.0, float(away) - CELL / 2)  # a cell reaches half its width to the point
+            solid = h > 0
+            outside = np.where(solid, np.minimum(outside, np.hypot(beside, np.maximum(p[:, 2] - h, 0))), outside)
+            inside = np.where(h <= p[:, 2], np.minimum(inside, away), inside)
+        deep = np.minimum(own - p[:, 2], inside)
+        out[low] = np.where((own > 0) & (deep > 0), -deep, outside)
         return out
 
     @classmethod
@@ -101,4 +189,4 @@ def edge_before(volume: InteractionVolume, place: Array, heading: float) -> floa
     return max(0.0, float(np.abs(back) @ half - start @ back))  # it lies beside: as far as the footprint reaches that way
 
 
-__all__ = ["HeightMap", "Terrain", "around", "edge_before", "merged"]
+__all__ = ["FLOOR_TOP", "HeightMap", "Terrain", "around", "edge_before", "merged"]
