@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 
 from nsm_core.control.goals import Goal
+from nsm_core.control.terrain import FLOOR_TOP
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 
@@ -13,7 +14,7 @@ from .bodies import Body, place_of
 from .surroundings import Surroundings
 from .tops import CELL, Level, find_levels, occupy, standing_room
 
-LOWEST, HIGHEST = 0.12, 0.65  # metres over the floor that one climbs
+LOWEST, HIGHEST = FLOOR_TOP, 0.65  # metres over the floor that one climbs; what is lower is walked over
 DEEP_ENOUGH = 0.3  # metres of a top to stand on; what is thinner is stepped over
 FROM_EDGE = 0.2  # metres from the middle of the feet to the edges of a top
 BEHIND = 0.6  # metres behind a low wall

@@ -15,16 +15,13 @@ from nsm_core.sensors.cylinder import SPHERE_RADIUS
 from nsm_core.sensors.voxels import VoxelGrid, voxelise
 
 from .evaluated import Shape, evaluated_shapes, object_mesh_triangles
+from .ground import floor_faces, is_ground
 from .scene import WorldFrame
 
 __all__ = ["BVHQuery", "gather_colliders", "object_mesh_triangles"]
 
 # Set to False on an object, in its custom properties, to let characters walk through it.
 COLLIDER_PROPERTY = "nsm_collider"
-# What ends below this height over the floor is floor, carpet or threshold, metres.
-FLOOR_HEIGHT = 0.03
-# Objects this wide both ways may hold the floor of a room; their faces at floor level are left out, metres.
-_ROOM_WIDTH = 2.5
 # The coarse map of where anything is near: reach and cell size, metres, and the most cells.
 _REACH = float(np.ceil(SPHERE_RADIUS * 100) / 100)
 _COARSE_CELL = 0.1
@@ -70,8 +67,8 @@ class BVHQuery:
             v, t = np.asarray(v, dtype=np.float64), np.asarray(t, dtype=np.int64)
             grid, side = voxelise(v, t), face_sides(v, t)
             self._solids.append(_Solid.of(grid))
-            if floor is not None and (np.ptp(v[:, :2], axis=0) > _ROOM_WIDTH).all():
-                above = (v[t][..., 2] > floor + FLOOR_HEIGHT).any(1)
+            if floor is not None:
+                above = ~floor_faces(v - (0, 0, floor), t)
                 t, side = t[above], side[above]
             if (np.ptp(v, axis=0) > (1.0, 1.0, 1.5)).all():
                 side = np.zeros_like(side)  # maybe a closed room with the character inside
@@ -189,10 +186,19 @@ def collider_shapes(
     frame: WorldFrame = WorldFrame(),  # noqa: B008
 ) -> list[Shape]:
     """Meshes of the scene that characters collide with, in the core's ``frame``, chosen as ``gather_colliders`` says."""
+    return [s for s in solid_shapes(scene, depsgraph, exclude, frame) if not is_ground(s.vertices)]
+
+
+def solid_shapes(
+    scene: bpy.types.Scene,
+    depsgraph: bpy.types.Depsgraph,
+    exclude: Sequence[bpy.types.Object] = (),
+    frame: WorldFrame = WorldFrame(),  # noqa: B008
+) -> list[Shape]:
+    """The same and what characters walk over."""
     excluded = {o.name_full for o in exclude}
     owners = [o for o in scene.objects if not _left_out(o, excluded, depsgraph.view_layer)]
-    shapes = (replace(s, vertices=frame.to_core(s.vertices)) for s in evaluated_shapes(depsgraph, owners))
-    return [s for s in shapes if s.vertices[:, 2].max() >= FLOOR_HEIGHT]
+    return [replace(s, vertices=frame.to_core(s.vertices)) for s in evaluated_shapes(depsgraph, owners)]
 
 
 def _left_out(candidate: bpy.types.Object, excluded: set[str], layer: bpy.types.ViewLayer) -> bool:

@@ -11,7 +11,6 @@ from nsm_core.control.terrain import FLOOR_TOP, HeightMap, Terrain
 from nsm_core.rotations import Array
 
 from .evaluated import Shape
-from .scene import WorldFrame
 
 # Metres over the floor under which everything counts as floor, and the longest side from which on a thing of up to FLOOR_TOP
 # does: one steps on a mat or a threshold, but round a shoe, a bowl or a book.
@@ -34,11 +33,11 @@ def floor_faces(vertices: Array, triangles: Array) -> Array:
     return ~(vertices[triangles][..., 2] > FLOOR_TOP + 1e-4).any(1)
 
 
-def ground_of(shapes: Iterable[Shape], frame: WorldFrame) -> Terrain:
-    """The heights of everything that is walked over, core frame; ``shapes`` those of the scene that are solid to the character."""
+def ground_of(shapes: Iterable[Shape]) -> Terrain:
+    """The heights of everything that is walked over; ``shapes`` are those of the scene, core frame."""
     maps = []
     for shape in shapes:
-        points = frame.to_core(shape.vertices)
+        points = shape.vertices
         chosen = shape.triangles if is_ground(points) else shape.triangles[floor_faces(points, shape.triangles)]
         found = HeightMap.over(points[chosen]) if len(chosen) else None
         if found is not None:
@@ -54,7 +53,8 @@ def floor_under(place: Array, scale: float, scene: bpy.types.Scene, but: Iterabl
     left_out, boxes = {o.name for o in but}, []
     for candidate in scene.objects:
         if candidate.type == "MESH" and candidate.name not in left_out and candidate.visible_get() and not candidate.hide_render:
-            corners = np.array(candidate.bound_box) @ np.array(candidate.matrix_world)[:3, :3].T + np.array(candidate.matrix_world.translation)
+            matrix = np.array(candidate.matrix_world)
+            corners = np.array(candidate.bound_box) @ matrix[:3, :3].T + matrix[:3, 3]
             boxes.append((corners.min(0), corners.max(0)))
 
     def under(high: Array, low: Array, height: float) -> bool:

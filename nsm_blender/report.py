@@ -6,8 +6,9 @@ import math
 from typing import Any
 
 from nsm_core.control.take import TakeResult
+from nsm_core.control.terrain import Terrain
 from nsm_core.evaluation.metrics import travel_report
-from nsm_core.sensors.query import DistanceQuery
+from nsm_core.sensors.query import DistanceQuery, Union
 
 from .keying import KeyedTake
 
@@ -20,13 +21,17 @@ _ERRORS = ("position_error_cm", "rotation_error_deg", "network_position_error_cm
 _HAND_ERRORS = ("hand_error_cm", "hand_rotation_deg", "network_hand_error_cm", "network_hand_rotation_deg")
 
 
-def build_report(name: str, result: TakeResult, keyed: KeyedTake, environment: DistanceQuery, keying_ms: float) -> dict[str, Any]:
+def build_report(
+    name: str, result: TakeResult, keyed: KeyedTake, environment: DistanceQuery, ground: Terrain, keying_ms: float
+) -> dict[str, Any]:
     """Gather a take's figures, in the units their names end in, as plain values for JSON.
 
     ``frames`` and ``fps`` are those of the keys; ``ms_per_frame`` is per frame of the 30 Hz network clock, its
     ``keying`` being ``keying_ms``.  Lengths are in metres of the character: a scaled one is measured at its own size.
     """
-    travel = travel_report(result.hips_position, result.local_rotations, result.action, environment)
+    solids = Union((environment, ground)) if ground else environment
+    heights = ground.height if ground else None
+    travel = travel_report(result.hips_position, result.local_rotations, result.action, solids, ground=heights)
     ms = {stage: float(result.stage_ms.get(stage, 0.0)) for stage in STAGES} | {"keying": keying_ms}
     ms["total"] = sum(ms.values())
     goals = [

@@ -10,11 +10,13 @@ import numpy as np
 
 from nsm_core.control.planning import FloorPlan
 from nsm_core.control.props import Prop
+from nsm_core.control.terrain import Terrain
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array
 from nsm_core.sensors.query import DistanceQuery
 
-from .colliders import collider_shapes, gather_colliders
+from .colliders import collider_shapes, gather_colliders, solid_shapes
+from .ground import ground_of
 from .scene import WorldFrame
 
 _MARGIN = 2.0  # metres of floor looked at around the places asked about
@@ -48,6 +50,12 @@ class Surroundings:
         """Everything solid but the character and what its goals move."""
         depsgraph = bpy.context.evaluated_depsgraph_get()
         return gather_colliders(self.scene, depsgraph, [*self._own, *self.moving], self.frame)
+
+    @cached_property
+    def ground(self) -> Terrain:
+        """What is walked over: rugs, thresholds, kerbs."""
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        return ground_of(solid_shapes(self.scene, depsgraph, [*self._own, *self.moving], self.frame))
 
     def plan(self, *points: Array) -> FloorPlan:
         """Free floor around places (2,)."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor, wait
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, TypeVar
 
@@ -23,6 +23,7 @@ from nsm_core.rotations import Array
 from .actions import require_learned
 from .armature import read_pose, require_skeleton
 from .goals import GoalSpec, moved_by, place_after, resolve
+from .ground import floor_under
 from .keying import KeyedTake, key_take, key_things
 from .report import build_report
 from .scene import SceneState, WorldFrame
@@ -98,7 +99,7 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | No
     )
     key_things(keyed, [(things[name], poses) for name, poses in result.props.items()], FPS, spec.title(), scene)
     keying_ms = (time.perf_counter() - begin) * 1000 / max(len(result.hips_position), 1)
-    report = build_report(spec.title(), result, keyed, request.environment, keying_ms)
+    report = build_report(spec.title(), result, keyed, request.environment, request.ground, keying_ms)
     return Take(keyed, report, result, frame)
 
 
@@ -156,7 +157,7 @@ def prepare(
         yield Progress("Reading the scene", 0.0)
         goals = resolve_goals(spec.goals, scene, frame, start, around)
         things = {target.name: Thing.of(target, frame, around.left[target.name][0]) for target in moving}
-        environment = around.query
+        environment, ground = around.query, around.ground
     finally:
         state.restore()
     request = TakeRequest(
@@ -166,6 +167,7 @@ def prepare(
         environment=environment,
         seed=spec.seed,
         contact_ik=spec.contact_ik,
+        ground=ground,
     )
     return request, frame, things
 
@@ -186,6 +188,8 @@ def start_of(character: bpy.types.Object | None, scene: bpy.types.Scene) -> tupl
     """The character's frame, and its ground point (2,) and heading in it as posed now; SkeletonError if it cannot act."""
     require_character(character, scene)
     frame, pose = WorldFrame.of(character), read_pose(character)
+    here = np.array((*pose.position[:2], frame.floor))
+    frame = replace(frame, floor=floor_under(here, frame.scale, scene, own_objects(character, scene)))
     return frame, (frame.to_core(np.append(pose.position, 0.0))[:2].astype(np.float32), pose.heading)
 
 

@@ -120,7 +120,10 @@ class Terrain:
         return out
 
     def signed_distance(self, points: Array, max_distance: float) -> Array:
-        """Distances (N,) float32 in metres of world ``points`` (N, 3) to the body of the ground over the floor, to a cell: see ``DistanceQuery``."""
+        """Distances (N,) float32, metres, of world ``points`` (N, 3) to what of the ground lies over the floor, right to a cell.
+
+        See ``DistanceQuery``.
+        """
         points = np.asarray(points, dtype=np.float64)
         out = np.full(len(points), max_distance, dtype=np.float32)
         low = np.flatnonzero(points[:, 2] < max((float(m.heights.max()) for m in self.maps), default=-np.inf) + max_distance)
