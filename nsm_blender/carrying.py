@@ -9,7 +9,7 @@ import numpy as np
 
 from nsm_core.control.goals import Goal
 from nsm_core.control.props import BODY_TO_BOX, HEAVIEST_SIDE, WIDEST_BOX, Box, sense
-from nsm_core.control.stages.carrying import choose_side
+from nsm_core.control.standing import BODY_TO_EDGE, choose_side, further_off
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 
@@ -21,7 +21,7 @@ from .tops import Level, find_levels, occupy, occupy_rectangle, places_near_edge
 
 HIGHEST_TOP = 1.3  # metres over the floor from which, and onto which, a standing person lifts a box
 MARGIN = 0.03  # from the edge of a top to the near face of the box, metres
-_REACH = 0.3  # how far from the edge a box may be set where its front is taken
+_REACH = 0.25  # how far from the edge a box may be set where its front is taken
 _BESIDE = 0.2  # metres of the top that look natural on either side of the box
 _BEHIND = 0.45  # metres behind the standing place that one needs to get there
 _STANDING, _COMING = 0.12, 0.24  # clearance of the standing place and of the place behind it, metres
@@ -66,6 +66,7 @@ def carry_goal(
     else:
         spot = spot_on_top(target, to, box, box.across(facing_in_box), pose[:2], around)
     centre = spot.base + (0, 0, box.size[2] / 2)
+    further_off(box, facing_in_box, centre, spot.facing, around.query)
     around.left[target.name] = box, np.append(centre, wrap_angle(spot.facing - facing_in_box))
     return Goal("carry", name, centre, spot.facing, hold, prop=box)
 
@@ -84,7 +85,7 @@ def read_box(target: bpy.types.Object, frame: WorldFrame) -> Box:
 def _side(target: bpy.types.Object, box: Box, pose: Array, here: Array, around: Surroundings) -> float:
     """Heading in the box's frame of who lifts it, coming from ``here`` (2,)."""
     try:
-        return choose_side(box, around.plan(here, pose[:2]), np.asarray(here, dtype=np.float64), pose)[0]
+        return choose_side(box, around.plan(here, pose[:2]), np.asarray(here, dtype=np.float64), pose, around.query)[0]
     except GoalError as error:
         raise GoalError(f"{target.name} cannot be reached. {error}") from error
 
@@ -130,7 +131,8 @@ def _nearest(level: Level, across: tuple[float, float], body: Body, coming_from:
     for quarter in range(4):
         turn = quarter * np.pi / 2
         for x, y, gap, beside in places_near_edge(level.seen_from(quarter), *across, MARGIN, _REACH):
-            view = np.array(((x, y + across[1] / 2), (x, y - BODY_TO_BOX), (x, y - BODY_TO_BOX - _BEHIND)))
+            before = y - max(BODY_TO_BOX, gap + BODY_TO_EDGE)
+            view = np.array(((x, y + across[1] / 2), (x, before), (x, before - _BEHIND)))
             base, stand, behind = body.to_core(np.insert(rotate_planar(view, np.float64(turn)), 2, 0.0, axis=1)).astype(np.float64)
             awkward = 2 * gap + 4 * max(0.0, _BESIDE - beside)
             candidates.append((stand, behind, base, body.yaw + turn + np.pi, awkward))

@@ -9,7 +9,7 @@ import numpy as np
 
 from nsm_core.control.goals import Goal
 from nsm_core.control.props import Box, Leaf, passage
-from nsm_core.control.stages.carrying import standing_place
+from nsm_core.control.standing import further_off, standing_place
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, direction_to_heading
 from nsm_core.seats import find_seat
@@ -94,7 +94,8 @@ def place_after(goal: Goal, before: tuple[Array, float], around: Surroundings) -
         return way.beyond.astype(np.float32), way.heading
     if isinstance(goal.prop, Box):
         facing = goal.heading - around.left[goal.name][1][3]
-        return standing_place(goal.prop, facing, goal.position, goal.heading).astype(np.float32), goal.heading
+        further = further_off(goal.prop, facing, goal.position, goal.heading, around.query)
+        return standing_place(goal.prop, facing, goal.position, goal.heading, further).astype(np.float32), goal.heading
     return goal.position[:2], goal.heading
 
 

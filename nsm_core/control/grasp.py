@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from ..conventions import DT, HAND_CONTACTS
-from ..rotations import Array, rotate_planar, wrap_angle
+from ..rotations import Array, heading_to_direction, rotate_planar, wrap_angle
 from ..sensors.query import DistanceQuery
+from .berth import Berth, keep_out
 from .foot_lock import smooth_step
 from .props import WRIST_BEHIND, WRIST_BELOW, Box
 from .reaching import Hold, Pose
 
-SETTLING = 0.5  # seconds in which the box leaves its resting pose for the one that the hands give it
+# Seconds at least in which the box leaves its resting pose for the one that the hands give it; metres a second at most.
+SETTLING, SETTLE_SPEED = 0.5, 0.45
 # Setting down: from how near and how slow the box is drawn onto its place (metres, m/s), how long that takes at least and how
 # fast it is on the mean (seconds, m/s), how near it then is, how long hands that do not let go are waited for.
 DRAW_FROM, SLOW, DRAW_TIME, DRAW_SPEED, PLACED, PATIENCE = 0.2, 0.4, 0.4, 0.45, 0.01, 1.0
@@ -33,7 +35,7 @@ class Carrying:
     ``state`` is "reach", "held", "placed" (hands still return), "falling" (let go in the air) or "free".
     """
 
-    def __init__(self, box: Box, facing: float, goal: Array, solids: DistanceQuery, ik: bool = True) -> None:
+    def __init__(self, box: Box, facing: float, goal: Array, solids: DistanceQuery, ik: bool = True, further: float = 0.0) -> None:
         """Prepare to carry.
 
         Args:
@@ -42,10 +44,11 @@ class Carrying:
             goal: pose (4,) at which the box is set down.
             solids: what the box may rest on, but itself and the floor.
             ik: False leaves the body as the network has it; the box then follows the hands alone.
+            further: metres by which the carrier stands further from the box than the network would, see ``standing``.
         """
         self.prop, self.facing, self.goal, self.solids, self.ik = box, float(facing), np.array(goal, dtype=np.float64), solids, ik
         self.state = "reach"
-        self.hold = Hold([0, 1])
+        self.hold = Hold([0, 1], further)
         self.errors: dict[str, float] = {}  # of the hands and of the place, in the names of GoalResult
         self._recent: list[Array] = []
         self._offset, self._since = np.zeros(4), 0
@@ -54,6 +57,13 @@ class Carrying:
         self._loose = self._apart = 0
         self._lifted, self._fall = 0.0, 0.0
         self._raw = box.pose.copy()
+        # What the network's hands lack to the box where it is taken, and to its place where it is put, metres.
+        self._from = further * heading_to_direction(np.array(box.pose[3] + self.facing))
+        self._to = np.zeros(2)
+        self._taken, self._put = Berth(box, box.pose, solids), Berth(box, self.goal, solids)
+        self._leaving, self._settling = True, SETTLING
+        self._seen = box.pose.copy()  # the box as the network has it in its hands
+        box.shown = -self._from
 
     @property
     def active(self) -> bool:
@@ -72,12 +82,15 @@ class Carrying:
         """World places (2, 3) of the wrists on the box as it is now."""
         return self.prop.to_world(self.prop.grasps(self.facing))
 
-    def send(self, goal: Array) -> None:
-        """Change where a box that is held is set down."""
+    def send(self, goal: Array, further: float = 0.0) -> None:
+        """Change where a box that is held is set down; one stands ``further`` metres off there."""
         self.goal, self._draw, self._drawn = np.array(goal, dtype=np.float64), 0.0, 0
+        self._to = further * heading_to_direction(np.array(self.goal[3] + self.facing))
+        self._put = Berth(self.prop, self.goal, self.solids)
 
     def let_go(self) -> None:
         """End it at any time: hands return, and a box in the air falls onto what is under it."""
+        self.prop.shown = np.zeros(2)
         if self.state == "held":
             self.hold.release()
             self.state, self._fall = "falling", 0.0
@@ -94,13 +107,16 @@ class Carrying:
         """Move the box by one frame and correct ``pose`` in place; ``root`` (3,), network ``contacts`` (5,)."""
         grasping = False
         if self.state == "reach":
-            distances = np.linalg.norm(pose.wrists - self.grasps(), axis=1)
+            self.prop.shown = -self._from
+            distances = np.linalg.norm(pose.wrists + np.append(self._from, 0.0) - self.grasps(), axis=1)
             self.hold.approach(distances, contacts[HAND_CONTACTS])
             if self.hold.complete(self.ik):
                 grasping, self.state, self._since = True, "held", 0
                 self._recent = []
-                self._offset = self.prop.pose - self._in_hands(pose.wrists, root)
+                self._offset = self.prop.pose - self._in_hands(pose.wrists, root) - (*self._from, 0.0, 0.0)
                 self._offset[3] = wrap_angle(self._offset[3])
+                self._seen = self.prop.pose - (*self._from, 0.0, 0.0)
+                self._settling = max(SETTLING, float(np.linalg.norm(self._from)) / SETTLE_SPEED)
         elif self.state == "held":
             self._follow(pose.wrists, root, contacts[HAND_CONTACTS])
         elif self.state == "falling":
@@ -132,13 +148,15 @@ class Carrying:
     def _follow(self, wrists: Array, root: Array, labels: Array) -> None:
         self._since += 1
         before = self.prop.pose.copy()
-        rest = 1 - float(smooth_step(self._since * DT / SETTLING))
+        rest = 1 - float(smooth_step(self._since * DT / self._settling))
         hands = self._in_hands(wrists, root)
         carried = hands + rest * self._offset
-        gap = self.goal - carried
+        # What the network has in its hands goes to the place that it is shown; the box itself as much further as one leans.
+        gap = self.goal - (*self._to, 0.0, 0.0) - carried
         gap[3] = wrap_angle(gap[3])
         far = float(np.linalg.norm(gap[:3]))
-        speed = float(np.linalg.norm(carried[:2] - before[:2])) / DT if not self._draw else 0.0
+        speed = float(np.linalg.norm(carried[:2] - self._seen[:2])) / DT if not self._draw else 0.0
+        self._seen = carried.copy()
         self._waited = self._waited + 1 if speed < SLOW and abs(carried[2] - self._carried) < BENDS * DT else 0
         self._carried = float(carried[2])
         start = DRAW_FURTHER if self._waited * DT > BENT else DRAW_FROM
@@ -148,11 +166,14 @@ class Carrying:
         near = self._since * DT > LEAST_HELD and speed < SLOW and far < start
         drawing = near if not self._draw else far < 2 * DRAW_FURTHER
         if not self._draw:
-            self._draw_time = max(DRAW_TIME, far / DRAW_SPEED)
+            self._draw_time = max(DRAW_TIME, (far + float(np.linalg.norm(self._to))) / DRAW_SPEED)
         self._draw = float(np.clip(self._draw + (DT if drawing else -DT) / self._draw_time, 0, 1))
-        carried = carried + float(smooth_step(self._draw)) * gap
+        drawn = float(smooth_step(self._draw))
+        lean = rest * self._from + drawn * self._to
+        carried = carried + drawn * gap + (*lean, 0.0, 0.0)
         self._stay_above(carried)
-        self.prop.pose[:] = carried
+        self.prop.pose[:] = keep_out(self.prop, before, carried, self.solids)
+        self.prop.shown = -lean
         width = self.prop.across(self.facing)[0]
         self._apart = self._apart + 1 if float(np.linalg.norm(wrists[1] - wrists[0])) > width + APART else 0
         if self._apart > LOOSE_FRAMES and not self._draw:
@@ -160,18 +181,22 @@ class Carrying:
             return
         if self._draw >= 1:
             self._drawn += 1
-            there = float(np.linalg.norm(self.goal[:3] - carried[:3])) < PLACED
+            there = float(np.linalg.norm(self.goal[:3] - self.prop.pose[:3])) < PLACED
             waited = self._drawn * DT > PATIENCE
             if (there and labels.max() < 0.5) or waited:
                 self._put_down(wrists)
 
     def _stay_above(self, pose: Array) -> None:
-        """Raise the box ``pose`` (4,) in place, not faster than a hand would, out of what it would sink into."""
+        """Raise (or lower) the box ``pose`` (4,) in place, not faster than a hand would, to where its way is free."""
         half = float(self.prop.size[2]) / 2
         ground = self._support(pose, max(pose[2], float(self.prop.pose[2])) - half)
-        need = max(0.0, ground + half - pose[2])
+        berth = self._taken if self._leaving else self._put
+        low, high = berth.bounds(pose, berth.free(self.prop, pose, self.solids))
+        need = max(ground + half, low, min(float(pose[2]), high)) - float(pose[2])
         self._lifted += float(np.clip(need - self._lifted, -_SINK * DT, _RISE * DT))
         pose[2] += max(self._lifted, min(need, 0.02))
+        if self._leaving:
+            self._leaving = not berth.left(self.prop, pose, self.solids)
 
     def _support(self, pose: Array, bottom: float, deepest: float | None = None) -> float:
         """Height of what is under the box at ``pose`` (4,) whose underside is at ``bottom``; looks no further than needed."""
@@ -202,6 +227,7 @@ class Carrying:
             "network_rotation_error_deg": turn(raw),
         }
         self.prop.pose[3] = wrap_angle(self.prop.pose[3])
+        self.prop.shown = -self._to
         self.hold.release()
         self.state = "placed"
 

@@ -5,7 +5,7 @@ A prop stays upright: its pose is x, y, z and a heading.  Data and takes place h
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -77,13 +77,20 @@ def sense(query: DistanceQuery, low: Array, high: Array) -> InteractionVolume:
 
 @dataclass
 class Box(Prop):
-    """A thing to carry; its frame lies at the centre of its bounding box of ``size`` (3,), metres."""
+    """A thing to carry; its frame lies at the centre of its bounding box of ``size`` (3,), metres.
+
+    ``shown`` (2,) metres by which it is shown to the network beside its place: a box that one leans to is shown as far off as
+    one that is not leant to, and lean and arms do the rest.
+    """
 
     size: Array = None  # type: ignore[assignment]
+    shown: Array = field(default_factory=lambda: np.zeros(2))
 
     def sensed(self) -> InteractionVolume:
         """The interaction sensor's reading: hands hold the bounding box, so a bin or a basket reads as one that is full."""
-        return replace(super().sensed(), occupancy=np.ones_like(self.volume.occupancy))
+        read = super().sensed()
+        centre = (read.centre + np.append(self.shown, 0.0)).astype(np.float32)
+        return replace(read, centre=centre, occupancy=np.ones_like(self.volume.occupancy))
 
     def across(self, facing: float) -> tuple[float, float]:
         """Width and depth as seen by a carrier whose heading is ``facing`` in the box's frame (a multiple of 90 degrees)."""

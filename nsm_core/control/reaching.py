@@ -20,6 +20,7 @@ NEAR, NEAR_IN_CONTACT, THERE, DWELL = 0.25, 0.35, 0.07, 8
 TOUCH, WAIT = 0.005, 15  # metres that an arm may lack to hold; frames after which it holds all the same
 GONE = 0.5  # metres from which on a hand that was being drawn is given up
 MOST_LEAN, LEAN_SPEED = np.radians(25), np.radians(75)  # of the trunk; radians a second
+LED_SPEED, LEAN_FURTHER = 0.6, np.radians(100)  # m/s at which hands are led further than the network has them; lean for that, a metre
 MOST_SHIFT, SHIFT_SPEED = 0.08, 0.3  # of the hips, metres; m/s
 _CHEST = INDEX["Chest"]
 _LEGS = tuple(leg[:3] for leg in FEET)
@@ -46,8 +47,11 @@ class Pose:
 class Hold:
     """How far hands (n,) are led onto their places: 0 free, 1 there; what is left of it when let go fades."""
 
-    def __init__(self, hands: list[int]) -> None:
+    def __init__(self, hands: list[int], further: float = 0.0) -> None:
+        """``further`` metres that hands are led on from where the network has them: that takes longer, and a body leans more for it."""
         self.hands = hands
+        self._slower = 1 + further / LED_SPEED / TAKE_TIME
+        self._most_lean = MOST_LEAN + LEAN_FURTHER * further
         self.weight = 0.0
         self.near = 0  # frames that the hands have been near their places
         self._far, self._closing = np.inf, 0.0  # metres to the places in the last frame, and how much that fell
@@ -75,7 +79,7 @@ class Hold:
         touching = bool((labels > 0.5).all())
         drawn = self.near > DWELL or far < THERE or touching and far < NEAR_IN_CONTACT
         if drawn or (self.weight > 0 and far < GONE):
-            self.weight = min(1.0, self.weight + (SWIFT if touching else 1.0) * DT / TAKE_TIME)
+            self.weight = min(1.0, self.weight + (SWIFT if touching else 1.0) * DT / (TAKE_TIME * self._slower))
         else:
             self.weight = max(0.0, self.weight - DT / LET_GO_TIME)
 
@@ -98,7 +102,7 @@ class Hold:
         if not self.busy:
             return
         shoulders, now = (points[self.hands] for points in pose.arms())
-        self._fade = max(0.0, self._fade - DT / LET_GO_TIME)
+        self._fade = max(0.0, self._fade - DT / (LET_GO_TIME * self._slower))
         held = float(smooth_step(self.weight))
         left = float(smooth_step(self._fade)) * self._left
         # Hands that take hold anew while the last hold still fades go from where they are.
@@ -119,7 +123,7 @@ class Hold:
             pivot, parent = (a[0] for a in chain_frames(pose.hips, pose.local, (_CHEST,)))
             lever = shoulders.mean(0) - pivot
             wanted = np.cross(lever, lack) / (lever @ lever)
-            wanted *= min(1.0, MOST_LEAN / max(float(np.linalg.norm(wanted)), 1e-9))
+            wanted *= min(1.0, self._most_lean / max(float(np.linalg.norm(wanted)), 1e-9))
             self._lean = _follow(self._lean, wanted, LEAN_SPEED * DT)
             turn = quat_from_rotvec(self._lean)
             pose.local = pose.local.copy()

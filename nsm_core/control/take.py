@@ -96,7 +96,7 @@ class TakeRunner:
         self.scene = Scene(request.environment, self.props.values())
         places = np.array([root[:2], *[g.position[:2] for g in goals], *[p.pose[:2] for p in self.props.values()]])
         self.plan = FloorPlan(request.environment, (places.min(0) - _MARGIN, places.max(0) + _MARGIN))
-        check_reachable(goals, self.plan, root[:2])
+        check_reachable(goals, self.plan, root[:2], request.environment)
         self.director = Director(goals, self.plan, root, rng, request.time_limit, self.scene, request.contact_ik)
         self.relief = Relief(request.ground, root[:2])
         self.terrain = merged((request.ground, ground_of(goals, request.environment)))
@@ -185,7 +185,7 @@ class TakeRunner:
         plan = self.plan
         if (low < plan.bounds[0]).any() or (high > plan.bounds[1]).any():
             plan = FloorPlan(self.request.environment, (np.minimum(low, plan.bounds[0]), np.maximum(high, plan.bounds[1])))
-        check_reachable(goals, plan, here)
+        check_reachable(goals, plan, here, self.request.environment)
         for name, prop in known.items():
             if name not in self.props:
                 self.props[name] = prop

@@ -6,13 +6,16 @@ import numpy as np
 
 from ...errors import GoalError
 from ...rotations import Array, wrap_angle
+from ...sensors.query import DistanceQuery
 from ..goals import Goal, Moment
 from ..grasp import Carrying
 from ..opening import Opening
 from ..planning import FloorPlan
+from ..props import Box
 from ..scene import Scene
+from ..standing import choose_side, further_off, standing_place
 from .approach import Command, Ground
-from .carrying import Carry, choose_side, standing_place
+from .carrying import Carry
 from .climbing import Climb, foot_of
 from .doors import Pass, beyond
 from .places import EXECUTED, Go, Sit, Stage, Stay
@@ -45,11 +48,13 @@ def begin(
     return Climb(goal, ground) if goal.action == "climb" else Go(goal, ground)
 
 
-def standing_places(goal: Goal, here: Array, plan: FloorPlan | None, poses: dict[str, Array]) -> list[Array]:
+def standing_places(
+    goal: Goal, here: Array, plan: FloorPlan | None, poses: dict[str, Array], solids: DistanceQuery | None = None
+) -> list[Array]:
     """Floor places (2,) between which ways must lead to perform a goal from ``here`` (2,), in order.
 
     An empty list: it is done on the spot.  After a None no way is asked for, as through a door or up a step.  ``poses`` (4,)
-    of boxes that earlier goals have moved, by name, are read and kept up to date.
+    of boxes that earlier goals have moved, by name, are read and kept up to date; ``solids`` are what stands still.
     """
     if goal.action == "idle":
         return []
@@ -62,19 +67,24 @@ def standing_places(goal: Goal, here: Array, plan: FloorPlan | None, poses: dict
         return [reach, None, end]  # type: ignore[list-item]
     if goal.action == "carry":
         box = goal.prop
-        facing, stand = choose_side(box, plan, here, poses.get(box.name, box.pose))  # type: ignore[union-attr, arg-type]
-        poses[box.name] = np.append(goal.position, wrap_angle(goal.heading - facing))  # type: ignore[union-attr]
-        return [stand, standing_place(box, facing, goal.position, goal.heading)]  # type: ignore[arg-type]
+        assert isinstance(box, Box)
+        facing, stand, _ = choose_side(box, plan, here, poses.get(box.name, box.pose), solids)
+        further = further_off(box, facing, goal.position, goal.heading, solids)
+        poses[box.name] = np.append(goal.position, wrap_angle(goal.heading - facing))
+        return [stand, standing_place(box, facing, goal.position, goal.heading, further)]
     return [goal.position[:2].astype(np.float64)]
 
 
-def check_reachable(goals: list[Goal], plan: FloorPlan, start: Array) -> None:
-    """Raise GoalError that names the first goal to which no way leads from the place before it; ``start`` (2,)."""
+def check_reachable(goals: list[Goal], plan: FloorPlan, start: Array, solids: DistanceQuery | None = None) -> None:
+    """Raise GoalError that names the first goal to which no way leads, or no hand, from the place before it; ``start`` (2,).
+
+    ``solids`` are what stands still.
+    """
     here, poses = np.asarray(start, dtype=np.float64), {}
     for goal in goals:
         try:
             asked = True
-            for place in standing_places(goal, here, plan, poses):
+            for place in standing_places(goal, here, plan, poses, solids):
                 if place is not None and asked and np.linalg.norm(place - here) > 0.3:
                     plan.find(here, place)
                 asked = place is not None

@@ -5,21 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from ...conventions import IDLE
-from ...errors import GoalError
 from ...rotations import Array, heading_to_direction, wrap_angle
 from ...sensors.query import DistanceQuery
 from ..goals import Goal, Moment
 from ..grasp import Carrying
-from ..planning import FloorPlan
-from ..props import WIDEST_BOX, Box
+from ..standing import TOES_CLEAR, choose_side, further_off, standing_place
 from .approach import CARRYING, Approach, Command, Ground
 from .places import EXECUTED, Stage
 
 FETCH, BRING = 2.5, 2.2  # metres from which the box, and its place, are commanded themselves
-TOES_CLEAR = 0.06  # metres between where a box is set down and where the network is told to
 PLACED, TRIES = 0.05, 2  # metres from its place at which a box counts as placed; how often one that slipped is fetched
-ROOM = 0.2  # metres of room that a standing place should have
-FACINGS = (0.0, np.pi / 2, np.pi, -np.pi / 2)
 
 
 class Carry(Stage):
@@ -35,28 +30,34 @@ class Carry(Stage):
             self._fetch(moment)
         else:
             self.grasp = held
-            held.send(self._goal_pose(held.facing))
             self._bring()
 
     def _fetch(self, moment: Moment) -> None:
         box = self.goal.prop
         self.part, self._count = 3 * self._tries, self.ground.pause()
         self._tries += 1
-        facing, stand = choose_side(box, self.ground.plan, moment.root[:2].astype(np.float64))
+        facing, stand, further = choose_side(box, self.ground.plan, moment.root[:2].astype(np.float64), solids=self.solids)
         heading = float(box.pose[3] + facing)
-        self.grasp = Carrying(box, facing, self._goal_pose(facing), self.solids, self.ik)
-        final = Command("carry", box.pose[:3].astype(np.float32), heading, thing=box)
+        self.grasp = Carrying(box, facing, self._goal_pose(facing), self.solids, self.ik, further)
+        final = Command("carry", self._box_as_shown(), heading, thing=box)
         self.approach = Approach(self.ground, stand, heading, final, FETCH, anyway=self._tries > 1)
 
     def _goal_pose(self, facing: float) -> Array:
         return np.append(self.goal.position.astype(np.float64), wrap_angle(self.goal.heading - facing))
 
+    def _box_as_shown(self) -> Array:
+        """Where (3,) the network is told that the box is."""
+        box = self.goal.prop
+        return (box.pose[:3] + np.append(box.shown, 0.0)).astype(np.float32)  # type: ignore[union-attr]
+
     def _bring(self) -> None:
         box, heading = self.goal.prop, self.goal.heading
         self.part, self._count = self.part + 1, self.ground.pause()
-        stand = standing_place(box, self.grasp.facing, self.goal.position, heading)
+        further = further_off(box, self.grasp.facing, self.goal.position, heading, self.solids)  # type: ignore[arg-type]
+        self.grasp.send(self._goal_pose(self.grasp.facing), further)
+        stand = standing_place(box, self.grasp.facing, self.goal.position, heading, further)
         # Told to set it down a little nearer, the body stands a little further off: toes stay out of a box on the floor.
-        nearer = self.goal.position[:2] - TOES_CLEAR * heading_to_direction(np.array(heading))
+        nearer = self.goal.position[:2] - max(TOES_CLEAR, further) * heading_to_direction(np.array(heading))
         final = Command("idle+carry", np.append(nearer, self.goal.position[2]).astype(np.float32), heading, thing=box)
         self.approach = Approach(self.ground, stand, heading, final, BRING, CARRYING, thing=box, anyway=True)
 
@@ -68,7 +69,7 @@ class Carry(Stage):
                 self._go_on(moment)
         elif doing == 0 and self.approach.given:
             # A box that something has moved is reached for where it is.
-            self.approach.final.position[:] = self.goal.prop.pose[:3]  # type: ignore[index]
+            self.approach.final.position[:] = self._box_as_shown()  # type: ignore[index]
         return self._rest if self.part % 3 == 2 else self.approach.update(moment, self.arrived)
 
     def _go_on(self, moment: Moment) -> None:
@@ -94,30 +95,4 @@ class Carry(Stage):
             self.grasp.let_go()
 
 
-def standing_place(box: Box, facing: float, centre: Array, heading: float) -> Array:
-    """Where (2,) a carrier of ``heading`` and ``facing`` (in the box's frame) stands with the box centred at ``centre``."""
-    return np.asarray(centre, dtype=np.float64)[:2] - box.stand_off(facing) * heading_to_direction(np.array(heading))
-
-
-def choose_side(box: Box, plan: FloorPlan | None, start: Array, pose: Array | None = None) -> tuple[float, Array]:
-    """Choose from which side a box is taken: the carrier's heading in its frame and the standing place (2,).
-
-    The nearest side with room to stand to which a way leads; GoalError where there is none.
-    """
-    pose = box.pose if pose is None else pose
-    sides = []
-    for facing in FACINGS:
-        stand = standing_place(box, facing, pose, float(pose[3] + facing))
-        room = ROOM if plan is None else float(plan.clearance(stand[None])[0])
-        wide = max(0.0, box.across(facing)[0] - WIDEST_BOX)
-        price = float(np.linalg.norm(stand - start)) + 6 * max(0.0, ROOM - room) + 10 * wide
-        sides.append((price, facing, stand))
-    problem: GoalError | None = None
-    for _, facing, stand in sorted(sides, key=lambda s: s[0]):
-        try:
-            if plan is not None and np.linalg.norm(stand - start) > 0.3:
-                plan.find(start, stand)
-            return facing, stand
-        except GoalError as error:
-            problem = problem or error
-    raise problem or GoalError("The box has no side to stand at.")
+__all__ = ["Carry"]

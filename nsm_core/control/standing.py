@@ -1,0 +1,102 @@
+"""Where one stands to lift a box or to set it down: before it, or before the edge of what it stands on, and how far one then leans."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import GoalError
+from ..rotations import Array, heading_to_direction, rotate_planar
+from ..sensors.query import DistanceQuery
+from .berth import room_over
+from .planning import FloorPlan
+from .props import BODY_TO_BOX, WIDEST_BOX, Box
+
+BODY_TO_EDGE = 0.21  # metres from the root of who reaches over an edge to that edge: thighs stay out of it
+FURTHEST = 0.32  # metres that a body leans over an edge beyond where it stands before a box at the edge
+TOES_CLEAR = 0.06  # metres that one stands further from a box on the floor: toes are longer than knees
+HEADROOM = 0.25  # metres over a box without which nobody turns with it, as between the boards of a shelf
+FLOOR = 0.12  # metres under a box from which on toes go under what it stands on
+ROOM = 0.2  # metres of room that a standing place should have
+FACINGS = (0.0, np.pi / 2, np.pi, -np.pi / 2)
+_ASIDE = (-0.15, 0.0, 0.15)  # metres to both sides in which an edge stops a body
+_HEIGHTS = np.arange(0.2, 1.45, 0.1)
+_STEP, _TOUCH, _FREE, _LOOK = 0.04, 0.05, 0.2, 1.0  # metres between samples, that count as touching, of free floor, and looked at
+
+
+def standing_place(box: Box, facing: float, centre: Array, heading: float, further: float = 0.0) -> Array:
+    """Where (2,) a carrier of ``heading`` and ``facing`` (in the box's frame) stands with the box centred at ``centre``.
+
+    ``further`` metres off: see ``further_off``.
+    """
+    return np.asarray(centre, dtype=np.float64)[:2] - (box.stand_off(facing) + further) * heading_to_direction(np.array(heading))
+
+
+def edge_before(box: Box, facing: float, centre: Array, heading: float, solids: DistanceQuery) -> float:
+    """Metres from the near face of a box at ``centre`` (3,) to the edge of what lies between it and its carrier; infinite over a metre."""
+    centre = np.asarray(centre, dtype=np.float64)
+    under = centre[2] - box.size[2] / 2 - 0.02
+    heights = np.append(_HEIGHTS, under) if under > _HEIGHTS[0] else _HEIGHTS
+    back = np.arange(0.0, _LOOK, _STEP)
+    own = np.stack(np.meshgrid(back + box.across(facing)[1] / 2, _ASIDE, heights, indexing="ij"), -1).reshape(-1, 3)
+    points = rotate_planar(own[:, [1, 0, 2]], np.float64(heading)) + (*centre[:2], 0.0)  # heading 0 faces -Y: +Y is behind
+    room = solids.signed_distance(points.astype(np.float32), 2 * _TOUCH).reshape(len(back), -1).min(1).astype(np.float64)
+    free = room >= _TOUCH
+    need = round(_FREE / _STEP)
+    for k in range(len(back) - need):
+        if free[k : k + need].all():
+            return max(0.0, back[k] - room[k]) if k else 0.0
+    return np.inf
+
+
+def further_off(box: Box, facing: float, centre: Array, heading: float, solids: DistanceQuery | None) -> float:
+    """Metres by which the carrier of a box at ``centre`` (3,) stands further from it than one before a free box.
+
+    Raises GoalError where arms do not reach as far.
+    """
+    toes = TOES_CLEAR if float(centre[2]) - box.size[2] / 2 < FLOOR else 0.0
+    if solids is None:
+        return toes
+    edge = edge_before(box, facing, centre, heading, solids)
+    further = max(toes, edge + BODY_TO_EDGE - BODY_TO_BOX)
+    if further > FURTHEST:
+        how = f"{edge:.2f} m behind the edge of what is before it" if np.isfinite(edge) else "over a metre behind what is before it"
+        most = FURTHEST - BODY_TO_EDGE + BODY_TO_BOX
+        raise GoalError(f"{box.name} lies {how}, and a body leans {most:.2f} m over an edge; move it nearer to one.")
+    return further
+
+
+def choose_side(
+    box: Box, plan: FloorPlan | None, start: Array, pose: Array | None = None, solids: DistanceQuery | None = None
+) -> tuple[float, Array, float]:
+    """Choose from which side a box is taken: the carrier's heading in its frame, the standing place (2,) and how much further off it is.
+
+    The nearest side with room to stand to which a way leads and from which hands reach the box; GoalError where there is none.
+    ``solids`` are what may lie between; None: nothing does.
+    """
+    pose = box.pose if pose is None else pose
+    if solids is not None and (over := room_over(box, pose, solids)) < HEADROOM:
+        raise GoalError(f"There is {over:.2f} m of room over {box.name}, too little to lift it out; set it where it is open above.")
+    sides, problem = [], None
+    for facing in FACINGS:
+        try:
+            further = further_off(box, facing, pose[:3], float(pose[3] + facing), solids)
+        except GoalError as error:
+            problem = problem or error
+            continue
+        stand = standing_place(box, facing, pose, float(pose[3] + facing), further)
+        room = ROOM if plan is None else float(plan.clearance(stand[None])[0])
+        wide = max(0.0, box.across(facing)[0] - WIDEST_BOX)
+        price = float(np.linalg.norm(stand - start)) + 6 * max(0.0, ROOM - room) + 10 * wide + 4 * further
+        sides.append((price, facing, stand, further))
+    refused: GoalError | None = None
+    for _, facing, stand, further in sorted(sides, key=lambda s: s[0]):
+        try:
+            if plan is not None and np.linalg.norm(stand - start) > 0.3:
+                plan.find(start, stand)
+            return facing, stand, further
+        except GoalError as error:
+            refused = refused or error
+    raise refused or problem or GoalError("The box has no side to stand at.")
+
+
+__all__ = ["FURTHEST", "TOES_CLEAR", "choose_side", "edge_before", "further_off", "standing_place"]
