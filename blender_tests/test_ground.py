@@ -64,5 +64,5 @@ def test_a_take_begins_on_a_rug_leaves_it_and_sits_on_another():
     bones = character.pose.bones
     for frame, z in ((report["frames"], 0.06), (1, 0.04)):
         bpy.context.scene.frame_set(frame)
-        toe = character.matrix_world @ bones["LeftToe"].head
+        toe = character.matrix_world @ bones["RightToe"].head
         assert toe.z - z == pytest.approx(0.025, abs=0.02)
