@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import bvh
 from ..bvh_mapping import Mapping, load_mapping
 from ..clip import Clip
 from ..conventions import FPS, STYLES
@@ -18,14 +17,14 @@ from ..errors import CaptureError, NsmError
 from . import sidecar
 from .annotation import arrays_of, propose
 from .annotation_picture import draw
-from .capture_folder import capture_paths, read_capture
+from .capture_folder import capture_paths, read_capture, read_clip
 from .phases import keys_of_phase
 from .sidecar import Sheet, fingerprint
 
 
 def annotate_clip(path: Path, folder: Path, mapping: Mapping | None, overwrite: bool) -> tuple[Clip, Sheet, dict[int, str], list[str]]:
     """Read a clip and propose its sheet; the fourth value names the sections that a person's edits have kept."""
-    clip = read_capture(path, folder) if mapping is None else bvh.read(path, mapping=mapping)
+    clip = read_capture(path, folder) if mapping is None else read_clip(path, mapping)
     target = sidecar.sidecar_of(path)
     kept = sidecar.read(target) if target.exists() and not overwrite else None
     if kept is not None and kept.frames != len(clip):
@@ -84,6 +83,8 @@ def main(arguments: list[str]) -> int:
         for k, name in enumerate(STYLES):
             seconds[name] += float(annotation.style[:, k].sum()) / FPS
         mine = f"; kept your {', '.join(kept)}" if kept else ""
+        for note in clip.notes:
+            print(f"{path.relative_to(options.folder)}: note: {note}")
         goals = ", ".join(dict.fromkeys(g.action for g in sheet.goals))
         print(f"{path.relative_to(options.folder)}: {len(clip) / FPS:.1f} s, goals {goals}{mine}")
     share = ", ".join(f"{name} {seconds[name] / 60:.2f}" for name in STYLES)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
 from .. import bvh
-from ..bvh_mapping import load_mapping
+from ..bvh_mapping import Mapping, load_mapping
+from ..bvh_names import bodies
+from ..bvh_parse import parse_hierarchy
 from ..clip import Clip
-from ..errors import CaptureError
+from ..errors import CaptureError, NsmError
 from .sidecar import Sheet, sidecar_of
 from .sidecar import read as read_sheet
 
@@ -25,11 +28,42 @@ class Labelled:
 
 
 def capture_paths(folder: str | Path) -> list[Path]:
-    """List the BVH files of a folder and of those below it, sorted; CaptureError where there are none."""
-    paths = sorted(p for p in Path(folder).rglob("*") if p.suffix.lower() == ".bvh")
+    """List the clips of a folder and of those below it, sorted; CaptureError where there are none.
+
+    A clip is a BVH file, or of a file with several bodies the second and so on: "two.2.bvh" is the second of "two.bvh".
+    """
+    paths = _clips(folder)
     if not paths:
         raise CaptureError(f"no BVH file lies in {folder}; name the folder with the captures.")
     return paths
+
+
+def _clips(folder: str | Path) -> list[Path]:
+    files = sorted(p for p in Path(folder).rglob("*") if p.suffix.lower() == ".bvh" and not p.is_dir())
+    named = ((p, mapping_path(p, folder)) for p in files)
+    found = [_numbered(p, n) for p, m in named for n in range(1, _bodies(p, _stamp(p), m, _stamp(m)) + 1)]
+    return sorted(dict.fromkeys(found))
+
+
+def _numbered(path: Path, body: int) -> Path:
+    return path if body == 1 else path.with_name(f"{path.stem}.{body}{path.suffix}")
+
+
+def _file_of(path: Path) -> tuple[Path, int]:
+    """The file in which a clip stands, and its number there, from 0."""
+    match = re.fullmatch(r"(.+)\.([2-9]|[1-9][0-9])", path.stem)
+    file = path if match is None else path.with_name(match[1] + path.suffix)
+    return (path, 0) if match is None or path.exists() or not file.exists() else (file, int(match[2]) - 1)
+
+
+@lru_cache(maxsize=4096)
+def _bodies(path: Path, stamp: int, mapping: Path | None, mapping_stamp: int) -> int:
+    """How many bodies a file holds; one where it is damaged, which is told when it is read."""
+    try:
+        wanted = None if mapping is None else load_mapping(mapping)
+        return len(bodies(parse_hierarchy(path), wanted if wanted is not None and wanted.joints else None))
+    except NsmError:
+        return 1
 
 
 def mapping_path(path: Path, folder: str | Path) -> Path | None:
@@ -44,8 +78,31 @@ def mapping_path(path: Path, folder: str | Path) -> Path | None:
 
 def read_capture(path: Path, folder: str | Path) -> Clip:
     """Read a clip of a capture folder by the mapping that holds for it; errors as of ``bvh.read``."""
+    path, body = _file_of(path)
     mapping = mapping_path(path, folder)
-    return _read(path, _stamp(path), mapping, _stamp(mapping))
+    clips = _read(path, _stamp(path), mapping, _stamp(mapping))
+    _noted.update({note: None for clip in clips for note in clip.notes})
+    return _body(path, clips, body)
+
+
+_noted: dict[str, None] = {}
+
+
+def notes() -> list[str]:
+    """Sentences on what was read other than its files say, of all captures read so far."""
+    return list(_noted)
+
+
+def read_clip(path: Path, mapping: Mapping) -> Clip:
+    """Read a clip of a capture folder by a mapping of one's choice; errors as of ``bvh.read``."""
+    path, body = _file_of(path)
+    return _body(path, bvh.read_all(path, mapping=mapping), body)
+
+
+def _body(path: Path, clips: list[Clip], body: int) -> Clip:
+    if body >= len(clips):
+        raise CaptureError(f"{path.name} holds {len(clips)} bodies that its mapping names, not {body + 1}; mend its mapping.toml.")
+    return clips[body]
 
 
 def _stamp(path: Path | None) -> int:
@@ -53,8 +110,8 @@ def _stamp(path: Path | None) -> int:
 
 
 @lru_cache(maxsize=2048)  # every kind of piece looks through all clips
-def _read(path: Path, stamp: int, mapping: Path | None, mapping_stamp: int) -> Clip:
-    return bvh.read(path, mapping=None if mapping is None else load_mapping(mapping))
+def _read(path: Path, stamp: int, mapping: Path | None, mapping_stamp: int) -> list[Clip]:
+    return bvh.read_all(path, mapping=None if mapping is None else load_mapping(mapping))
 
 
 def has_sidecar(path: Path) -> bool:
@@ -65,7 +122,7 @@ def has_sidecar(path: Path) -> bool:
 def labelled(folder: str | Path) -> list[Labelled]:
     """Read all clips that have a sidecar; CaptureError where one speaks of another number of frames."""
     found = []
-    for path in filter(has_sidecar, sorted(p for p in Path(folder).rglob("*") if p.suffix.lower() == ".bvh")):
+    for path in filter(has_sidecar, _clips(folder)):
         clip, sheet = read_capture(path, folder), read_sheet(sidecar_of(path))
         if sheet.frames != len(clip):
             raise CaptureError(

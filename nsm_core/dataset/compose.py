@@ -199,7 +199,7 @@ def main(arguments: list[str]) -> int:
     def show(n: int, of: int) -> None:
         print(f"\r{min(n / of, 1):6.1%}", end="", flush=True)
 
-    folder = export(a.captures, a.out, a.minutes, a.seed, meshes=a.objects, progress=show)
+    folder = export(a.captures, a.out, a.minutes, a.seed, meshes=a.objects, progress=show, tell=lambda note: print(f"note: {note}"))
     print()
     print(report(folder))
     print(f"Wrote {picture(folder, folder / 'coverage.png')}.")

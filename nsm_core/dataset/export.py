@@ -18,6 +18,7 @@ from ..furniture import cuboids
 from ..rotations import Array
 from ..sensors.cuboid import interaction_sensor
 from ..sensors.cylinder import environment_sensor_many
+from .capture_folder import notes
 from .compose import Composer, load
 from .library import stance
 from .pool import Pool
@@ -137,6 +138,7 @@ def export(
     seed: int = 0,
     workers: int = 2,
     progress: object = None,
+    tell: object = None,
     meshes: str | None = None,
     stitch: bool = True,
 ) -> Path:
@@ -144,6 +146,7 @@ def export(
 
     ``meshes`` names a folder of furniture meshes (``dataset.pool``) that join the parametric pieces; those held back for
     testing are not used; ``stitch`` False leaves captured pieces by themselves.  The same seed gives the same data.
+    ``tell`` is called with every note on a capture that was read other than its file says.
     Raises CaptureError where the capture folder is unusable.
     """
     out = Path(out)
@@ -151,6 +154,8 @@ def export(
     if not Path(captures).is_dir():
         raise CaptureError(f"{captures} is no folder; name the one with the captures.")
     load(captures)  # a damaged capture is told here, not as a broken pool of workers
+    for note in notes() if callable(tell) else ():
+        tell(note)
     cache = str(out / "objects.npz")
     pool_of(meshes, cache)  # converted once, before the workers ask for it
     wanted, frames, objects = int(minutes * 1800), 0, 0

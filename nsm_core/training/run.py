@@ -93,6 +93,7 @@ def main(arguments: list[str]) -> int:
             meshes=a.objects,
             stitch=settings.stitched,
             progress=lambda n, of: print(f"\r{min(n / of, 1):6.1%}", end="", flush=True),
+            tell=lambda note: print(f"note: {note}", flush=True),
         )
         print()
     keep_freed_memory()

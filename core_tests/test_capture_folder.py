@@ -1,0 +1,81 @@
+"""Capture folders as people have them: several bodies in a file, settings beside it, and what was mended is told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from captures import walk
+
+from nsm_core import bvh, bvh_write
+from nsm_core.__main__ import main
+from nsm_core.bvh_mapping import load_mapping
+from nsm_core.dataset.capture_folder import capture_paths, labelled, read_capture
+
+
+def two_bodies(path, shared_root: bool = False):
+    """Write two people walking, one twice as far as the other, under two roots or under one node."""
+    heads, rows = [], []
+    for k, distance in enumerate((3.0, 1.5)):
+        one = path.with_name(f"one{k}.bvh")
+        bvh_write.write(one, *walk(distance, 0.0, 3.2))
+        head, motion = one.read_text().split("MOTION\n")
+        one.unlink()
+        head = head.removeprefix("HIERARCHY\n").replace("JOINT ", f"JOINT Actor{k}:").replace("ROOT ", f"ROOT Actor{k}:")
+        heads.append(head.replace("ROOT ", "JOINT ") if shared_root else head)
+        lines = motion.splitlines()
+        rows.append(lines[2:])
+    motion = [*lines[:2], *(("0 0 0 " if shared_root else "") + " ".join(row) for row in zip(*rows, strict=True))]
+    if shared_root:
+        heads = ["ROOT Stage\n{\nOFFSET 0 0 0\nCHANNELS 3 Zrotation Yrotation Xrotation\n", *heads, "}\n"]
+    path.write_text("HIERARCHY\n" + "".join(heads) + "MOTION\n" + "\n".join(motion) + "\n")
+
+
+def distance(clip) -> float:
+    return float(np.linalg.norm(np.diff(clip.hips_position[(0, -1), :2], axis=0)))
+
+
+@pytest.mark.parametrize("shared_root", [False, True])
+def test_every_body_of_a_file_is_a_clip(tmp_path, capsys, shared_root):
+    two_bodies(tmp_path / "pair.bvh", shared_root)
+    first = bvh.read(tmp_path / "pair.bvh")
+    assert distance(first) == pytest.approx(3.0, abs=0.02)
+    assert "pair.bvh holds 2 bodies (Actor0:Hips, Actor1:Hips)" in first.notes[0]
+    paths = capture_paths(tmp_path)
+    assert [p.name for p in paths] == ["pair.2.bvh", "pair.bvh"]
+    assert [distance(read_capture(p, tmp_path)) for p in paths] == pytest.approx([1.5, 3.0], abs=0.02)
+    assert main(["annotate", str(tmp_path), "--no-pictures"]) == 0
+    assert "holds 2 bodies" in capsys.readouterr().out
+    assert sorted(piece.clip.name for piece in labelled(tmp_path)) == ["pair", "pair.2"]
+
+
+def test_a_prop_and_an_unknown_skeleton_beside_a_body(tmp_path):
+    two_bodies(tmp_path / "pair.bvh")
+    text = (tmp_path / "pair.bvh").read_text()
+    for joint in ("Hips", "Head", "LeftKnee"):
+        text = text.replace(f"Actor0:{joint}\n", f"Actor0:thing{joint[0]}\n")
+    (tmp_path / "pair.bvh").write_text(text)
+    clip = bvh.read(tmp_path / "pair.bvh")
+    assert distance(clip) == pytest.approx(1.5, abs=0.02) and "also holds Actor0:thingH" in clip.notes[0]
+
+
+def test_a_wrong_frame_time_is_remarked_and_mended_by_a_mapping_of_one_line(tmp_path, capsys):
+    """Captured at 120, written as 30: four times too slow; the joints are still found by their names."""
+    hips, local = walk(5.0, 0.0, 5.3, rest=0.4)
+    at = np.arange(0, len(hips) - 1, 0.25)
+    fine = np.stack([np.interp(at, np.arange(len(hips)), hips[:, k]) for k in range(3)], axis=1)
+    bvh_write.write(tmp_path / "walk.bvh", fine, np.repeat(local, 4, axis=0)[: len(at)], fps=30)
+    slow = bvh.read(tmp_path / "walk.bvh")
+    assert len(slow) == len(at) and "walks too slowly" in slow.notes[0] and "`rate = 100` or 120" in slow.notes[0]
+    (tmp_path / "mapping.toml").write_bytes(b"\xef\xbb\xbf# Vicon\r\nrate = 120\r\n")
+    right = read_capture(tmp_path / "walk.bvh", tmp_path)
+    assert len(right) == pytest.approx(len(hips), abs=1) and right.notes == ()
+    text = (tmp_path / "walk.bvh").read_text().replace("Frame Time: 0.0333333", "Frame Time: 1e308")
+    (tmp_path / "walk.bvh").write_text(text)
+    assert len(bvh.read(tmp_path / "walk.bvh", mapping=load_mapping(tmp_path / "mapping.toml"))) == len(right)
+
+
+def test_a_folder_named_like_a_capture_is_none(tmp_path):
+    (tmp_path / "odd.bvh").mkdir()
+    bvh_write.write(tmp_path / "odd.bvh" / "walk.3.bvh", *walk(1.0, 0.0, 1.1))
+    assert [p.name for p in capture_paths(tmp_path)] == ["walk.3.bvh"]
+    assert len(read_capture(tmp_path / "odd.bvh" / "walk.3.bvh", tmp_path)) > 30
