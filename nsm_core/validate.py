@@ -5,6 +5,7 @@ Every function takes the error to raise and, as ``what``, the words for the plac
 
 from __future__ import annotations
 
+import csv
 import math
 import re
 import tomllib
@@ -68,6 +69,20 @@ def read_toml(path: Path, error: type[NsmError], advice: str = "check the path",
         raise error(f"{path.name} is not valid TOML: brackets within brackets without end; {mend}.") from problem
     except ValueError as problem:  # TOMLDecodeError is one, and so are numbers of thousands of digits
         raise error(f"{path.name} is not valid TOML: {problem}; {mend}.") from problem
+
+
+def read_csv(path: Path, error: type[NsmError], columns: Iterable[str], mend: str) -> list[dict[str, str]]:
+    """Read the rows of a table by its header, parted by commas, semicolons or tabs; missing cells are empty."""
+    lines = plain_line_ends(read_text(path, error, most=1 << 26)).split("\n")
+    head = next((line for line in lines if line.strip()), "")
+    try:
+        rows = list(csv.reader((line for line in lines if line.strip()), delimiter=max(",;\t", key=head.count)))
+    except csv.Error as problem:
+        raise error(f"{path} is no table ({problem}); {mend}.") from problem
+    names = [name.strip().lower() for name in rows[0]] if rows else []
+    if len(rows) < 2 or not set(columns) <= set(names):
+        raise error(f"{path} lacks the columns {' and '.join(columns)}; {mend}.")
+    return [dict(zip(names, [*(cell.strip() for cell in row), *[""] * len(names)], strict=False)) for row in rows[1:]]
 
 
 def shown(value: object, most: int = 40) -> str:

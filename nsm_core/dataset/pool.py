@@ -7,7 +7,6 @@ Some pieces of every class are held back for testing, by name, so that it is the
 from __future__ import annotations
 
 import argparse
-import csv
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -17,10 +16,12 @@ import numpy as np
 
 from .. import furniture
 from ..doors import Door, make_door
-from ..errors import GeometryError
+from ..errors import GeometryError, OutputError
+from ..files import atomic_path
 from ..furniture import SEAT_KINDS, Furniture, box_mesh
 from ..rotations import Array
 from ..seats import Seat
+from ..validate import read_bytes, read_csv, shown
 from .glb import joined, read_parts
 from .mesh_doors import LIMITS, door_measures
 from .meshes import piece_of
@@ -47,6 +48,7 @@ SCALES = {
 SEAT_RANGE = (0.35, 0.55)  # heights of seats that are drawn, metres
 CRATE_SIDE = (0.2, 0.5)  # sides of boxes to carry, metres
 _FLATTEST_BOX = 0.12  # lids and trays are no boxes, metres
+SCALE_RANGE = (1e-4, 1e4)  # of a row of the index: millimetres to kilometres
 MESH_SHARE = 0.5  # of the draws where there are both meshes and parametric pieces
 
 
@@ -91,20 +93,16 @@ class Pool:
         index = Path(folder) / "index.csv"
         if not index.is_file():
             raise GeometryError(f"The object pool {folder} has no index.csv; give the folder that holds it.")
-        stamp = hashlib.sha256(index.read_bytes() + repr((_VERSION, held_back)).encode()).hexdigest()
+        stamp = hashlib.sha256(read_bytes(index, GeometryError) + repr((_VERSION, held_back)).encode()).hexdigest()
         if cache is not None and (kept := _read_cache(Path(cache), stamp)) is not None:
             return kept
-        with open(index, newline="", encoding="utf-8") as f:
-            rows = list(csv.DictReader(f))
-        if not rows or not {"file", "class"} <= set(rows[0]):
-            raise GeometryError(f"{index} lacks the columns file and class; add them, one row for each mesh.")
         pool = cls()
-        for row in rows:
+        for row in read_csv(index, GeometryError, ("file", "class"), "add them, one row for each mesh"):
             name, group = row["file"], row["class"]
             if group not in KIND_OF and group != "door":
                 continue
             try:
-                factor = float(row.get("scale") or 1.0)
+                factor = _scale(row.get("scale") or "1")
                 parts = [(part, v * factor, f) for part, v, f in read_parts(Path(folder) / name)]
                 if group == "door":
                     pool.doors.append(DoorEntry(name, door_measures(parts)))
@@ -220,6 +218,17 @@ def first_names(names: list[str], share: float) -> set[str]:
     return set(ordered[: int(np.ceil(share * len(names) - 1e-9))])
 
 
+def _scale(said: str) -> float:
+    """The scale of a row of the index."""
+    try:
+        factor = float(said.replace(",", "."))
+    except ValueError:
+        factor = np.nan
+    if not SCALE_RANGE[0] <= factor <= SCALE_RANGE[1]:
+        raise GeometryError(f"Its scale is {shown(said)}; write a number from {SCALE_RANGE[0]:g} to {SCALE_RANGE[1]:g} into the index.")
+    return factor
+
+
 def _convert(parts: list, path: Path, row: dict[str, str]) -> Furniture:
     vertices, triangles = joined(parts)
     kind = KIND_OF[row["class"]]
@@ -237,13 +246,12 @@ def _convert(parts: list, path: Path, row: dict[str, str]) -> Furniture:
 
 
 _VERSION = 3  # of the conversion; another number makes all caches stale
+_LARGEST_CACHE = 1 << 28  # bytes
 
 
 def _write_cache(path: Path, stamp: str, pool: Pool) -> None:
     seats = [e.piece.seat for e in pool.entries]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    np.savez_compressed(
-        path,
+    content = dict(
         stamp=stamp,
         entries=np.array([(e.name, e.group, e.piece.kind) for e in pool.entries]).reshape(-1, 3),
         held=np.array([e.held for e in pool.entries]),
@@ -255,11 +263,23 @@ def _write_cache(path: Path, stamp: str, pool: Pool) -> None:
         measures=np.array([[d.measures[k] for k in LIMITS] for d in pool.doors]).reshape(-1, len(LIMITS)),
         rejected=np.array(pool.rejected, dtype=str).reshape(-1, 3),
     )
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_path(path) as temporary, open(temporary, "wb") as file:
+            np.savez_compressed(file, **content)
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written ({error.strerror}); name another --cache.") from error
 
 
 def _read_cache(path: Path, stamp: str) -> Pool | None:
-    if not path.is_file():
+    """The pool of a cache, None where there is none for this index; a damaged one is made anew."""
+    try:
+        return _cached(path, stamp) if path.is_file() and path.stat().st_size < _LARGEST_CACHE else None
+    except Exception:  # whatever is wrong with it, the meshes are there to be read again
         return None
+
+
+def _cached(path: Path, stamp: str) -> Pool | None:
     with np.load(path) as f:
         if str(f["stamp"]) != stamp:
             return None
