@@ -282,3 +282,17 @@ def test_bad_goals_are_refused_in_a_sentence(make, words):
 def test_rotation_error_takes_the_short_way_round():
     assert rotation_error(np.pi - 0.05, -np.pi + 0.05) == pytest.approx(np.degrees(0.1))
     assert rotation_error(0.2, 0.2 + 4 * np.pi) == pytest.approx(0, abs=1e-6)
+
+
+def test_a_goal_may_take_as_long_as_its_way_needs():
+    p = Puppet([Goal("walk", "far", (0, -8.5, 0), 0.0)], root=(0.0, 8.5, 0.0), time_limit=4.0).run()
+    result = p.director.results[0]
+    assert result.reached and result.seconds > 13  # 17 m at 1.2 m/s
+
+
+def test_who_makes_no_progress_is_given_up_where_one_stands():
+    p = Puppet([Goal("walk", "far", (0, -8.5, 0), 0.0)], root=(0.0, 8.5, 0.0), time_limit=4.0).run(300)
+    stuck, p.obedient, p.speed = len(p.position), False, 0.0
+    p.run()
+    result = p.director.results[0]
+    assert not result.reached and 3.5 < (result.end_frame - stuck) / 30 < 4.2

@@ -22,6 +22,7 @@ from .scene import Scene
 from .stages import Command, Grasp, Ground, Stage, begin, check_reachable
 
 SETTLE = 12  # frames of rest after which a transition has ended
+STEP_ON = 0.25  # metres of its way that one has come nearer to a goal: it is given up where so much is not gained in time
 TURNING = 8  # frames in which an interrupted goal gives way to the new one: switched in one, the network's pose would jump
 
 
@@ -41,11 +42,15 @@ class Director:
         scene: Scene | None = None,
         ik: bool = True,
     ) -> None:
-        """``scene`` is what boxes may rest on and leaves may meet; ``ik`` False leaves the body as the network has it."""
+        """``scene`` is what boxes may rest on and leaves may meet; ``ik`` False leaves the body as the network has it.
+
+        A goal may take as long as its way needs; it is given up after ``time_limit`` seconds without progress.
+        """
         self.goals, self.plan, self.rng, self.time_limit = goals, plan, rng, time_limit
         self.results = [GoalResult(g.name, g.action) for g in goals]
         self.index = -1
         self.done = False
+        self.way = 0.0  # metres that the present goal's way had at first
         self.grasps: list[Grasp] = []
         self.stage: Stage | None = None
         self._scene, self._ik = scene or Scene(Cuboids()), ik
@@ -53,7 +58,7 @@ class Director:
         self._command: Command | None = None
         self._thing: Prop | InteractionVolume | None = None
         self._frame, self._started, self._rest, self._hold = 0, 0, 0, -1
-        self._part, self._since = 0, 0
+        self._part, self._since, self._left = 0, 0, np.inf  # the stage's part; when and where on its way the last progress was made
         self._given: tuple[Array, Array, Array] | None = None
         self._given_up: tuple[Array, Array, Array] | None = None  # what was commanded when the present goals broke in
         self._turned = 1.0  # 0..1, how far that has given way
@@ -122,7 +127,7 @@ class Director:
             self.done = True
             return
         self.index, self._started, self._rest, self._hold = index, self._frame, 0, -1
-        self._part, self._since = 0, self._frame
+        self._part, self._since, self._left = 0, self._frame, np.inf
         self.results[index].start_frame = self._frame
         before, self.stage = self.stage, None
         try:
@@ -130,6 +135,7 @@ class Director:
         except GoalError as error:
             self._give_up(error)
         self._perform(moment)
+        self.way = self.way_left(moment.root[:2])
 
     def _perform(self, moment: Moment) -> None:
         """Let the stage command, and put the hands to work that it wants."""
@@ -166,7 +172,10 @@ class Director:
                 self._begin(self.index + 1, moment)
             return
         if stage.part != self._part:  # type: ignore[union-attr]
-            self._part, self._since = stage.part, self._frame  # type: ignore[union-attr]
+            self._part, self._since, self._left = stage.part, self._frame, np.inf  # type: ignore[union-attr]
+        left = self.way_left(moment.root[:2])
+        if left < self._left - STEP_ON:
+            self._since, self._left = self._frame, left
         self._rest = self._rest + 1 if stage.arrived(moment) else 0  # type: ignore[union-attr]
         if self._rest >= SETTLE or (self._frame - self._since) / FPS > self.time_limit:
             result.reached = self._rest >= SETTLE
@@ -175,6 +184,15 @@ class Director:
             grasp = getattr(stage, "grasp", None)
             for name, value in (grasp.errors if grasp is not None else {}).items():
                 setattr(result, name, value)
+
+    def way_left(self, here: Array) -> float:
+        """Metres from ``here`` (2,) to where the present command leads."""
+        command = self._command
+        if command is None:
+            return 0.0
+        if command.course is not None:
+            return command.course.length - command.course.progress
+        return float(np.linalg.norm(np.asarray(command.position)[:2] - here))
 
     # --- the series --------------------------------------------------------------------------------------------
 

@@ -122,7 +122,7 @@ class TakeRunner:
         within = 0.0
         if d.index >= 0:
             spent = (self.frames - d.results[d.index].start_frame) / FPS
-            within = min(0.95, spent / (6.0 + d.goals[d.index].hold))
+            within = min(0.95, spent / (5.0 + d.way + d.goals[d.index].hold))  # a metre takes about a second
         return min(0.99, (max(d.index, 0) + within) / count)
 
     def pose(self) -> tuple[Array, Array]:
