@@ -152,7 +152,7 @@ def test_from_table_to_floor_and_back_again():
 def test_hands_that_never_come_end_it_unreached_and_the_next_goal_goes_on():
     actor = drive([to_table(on_floor()), Goal("walk", "off", (0, 1, 0), 0.0, 0.1)], solids=TABLE, grips=False, time_limit=4.0)
     carry, walk = actor.director.results
-    assert not carry.reached and walk.reached and 4 < carry.seconds < 4.2
+    assert not carry.reached and walk.reached and 4 < carry.seconds < 6  # 4 s after the last step towards it
     assert np.ptp(actor.track("Box"), axis=0).max() == 0 and np.isnan(carry.hand_error_cm)
 
 
