@@ -15,6 +15,7 @@ from nsm_blender.armature import build_armature
 from nsm_blender.channels import channels_of
 from nsm_blender.doors import read_leaf
 from nsm_blender.keying import discard_take, key_take, key_things
+from nsm_blender.mount import last
 from nsm_blender.operators import review
 from nsm_blender.scene import Preview, SceneState, WorldFrame
 from nsm_blender.surroundings import Surroundings
@@ -60,7 +61,7 @@ def standing_take(frames=FRAMES, start=5):
 def key(thing, poses, start=5):
     bpy.context.scene.render.fps = 30
     take = standing_take(len(poses), start)
-    key_things(take, [(thing, poses)], 30, "Carry", bpy.context.scene)
+    last(key_things(take, [(thing, poses)], 30, "Carry", bpy.context.scene))
     return take
 
 
@@ -169,7 +170,7 @@ def test_the_scene_rate_is_honoured(fps, base):
     thing = thing_of(target)
     poses = carried(thing.pose)
     take = standing_take()
-    key_things(take, [(thing, poses)], 30, "Carry", scene)
+    last(key_things(take, [(thing, poses)], 30, "Carry", scene))
     np.testing.assert_allclose(world_at(target, take.frame_end), expected(poses[-1], thing.pose, np.array(thing.world)), atol=1e-4)
     half = round(20 / 30 * fps / base)
     at = half * base / fps * 30
@@ -253,7 +254,7 @@ def test_where_one_thing_cannot_be_keyed_nothing_is():
     broken[7, 2] = np.nan
     take = standing_take()
     with pytest.raises(NsmError, match="places of Bad that are not numbers"):
-        key_things(take, [(things[0], poses), (things[1], broken)], 30, "Carry", bpy.context.scene)
+        last(key_things(take, [(things[0], poses), (things[1], broken)], 30, "Carry", bpy.context.scene))
     assert not bpy.data.actions and take.armature.animation_data.action is None
 
 

@@ -184,9 +184,3 @@ def _tail(j: int, heads: Array) -> Vector:
         return Vector(heads[j] + np.array(END_SITES[name]))
     child = INDEX[_MAIN_CHILD[name]] if name in _MAIN_CHILD else PARENTS.index(j)
     return Vector(heads[child])
-
-
-def relative_to(matrix: Array, points: Array) -> Array:
-    """Points (..., 3) of the world in the frame of the (4, 4) ``matrix``."""
-    inverse = np.array(Matrix(matrix.tolist()).inverted(), dtype=np.float64)
-    return points @ inverse[:3, :3].T + inverse[:3, 3]

@@ -5,6 +5,7 @@ One path for 4.3 to 5.2; ``ActionChannels`` is all that the rest of the add-on s
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,11 +60,44 @@ def channels_of(target: bpy.types.Object) -> ActionChannels | None:
     return ActionChannels(data.action, data.action_slot, _channelbag(data.action, data.action_slot))
 
 
+def strip_curves(target: bpy.types.Object, own_action: bool = False) -> Iterator[bpy.types.FCurve]:
+    """F-curves of the NLA strips of ``target`` that are played, and those of its own action where asked for."""
+    data = target.animation_data
+    if data is None:
+        return
+    if own_action and data.action is not None:
+        yield from _curves(data.action, getattr(data, "action_slot", None))
+    if data.use_nla:
+        for track in data.nla_tracks:
+            if not track.mute:
+                yield from _of_strips(track.strips)
+
+
+def _of_strips(strips: Iterable[bpy.types.NlaStrip]) -> Iterator[bpy.types.FCurve]:
+    for strip in strips:
+        if strip.mute:
+            continue
+        if strip.action is not None:
+            yield from _curves(strip.action, getattr(strip, "action_slot", None))
+        yield from _of_strips(strip.strips)  # of a meta strip
+
+
+def _curves(action: bpy.types.Action, slot: Any | None) -> Iterator[bpy.types.FCurve]:
+    if not hasattr(action, "slots"):
+        yield from action.fcurves
+        return
+    for layer in action.layers:
+        for strip in layer.strips:
+            bag = strip.channelbag(slot) if slot is not None else None
+            if bag is not None:
+                yield from bag.fcurves
+
+
 def assign(target: bpy.types.Object, action: bpy.types.Action | None, slot: Any | None) -> None:
-    """Give ``target`` an action together with the slot that animates it; None takes its action away."""
+    """Give ``target`` an action together with the slot that animates it, None for none; without an action it has neither."""
     data = target.animation_data or target.animation_data_create()
     data.action = action
-    if action is not None and slot is not None:
+    if action is not None and hasattr(data, "action_slot"):
         data.action_slot = slot
 
 

@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field
+from itertools import takewhile
 from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Quaternion
+from mathutils import Quaternion
 
 from nsm_core import clip
 from nsm_core.conventions import FPS
 from nsm_core.errors import NsmError, SkeletonError
 from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_normalize, quat_to_rotvec
-from nsm_core.skeleton import HIPS, JOINTS, J
+from nsm_core.skeleton import HIPS, JOINTS, J, forward_kinematics
 
-from .armature import Placement, StartPose, read_pose, read_world_pose, relative_to
+from .armature import Placement, StartPose, read_pose, read_world_pose
 from .channels import ActionChannels, assign, new_action
+from .kept import Kept, restored_on_failure
+from .layers import carried, channels_of_strips, posed_bones, require_keyable, rotation_channel
+from .mount import Mount, along, last
 from .things import KeyedThing, Thing, discard_thing, key_thing
 
 __all__ = ["KeyedTake", "StartPose", "discard_take", "key_take", "read_back", "read_pose", "resample"]
+
+_NO_TURN = {"rotation_quaternion": (1.0, 0.0, 0.0, 0.0), "rotation_axis_angle": (0.0, 0.0, 1.0, 0.0)}
 
 
 @dataclass
@@ -67,54 +73,79 @@ def key_take(
     """Key a take as a new action on ``armature`` and keep the action it had.
 
     ``hips_position`` (T, 3), world metres, and ``local_rotations`` (T, 23, 4) at ``fps`` are resampled to the
-    scene's rate from ``frame_start`` on.  The armature may stand, face and be scaled (evenly) as it likes: its
-    own transform stays and the motion lands in the world.  Bones keep their rotation modes.
-    Raises SkeletonError (bones missing or misplaced) and NsmError (linked armature, NLA tweak mode, bad numbers).
+    scene's rate from ``frame_start`` on.  The armature may stand, face, be scaled (evenly) and be carried as it likes: what
+    else moves it goes on, and the motion lands in the world.  Bones keep their rotation modes.
+    Raises SkeletonError (bones missing, misplaced or moved by something else) and NsmError (as ``layers.require_keyable``, bad
+    numbers).  Whatever is raised, everything is then as before.
     """
+    return last(key_take_steps(armature, hips_position, local_rotations, frame_start, fps, name, scene))
+
+
+def key_take_steps(
+    armature: bpy.types.Object,
+    hips_position: Array,
+    local_rotations: Array,
+    frame_start: int = 1,
+    fps: float = FPS,
+    name: str = "Take",
+    scene: bpy.types.Scene | None = None,
+) -> Generator[float, None, KeyedTake]:
+    """``key_take`` in slices: yields the share done after every frame that had to be looked at."""
     scene = scene or bpy.context.scene
     bpy.context.view_layer.update()
     placement = Placement.of(armature)
-    _require_editable(armature)
+    require_keyable(armature)
     hips_position = np.asarray(hips_position, dtype=np.float64)
     local_rotations = quat_normalize(np.asarray(local_rotations, dtype=np.float64))
     _require_take(hips_position, local_rotations)
     rate = scene_fps(scene)
     hips, local = resample(hips_position, local_rotations, fps, rate)
     frames = frame_start + np.arange(len(hips))
-    location, basis = bone_channels(armature, placement, hips, local)
 
-    previous_pose = [(bone.name, bone.matrix_basis.copy()) for bone in armature.pose.bones]
     data = armature.animation_data
     previous = data.action if data else None
     previous_slot = getattr(data, "action_slot", None) if previous else None
-    fake_user = bool(previous and previous.use_fake_user)
-    if previous:
-        previous.use_fake_user = True  # or it would be lost with the file's next save
-    channels = new_action(name, armature.name)
-    for j, joint in enumerate(JOINTS):
-        _key_bone(channels, armature.pose.bones[joint], frames, basis[:, j], location if j == HIPS else None)
-    assign(armature, channels.action, channels.slot)
-    _touch(armature, scene)
+    previous_pose = [(bone.name, bone.matrix_basis.copy()) for bone in armature.pose.bones]
+    with restored_on_failure(Kept(scene, [armature])):
+        fake_user = bool(previous and previous.use_fake_user)
+        if previous:
+            previous.use_fake_user = True  # or it would be lost with the file's next save
+        channels = new_action(name, armature.name)
+        # Empty as it is: what carries the armature is read as it will be when the old action no longer plays.
+        assign(armature, channels.action, channels.slot)
+        bpy.context.view_layer.update()
+        mount = Mount.of(armature)
+        if carried(armature):
+            mount = Mount.over((yield from along(scene, frames, lambda: Mount.of(armature))))
+        location, basis = bone_channels(armature, placement, mount, hips, local)
+        others = channels_of_strips(armature)
+        for j, joint in enumerate(JOINTS):
+            _key_bone(channels, armature.pose.bones[joint], frames, basis[:, j], location if j == HIPS else None, others)
+        for between in posed_bones(armature)[J:]:
+            _key_still(channels, armature.pose.bones[between], frames, others)
+        _touch(armature)
     return KeyedTake(
         armature, channels.action, channels.slot, int(frames[0]), int(frames[-1]), rate, previous, previous_slot, fake_user, previous_pose
     )
 
 
-def key_things(take: KeyedTake, moved: Sequence[tuple[Thing, Array]], fps: float, name: str, scene: bpy.types.Scene) -> None:
+def key_things(
+    take: KeyedTake, moved: Sequence[tuple[Thing, Array]], fps: float, name: str, scene: bpy.types.Scene
+) -> Generator[float, None, None]:
     """Key what a take has moved, each object in an action of its own named after ``name`` and the object.
 
-    ``moved`` are things with the poses (T, 4) of their props at ``fps``.  Where one cannot be keyed, the whole take is
-    discarded and the NsmError goes on.
+    ``moved`` are things with the poses (T, 4) of their props at ``fps``.  Yields the share of an object's frames looked at.
+    Where one cannot be keyed, the whole take is discarded and the error goes on.
     """
     try:
         for thing, poses in moved:
-            keyed = key_thing(thing, poses, take.frame_start, fps, take.fps, f"{name} {thing.object.name}", scene)
+            keyed = yield from key_thing(thing, poses, take.frame_start, fps, take.fps, f"{name} {thing.object.name}", scene)
             if keyed is not None:
                 take.things.append(keyed)
-    except NsmError:
+    except BaseException:
         discard_take(take)
         raise
-    _touch(take.armature, scene)
+    _touch(take.armature)
 
 
 def discard_take(take: KeyedTake) -> None:
@@ -124,33 +155,44 @@ def discard_take(take: KeyedTake) -> None:
     if take.previous_action:
         take.previous_action.use_fake_user = take.previous_fake_user
     assign(take.armature, take.previous_action, take.previous_slot)
+    bpy.context.view_layer.update()  # the old action plays once more, before the pose that was not keyed
     if take.action.users == 0 or take.action.users == int(take.action.use_fake_user):
         bpy.data.actions.remove(take.action)
     for name, matrix in take.previous_pose:
         if name in take.armature.pose.bones:
             take.armature.pose.bones[name].matrix_basis = matrix
-    _touch(take.armature, bpy.context.scene)
+    bpy.context.view_layer.update()
 
 
-def bone_channels(armature: bpy.types.Object, placement: Placement, hips: Array, local: Array) -> tuple[Array, Array]:
+def bone_channels(armature: bpy.types.Object, placement: Placement, mount: Mount, hips: Array, local: Array) -> tuple[Array, Array]:
     """Turn a take into pose channels: hips location (T, 3) and basis rotations (T, 23, 4), sign-continuous.
 
-    A joint's basis is its local rotation seen from the bone's rest frame, ``R^-1 L R``.  For the hips the
-    armature object, and any bone above them as it is posed now, come off first.
+    A joint's basis is its local rotation seen from the bone's rest frame, ``R^-1 L R``; that of a joint which does not inherit
+    rotation is its rotation in the armature seen from its bone there, ``B^-1 A^-1 W R``.  For the hips what carries them comes
+    off first.
     """
-    basis = quat_mul(quat_mul(quat_conjugate(placement.rest), local), placement.rest)
-    parent = armature.pose.bones["Hips"].parent
-    rest = np.array(armature.data.bones["Hips"].matrix_local, dtype=np.float64)
-    frame = rest  # of the hips bone with no pose on it, in the armature
-    if parent is not None:
-        parent_rest = np.array(parent.bone.matrix_local.inverted(), dtype=np.float64)
-        frame = np.array(parent.matrix, dtype=np.float64) @ parent_rest @ rest
-    frame_rotation = np.array(_rotation_of(frame), dtype=np.float64)
-    world = quat_mul(local[:, HIPS], np.broadcast_to(placement.rest[HIPS], local[:, HIPS].shape))
-    in_armature = quat_mul(quat_conjugate(placement.rotation), world)
-    basis[:, HIPS] = quat_mul(quat_conjugate(frame_rotation), in_armature)
-    location = relative_to(placement.matrix @ frame, hips)
-    return location, _continuous(quat_normalize(basis))
+    rest = placement.rest
+    basis = quat_mul(quat_mul(quat_conjugate(rest), local), rest)
+    off = quat_conjugate(mount.rotation)  # (N, 4), A^-1
+    loose = _loose_joints(armature)
+    if loose:
+        world = forward_kinematics(hips, local)[1][:, loose]
+        bones = np.array([armature.data.bones[JOINTS[j]].matrix_local.to_quaternion() for j in loose], dtype=np.float64)
+        basis[:, loose] = quat_mul(quat_mul(quat_conjugate(bones), quat_mul(off[:, None], world)), rest[loose])
+    world = quat_mul(local[:, HIPS], np.broadcast_to(rest[HIPS], local[:, HIPS].shape))
+    basis[:, HIPS] = quat_mul(quat_conjugate(mount.turn), quat_mul(off, world))
+    return mount.location(hips), _continuous(quat_normalize(basis))
+
+
+def _loose_joints(armature: bpy.types.Object) -> list[int]:
+    """Joints, but for the hips, that do not turn with the joint above them: they, or a bone between, inherit no rotation."""
+    loose = []
+    for j, name in enumerate(JOINTS):
+        bone = armature.data.bones[name]
+        chain = [bone, *takewhile(lambda above: above.name not in JOINTS, bone.parent_recursive)]
+        if j != HIPS and not all(b.use_inherit_rotation for b in chain):
+            loose.append(j)
+    return loose
 
 
 def read_back(armature: bpy.types.Object, frames: Any, scene: bpy.types.Scene | None = None) -> tuple[Array, Array]:
@@ -168,23 +210,40 @@ def read_back(armature: bpy.types.Object, frames: Any, scene: bpy.types.Scene | 
     return hips, local
 
 
-def _key_bone(channels: ActionChannels, bone: bpy.types.PoseBone, frames: Array, basis: Array, location: Array | None) -> None:
-    path = f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"]'
+def _key_bone(
+    channels: ActionChannels, bone: bpy.types.PoseBone, frames: Array, basis: Array, location: Array | None, others: set[tuple[str, str]]
+) -> None:
     for suffix, values in _rotation_values(bone.rotation_mode, basis):
-        for i in range(values.shape[1]):
-            channels.curve(f"{path}.{suffix}", i, bone.name, frames, values[:, i])
-    # A bone moved or scaled by hand would bend the skeleton the take was made for: one key puts it back, in this action only.
-    still = frames[:1]
-    if location is None and bone.location.length > 1e-7:
-        location, moved = np.zeros((1, 3)), still
-    else:
-        moved = frames
+        _curves(channels, bone, suffix, frames, values)
     if location is not None:
-        for i in range(3):
-            channels.curve(f"{path}.location", i, bone.name, moved, location[:, i])
-    if max(abs(s - 1) for s in bone.scale) > 1e-6:
-        for i in range(3):
-            channels.curve(f"{path}.scale", i, bone.name, still, np.ones(1))
+        _curves(channels, bone, "location", frames, location)
+    _key_still(channels, bone, frames, others, turned=True, moved=location is not None)
+
+
+def _key_still(
+    channels: ActionChannels,
+    bone: bpy.types.PoseBone,
+    frames: Array,
+    others: set[tuple[str, str]],
+    turned: bool = False,
+    moved: bool = False,
+) -> None:
+    """Put a bone that was moved, turned or scaled by hand, or by a strip (``others``), back by one key, in this action only.
+
+    It would bend the skeleton the take was made for.  ``turned`` and ``moved``: these channels have keys.
+    """
+    rotation = rotation_channel(bone.rotation_mode)
+    rest = {"location": (0.0, 0.0, 0.0), "scale": (1.0, 1.0, 1.0), rotation: _NO_TURN.get(rotation, (0.0, 0.0, 0.0))}
+    for channel, done in (("location", moved), (rotation, turned), ("scale", False)):
+        bent = max(abs(a - b) for a, b in zip(getattr(bone, channel), rest[channel], strict=True)) > 1e-6
+        if not done and (bent or (bone.name, channel) in others):
+            _curves(channels, bone, channel, frames[:1], np.array([rest[channel]]))
+
+
+def _curves(channels: ActionChannels, bone: bpy.types.PoseBone, suffix: str, frames: Array, values: Array) -> None:
+    path = f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"].{suffix}'
+    for i in range(values.shape[1]):
+        channels.curve(path, i, bone.name, frames, values[:, i])
 
 
 def _rotation_values(mode: str, basis: Array) -> list[tuple[str, Array]]:
@@ -210,17 +269,6 @@ def _continuous(q: Array) -> Array:
     return q * np.cumprod(signs, axis=0)[..., None]
 
 
-def _rotation_of(matrix: Array) -> Quaternion:
-    return Matrix(matrix.tolist()).to_quaternion()
-
-
-def _require_editable(armature: bpy.types.Object) -> None:
-    if armature.library is not None and armature.override_library is None:
-        raise NsmError(f"The armature {armature.name} is linked from another file; make a library override of it and generate again.")
-    if armature.animation_data and armature.animation_data.use_tweak_mode:
-        raise NsmError(f"The armature {armature.name} is in the NLA's tweak mode; leave it (Tab in the NLA editor) and generate again.")
-
-
 def _require_take(hips: Array, local: Array) -> None:
     if hips.ndim != 2 or hips.shape[1] != 3 or local.shape != (len(hips), J, 4) or not len(hips):
         raise SkeletonError(
@@ -231,7 +279,7 @@ def _require_take(hips: Array, local: Array) -> None:
         raise NsmError("The take holds values that are not numbers, so nothing was keyed; try another seed or another start.")
 
 
-def _touch(armature: bpy.types.Object, scene: bpy.types.Scene) -> None:
-    """Show the armature's new action at the current frame."""
-    armature.update_tag()
-    scene.frame_set(scene.frame_current, subframe=scene.frame_subframe)
+def _touch(target: bpy.types.Object) -> None:
+    """Show an object's new action at the current frame."""
+    target.update_tag(refresh={"TIME"})
+    bpy.context.view_layer.update()

@@ -13,8 +13,11 @@ from nsm_core.rotations import Array, quat_normalize
 from nsm_core.skeleton import HIPS, JOINTS
 
 from .armature import Placement
-from .channels import transform_of
+from .kept import SceneState
 from .keying import bone_channels
+from .mount import Mount
+
+__all__ = ["Preview", "SceneState", "WorldFrame", "holds"]
 
 
 @dataclass(frozen=True)
@@ -42,38 +45,22 @@ class WorldFrame:
         return np.asarray(points, dtype=np.float64) * self.scale + np.array((0, 0, self.floor))
 
 
-class SceneState:
-    """What a take may disturb before its keys are made: the current frame, the character's pose and the places of ``moved`` objects."""
-
-    def __init__(self, scene: bpy.types.Scene, armature: bpy.types.Object, moved: Iterable[bpy.types.Object] = ()) -> None:
-        self.scene, self.armature = scene, armature
-        self.places = [(moving, transform_of(moving)) for moving in moved]
-        self.frame = (scene.frame_current, scene.frame_subframe)
-        self.pose = {bone.name: transform_of(bone) for bone in armature.pose.bones}
-
-    def restore(self) -> None:
-        """Put frame, pose and places back exactly; what no longer exists is passed over."""
-        if (self.scene.frame_current, self.scene.frame_subframe) != self.frame:
-            self.scene.frame_set(self.frame[0], subframe=self.frame[1])
-        for bone in self.armature.pose.bones:
-            for channel, value in self.pose.get(bone.name, {}).items():
-                setattr(bone, channel, value)
-        for moving, place in self.places:
-            for channel, value in place.items():
-                setattr(moving, channel, value)
-        bpy.context.view_layer.update()
+def holds(scene: bpy.types.Scene, wanted: bpy.types.Object) -> bool:
+    """Whether an object itself is in a scene, not another one of its name (a linked and a local one may share it)."""
+    return scene.objects.get(wanted.name) == wanted or any(o == wanted for o in scene.objects)
 
 
 class Preview:
     """Shows a pose on the character, and where it has moved things, while its take grows, without a key."""
 
     def __init__(self, armature: bpy.types.Object) -> None:
-        self.armature, self.placement = armature, Placement.of(armature)
+        self.armature, self.placement, self.mount = armature, Placement.of(armature), Mount.of(armature)
 
     def show(self, hips_world: Array, local_rotations: Array, moved: Iterable[tuple[bpy.types.Object, Matrix]] = ()) -> None:
         """Pose the character: hips (3,) world, Blender units, and rotations (23, 4) as in the core; put objects at world matrices."""
         rotations = quat_normalize(np.asarray(local_rotations, dtype=np.float64))[None]
-        location, basis = bone_channels(self.armature, self.placement, np.asarray(hips_world, dtype=np.float64)[None], rotations)
+        hips = np.asarray(hips_world, dtype=np.float64)[None]
+        location, basis = bone_channels(self.armature, self.placement, self.mount, hips, rotations)
         for j, name in enumerate(JOINTS):
             place = Matrix.Translation(Vector(location[0])) if j == HIPS else Matrix()
             self.armature.pose.bones[name].matrix_basis = place @ Quaternion(basis[0, j]).to_matrix().to_4x4()

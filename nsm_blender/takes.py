@@ -24,9 +24,11 @@ from .actions import require_learned
 from .armature import read_pose, require_skeleton
 from .goals import GoalSpec, moved_by, place_after, resolve
 from .ground import floor_under
-from .keying import KeyedTake, key_take, key_things
+from .kept import Kept, restored_on_failure
+from .keying import KeyedTake, key_take_steps, key_things
+from .layers import require_keyable
 from .report import build_report
-from .scene import SceneState, WorldFrame
+from .scene import SceneState, WorldFrame, holds
 from .surroundings import Surroundings
 from .things import Thing, require_movable
 
@@ -82,6 +84,8 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | No
     Nothing in the file changes before the keys are made, but for the current frame, which is put back.
     Raises SkeletonError, GoalError, GeometryError and WeightsError with a sentence for the animator.
     """
+    require_character(spec.character, scene)
+    require_keyable(spec.character)
     request, frame, things = yield from prepare(spec, scene)
     if model is None:
         model = yield from beside("Loading the network", shipped_model)
@@ -93,14 +97,30 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | No
         yield Progress("Generating", min(runner.progress, 1.0), frame.to_world(hips), rotations, moved)
     result = runner.result()
     yield Progress("Keying", 1.0)
-    begin = time.perf_counter()
-    keyed = key_take(
-        spec.character, frame.to_world(result.hips_position), result.local_rotations, spec.start_frame, FPS, spec.title(), scene
-    )
-    key_things(keyed, [(things[name], poses) for name, poses in result.props.items()], FPS, spec.title(), scene)
-    keying_ms = (time.perf_counter() - begin) * 1000 / max(len(result.hips_position), 1)
-    report = build_report(spec.title(), result, keyed, request.environment, request.ground, keying_ms)
-    return Take(keyed, report, result, frame)
+    with restored_on_failure(Kept(scene, [spec.character, *(thing.object for thing in things.values())])) as kept:
+        begin, title = time.perf_counter(), spec.title()
+        keyed = yield from _shown(
+            "Making keys",
+            key_take_steps(
+                spec.character, frame.to_world(result.hips_position), result.local_rotations, spec.start_frame, FPS, title, scene
+            ),
+        )
+        moved = [(things[name], poses) for name, poses in result.props.items()]
+        yield from _shown("Making keys", key_things(keyed, moved, FPS, title, scene))
+        kept.seal()
+        keying_ms = (time.perf_counter() - begin) * 1000 / max(len(result.hips_position), 1)
+        report = build_report(title, result, keyed, request.environment, request.ground, keying_ms)
+        return Take(keyed, report, result, frame)
+
+
+def _shown(stage: str, steps: Generator[float, None, _T]) -> Generator[Progress, None, _T]:
+    """Progress of a stage from the share that its steps yield; their value."""
+    while True:
+        try:
+            share = next(steps)
+        except StopIteration as stop:
+            return stop.value
+        yield Progress(stage, share)
 
 
 def beside(stage: str, work: Callable[[], _T]) -> Generator[Progress, None, _T]:
@@ -206,6 +226,6 @@ def require_character(character: bpy.types.Object | None, scene: bpy.types.Scene
     """Raise SkeletonError unless ``character`` is a usable armature in the scene."""
     if character is None:
         raise SkeletonError("No character is chosen; choose its armature, or add the bundled character.")
-    if character.name not in scene.objects or scene.objects[character.name] != character:
+    if not holds(scene, character):
         raise SkeletonError(f"The character {character.name} is no longer in the scene; choose another one, or add the bundled character.")
     require_skeleton(character)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +14,15 @@ from nsm_core.control.props import Prop
 from nsm_core.errors import GoalError, NsmError
 from nsm_core.rotations import Array
 
-from .channels import assign, new_action, transform_of
+from .channels import assign, new_action, strip_curves, transform_of
+from .kept import Kept, restored_on_failure
+from .layers import acts, animated_switches, driven, may_move, require_action_rules, require_editable, rotation_channel, varies
+from .mount import along
 
 if TYPE_CHECKING:
     from .scene import WorldFrame
 
+_DELTAS = ("delta_location", "delta_rotation_euler", "delta_rotation_quaternion", "delta_scale")
 _MOVED = 1e-5  # metres and radians between two frames that count as a move
 
 
@@ -68,20 +73,25 @@ class Thing:
 
 def require_movable(target: bpy.types.Object, character: bpy.types.Object | None) -> None:
     """Raise an NsmError unless a take may key where ``target`` is."""
-    if target.library is not None and target.override_library is None:
-        raise NsmError(f"{target.name} is linked from another file and cannot be moved; make a library override of it.")
+    require_editable(target)
     if character is not None and (target == character or target in character.children_recursive or character in target.children_recursive):
         raise GoalError(f"{target.name} and the character {character.name} hang on each other; unparent them, or choose another object.")
-    if any(c.enabled and c.influence > 0 for c in target.constraints):
-        raise GoalError(f"{target.name} has constraints, so that keys alone do not move it; mute or apply them.")
+    if not target.evaluated_get(bpy.context.evaluated_depsgraph_get()).is_evaluated:
+        raise GoalError(f"{target.name} is switched off in the viewport, so that it does not move; show it and its collection.")
+    switches = animated_switches(target)
+    constraint = next((c.name for c in target.constraints if acts(c, switches.get(("", c.name), ()))), None)
+    if constraint is not None:
+        raise GoalError(f"{target.name} has constraints ({constraint}), so that keys alone do not move it; mute or apply them.")
     body = target.rigid_body
     if body is not None and body.type == "ACTIVE" and body.enabled and not body.kinematic:
         raise GoalError(f"{target.name} is moved by physics; set its rigid body to Animated, or remove it.")
-    data = target.animation_data
-    if data and data.use_tweak_mode:
-        raise NsmError(f"{target.name} is in the NLA's tweak mode; leave it (Tab in the NLA editor) and generate again.")
-    if data and any(d.data_path in {"location", *_ROTATIONS} for d in data.drivers):
+    require_action_rules(target)
+    channels = {"location", "scale", "rotation_mode", rotation_channel(target.rotation_mode), *_DELTAS}
+    if channels.intersection(driven(target)):
         raise GoalError(f"{target.name} is moved by drivers; remove these, or choose another object.")
+    moved = next((c.data_path for c in strip_curves(target) if c.data_path in _DELTAS and varies(c)), None)
+    if moved is not None:
+        raise GoalError(f"{target.name} is moved by an NLA strip on its {moved.replace('_', ' ')}; mute that track in the NLA editor.")
 
 
 def resample_poses(poses: Array, fps_from: float, fps_to: float) -> Array:
@@ -95,11 +105,12 @@ def resample_poses(poses: Array, fps_from: float, fps_to: float) -> Array:
 
 def key_thing(
     thing: Thing, poses: Array, frame_start: int, fps: float, scene_rate: float, name: str, scene: bpy.types.Scene
-) -> KeyedThing | None:
-    """Key a moved object as a new action and keep the action it had; None where it never moves.
+) -> Generator[float, None, KeyedThing | None]:
+    """Key a moved object as a new action and keep the action it had; the generator's value is None where it never moves.
 
     ``poses`` (T, 4), core frame, of its prop at ``fps`` are resampled to ``scene_rate`` from ``frame_start`` on.  Keys lie
-    where it moves, and at both ends.  Raises as ``require_movable``, and NsmError on values that are not numbers.
+    where it moves, and at both ends.  Raises as ``require_movable``, and NsmError on values that are not numbers; the object is
+    then as before.
     """
     target = thing.object
     require_movable(target, None)
@@ -110,26 +121,29 @@ def key_thing(
     rows = moving_rows(poses)
     if not len(rows):
         return None
-    if _rides(target):
+    spaces = [thing.space]
+    if target.parent is not None and may_move(target):
         rows = np.arange(len(poses))  # keys must hold it where it stands
+        spaces = yield from along(scene, list(frame_start + rows), lambda: _space(target))
     frames = frame_start + rows
-    location, rotation, scale = _channel_values(thing, poses[rows], frames, scene)
+    location, rotation, scale = _channel_values(thing, poses[rows], spaces)
 
     data = target.animation_data
     previous = data.action if data else None
     previous_slot = getattr(data, "action_slot", None) if previous else None
     keyed = KeyedThing(target, None, None, previous, previous_slot, bool(previous and previous.use_fake_user), transform_of(target))
-    if previous:
-        previous.use_fake_user = True  # or it would be lost with the file's next save
-    channels = new_action(name, target.name)
-    for path, values in (("location", location), (_ROTATION_OF.get(target.rotation_mode, "rotation_euler"), rotation)):
-        for i in range(values.shape[1]):
-            channels.curve(path, i, "Object Transforms", frames, values[:, i])
-    if previous:  # it may have keyed the size, which must stay what it was
-        for i in range(3):
-            channels.curve("scale", i, "Object Transforms", frames[:1], scale[i : i + 1])
-    assign(target, channels.action, channels.slot)
-    target.update_tag()
+    with restored_on_failure(Kept(scene, [target])):
+        if previous:
+            previous.use_fake_user = True  # or it would be lost with the file's next save
+        channels = new_action(name, target.name)
+        for path, values in (("location", location), (rotation_channel(target.rotation_mode), rotation)):
+            for i in range(values.shape[1]):
+                channels.curve(path, i, "Object Transforms", frames, values[:, i])
+        if previous or any(c.data_path == "scale" for c in strip_curves(target)):  # its size must stay what it was
+            for i in range(3):
+                channels.curve("scale", i, "Object Transforms", frames[:1], scale[i : i + 1])
+        assign(target, channels.action, channels.slot)
+        target.update_tag(refresh={"TIME"})
     keyed.action, keyed.slot = channels.action, channels.slot
     return keyed
 
@@ -139,6 +153,7 @@ def discard_thing(keyed: KeyedThing) -> None:
     if keyed.previous_action:
         keyed.previous_action.use_fake_user = keyed.previous_fake_user
     assign(keyed.object, keyed.previous_action, keyed.previous_slot)
+    bpy.context.view_layer.update()  # the old action plays once more, before the place that was not keyed
     if keyed.action.users == 0 or keyed.action.users == int(keyed.action.use_fake_user):
         bpy.data.actions.remove(keyed.action)
     for channel, value in keyed.previous_transform.items():
@@ -155,16 +170,15 @@ def moving_rows(poses: Array) -> Array:
     return np.flatnonzero(keyed)
 
 
-_ROTATIONS = ("rotation_euler", "rotation_quaternion", "rotation_axis_angle")
-_ROTATION_OF = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}
+def _channel_values(thing: Thing, poses: Array, spaces: list[Matrix]) -> tuple[Array, Array, Array]:
+    """Location (N, 3), rotation (N, 3 or 4) in the object's mode and first scale (3,) that put it where ``poses`` (N, 4) say.
 
-
-def _channel_values(thing: Thing, poses: Array, frames: Array, scene: bpy.types.Scene) -> tuple[Array, Array, Array]:
-    """Location (N, 3), rotation (N, 3 or 4) in the object's mode and first scale (3,) that put it where ``poses`` (N, 4) say."""
+    ``spaces``, one for each pose or one for all: from the world to the object's own channels, its parents as they are then.
+    """
     target, mode = thing.object, thing.object.rotation_mode
     undelta, back = _delta(target).inverted(), thing.space.inverted_safe()
     location, rotation, last = [], [], None
-    for pose, space in zip(poses, _parent_spaces(thing, frames, scene), strict=True):
+    for pose, space in zip(poses, spaces * len(poses) if len(spaces) == 1 else spaces, strict=True):
         move = space @ thing.move_to(pose)
         location.append((move @ thing.world).translation - target.delta_location)
         # The move's own rotation on top of the object's: a mirrored object stays as it is.
@@ -181,29 +195,6 @@ def _channel_values(thing: Thing, poses: Array, frames: Array, scene: bpy.types.
         last = turn
     scale = (thing.space @ thing.world).to_scale()
     return np.array(location, dtype=np.float64), np.array(rotation, dtype=np.float64), np.array(scale)
-
-
-def _parent_spaces(thing: Thing, frames: Array, scene: bpy.types.Scene) -> list[Matrix]:
-    """For each frame the matrix from the world to the object's own channels: its parents as they are then."""
-    target = thing.object
-    if not _rides(target):
-        return [thing.space] * len(frames)
-    kept, spaces = (scene.frame_current, scene.frame_subframe), []
-    for frame in frames:
-        scene.frame_set(int(frame))
-        spaces.append(_space(target))
-    scene.frame_set(kept[0], subframe=kept[1])
-    return spaces
-
-
-def _rides(target: bpy.types.Object) -> bool:
-    """Whether an object hangs on something that may move during the take."""
-    ancestor = target.parent
-    while ancestor is not None:
-        if ancestor.animation_data or ancestor.constraints or ancestor.type == "ARMATURE":
-            return True
-        ancestor = ancestor.parent
-    return False
 
 
 def _space(target: bpy.types.Object) -> Matrix:

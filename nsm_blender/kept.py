@@ -1,0 +1,115 @@
+"""What a take may change in a file, kept to be put back exactly: the place in time, poses and places, and actions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+
+from .channels import assign, transform_of
+
+
+class SceneState:
+    """What a take may disturb before its keys are made: the current frame, the character's pose and the places of ``moved`` objects."""
+
+    def __init__(self, scene: bpy.types.Scene, armature: bpy.types.Object | None, moved: Iterable[bpy.types.Object] = ()) -> None:
+        self.scene, self.armature = scene, armature
+        self.places = [(moving, transform_of(moving)) for moving in moved]
+        self.frame = (scene.frame_current, scene.frame_subframe)
+        self.pose = {bone.name: transform_of(bone) for bone in armature.pose.bones} if armature is not None else {}
+
+    def restore(self) -> None:
+        """Put frame, pose and places back exactly; what no longer exists is passed over."""
+        with suppress(ReferenceError):
+            if (self.scene.frame_current, self.scene.frame_subframe) != self.frame:
+                self.scene.frame_set(self.frame[0], subframe=self.frame[1])
+        with suppress(ReferenceError):
+            for bone in self.armature.pose.bones if self.armature is not None else ():
+                _set(bone, self.pose.get(bone.name, {}))
+        for moving, place in self.places:
+            with suppress(ReferenceError):
+                _set(moving, place)
+        bpy.context.view_layer.update()
+
+
+@dataclass
+class _Animation:
+    """The animation of one object before a take."""
+
+    target: bpy.types.Object
+    had_data: bool
+    action: bpy.types.Action | None
+    slot: Any | None
+    slot_name: str
+    fake_user: bool
+
+    @classmethod
+    def of(cls, target: bpy.types.Object) -> _Animation:
+        data = target.animation_data
+        action = data.action if data else None
+        slot = getattr(data, "action_slot", None) if action else None
+        return cls(target, data is not None, action, slot, getattr(data, "last_slot_identifier", ""), bool(action and action.use_fake_user))
+
+    def restore(self) -> None:
+        data = self.target.animation_data
+        if data is None:
+            return
+        if not self.had_data:
+            self.target.animation_data_clear()
+            return
+        if data.action != self.action or getattr(data, "action_slot", None) != self.slot:
+            assign(self.target, self.action, self.slot)
+        if hasattr(data, "last_slot_identifier"):
+            data.last_slot_identifier = self.slot_name
+        if self.action is not None:
+            self.action.use_fake_user = self.fake_user
+
+
+class Kept:
+    """Frame, poses, places and actions of ``targets``, and which actions there are, before a take is keyed."""
+
+    def __init__(self, scene: bpy.types.Scene, targets: Iterable[bpy.types.Object]) -> None:
+        targets = list(dict.fromkeys(targets))
+        armature = next((t for t in targets if t.type == "ARMATURE"), None)
+        self._actions = set(bpy.data.actions)
+        self._made: set[bpy.types.Action] | None = None
+        self._animations = [_Animation.of(target) for target in targets]
+        self._state = SceneState(scene, armature, targets)
+
+    def seal(self) -> None:
+        """Note that all actions that are new by now belong to the take; what comes later is somebody else's."""
+        self._made = set(bpy.data.actions) - self._actions
+
+    def restore(self) -> None:
+        """Put everything back exactly and remove the actions made since; what no longer exists is passed over."""
+        made = self._made if self._made is not None else set(bpy.data.actions) - self._actions
+        for animation in self._animations:
+            _try(animation.restore)
+        for action in made:
+            _try(lambda action=action: bpy.data.actions.remove(action))
+        _try(bpy.context.view_layer.update)  # the old actions play once more, before the poses that were not keyed
+        _try(self._state.restore)
+
+
+@contextmanager
+def restored_on_failure(kept: Kept) -> Iterator[Kept]:
+    """Put everything back where anything whatever is raised inside, a break included."""
+    try:
+        yield kept
+    except BaseException:
+        kept.restore()
+        raise
+
+
+def _set(moving: bpy.types.Object | bpy.types.PoseBone, transform: dict[str, Any]) -> None:
+    for channel, value in transform.items():
+        setattr(moving, channel, value)
+
+
+def _try(step: Callable[[], Any]) -> None:
+    """Do one step of putting things back; what is gone by now must not keep the others from it."""
+    with suppress(ReferenceError, RuntimeError):
+        step()
