@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field
-from itertools import takewhile
 from typing import Any
 
 import bpy
@@ -185,14 +184,8 @@ def bone_channels(armature: bpy.types.Object, placement: Placement, mount: Mount
 
 
 def _loose_joints(armature: bpy.types.Object) -> list[int]:
-    """Joints, but for the hips, that do not turn with the joint above them: they, or a bone between, inherit no rotation."""
-    loose = []
-    for j, name in enumerate(JOINTS):
-        bone = armature.data.bones[name]
-        chain = [bone, *takewhile(lambda above: above.name not in JOINTS, bone.parent_recursive)]
-        if j != HIPS and not all(b.use_inherit_rotation for b in chain):
-            loose.append(j)
-    return loose
+    """Joints, but for the hips, that do not turn with the joint above them."""
+    return [j for j, name in enumerate(JOINTS) if j != HIPS and not armature.data.bones[name].use_inherit_rotation]
 
 
 def read_back(armature: bpy.types.Object, frames: Any, scene: bpy.types.Scene | None = None) -> tuple[Array, Array]:

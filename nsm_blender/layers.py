@@ -16,6 +16,7 @@ from nsm_core.errors import NsmError, SkeletonError
 from nsm_core.skeleton import HIPS, JOINTS
 
 from .channels import strip_curves
+from .mount import Mount
 
 _STRING = r'\["((?:[^"\\]|\\.)*)"\]'
 _BONE_PATH = re.compile(rf"pose\.bones{_STRING}\.(\w+)(?:{_STRING}\.(\w+))?$")
@@ -59,6 +60,13 @@ def require_keyable(armature: bpy.types.Object) -> None:
         )
     require_action_rules(armature)
     bones = posed_bones(armature)
+    loose = next((name for name in bones[len(JOINTS) :] if not armature.data.bones[name].use_inherit_rotation), None)
+    if loose is not None:
+        raise SkeletonError(
+            f"The bone {loose} of {armature.name} lies between two joints and inherits no rotation, so that it bends the body; "
+            "switch Inherit Rotation on in its bone properties."
+        )
+    Mount.of(armature)
     _require_no_constraints(armature, bones)
     _require_no_drivers(armature, bones)
     _require_size_kept(armature)
@@ -193,8 +201,8 @@ def _require_size_kept(armature: bpy.types.Object) -> None:
     carrier: bpy.types.Object | None = armature
     while carrier is not None:
         data, curves = carrier.animation_data, list(strip_curves(carrier, own_action=carrier != armature))
-        varies = any(c.data_path in _SCALES and varies(c) for c in curves)
-        if data and (varies or any(path in _SCALES for path in driven(carrier))):
+        grows = any(c.data_path in _SCALES and varies(c) for c in curves)
+        if data and (grows or any(path in _SCALES for path in driven(carrier))):
             what = "its scale" if carrier == armature else f"the scale of its parent {carrier.name}"
             raise SkeletonError(
                 f"The armature {armature.name} changes its size during the take ({what} is animated); remove these keys or drivers."
