@@ -46,15 +46,16 @@ def test_function_is_kept(tmp_path, kind):
     path = tmp_path / f"old.{kind}"
     if kind == "pt":
         torch.save({"average": old.state_dict()}, path)
-        atol = 1e-4
+        share = 1e-5  # new means and deviations are multiplied into single precision, 1e-7 each
     else:
         statistics = {name: getattr(old, name).numpy() for name in STATISTICS}
         parameters = {k: v.detach().numpy() for k, v in old.named_parameters()}
         save_weights(path, parameters, statistics, config=SMALL.to_dict(), layout=layout_description())
-        atol = 2e-2  # parameters are stored in half precision
+        share = 5e-3  # parameters are stored in half precision, 0.05 % each
     assert np.abs(outputs(new) - outputs(old)).max() > 0.3
     start_from(new, path)
-    np.testing.assert_allclose(outputs(new), outputs(old), atol=atol)
+    kept = outputs(old)
+    assert np.abs(outputs(new) - kept).max() < share * np.abs(kept).max()
     for name, values in before.items():
         torch.testing.assert_close(getattr(new, name), values)
 

@@ -12,7 +12,16 @@ from nsm_core.errors import WeightsError
 from nsm_core.inference import BUNDLED, NEGLIGIBLE, load_model, model_of
 from nsm_core.weights_file import load_weights
 
-TOLERANCE = 1e-4
+# A sum of n products in single precision rounds by about sqrt(n) units in the last place, in an order that processor and
+# library choose: 1e-5 of the largest value for the 4,018 inputs (four times what was met, and more).  What the gating network
+# adds up goes through an exponential, which makes of the rounding of its sums a share of the coefficients; the sums grow
+# as the gating features do, and the bound with them.
+ROUNDING = 1e-5
+
+
+def assert_same(one, other, gating_scale=1.0):
+    """Outputs (B, N) or coefficients (B, K) that differ by rounding alone, measured by the largest of them."""
+    assert np.abs(one - other).max() < ROUNDING * gating_scale * np.abs(other).max()
 
 
 def elu(v: float) -> float:
@@ -68,8 +77,8 @@ def test_equals_the_written_out_formulas_at_full_size(full_weights, backend):
     y, coefficients = model.predict(x, gating)
     for row in range(2):
         expected, expected_coefficients = reference(weights, x[row], gating[row])
-        assert np.abs(y[row] - expected).max() < TOLERANCE
-        assert np.abs(coefficients[row] - expected_coefficients).max() < 1e-5
+        assert_same(y[row], expected)
+        assert_same(coefficients[row], expected_coefficients)
     assert y.std() > 0.5  # the comparison is about signals, not about zeros
 
 
@@ -81,8 +90,8 @@ def test_back_ends_agree(full_weights, count, gating_scale):
     x, gating = features(ours.config, count, gating_scale=gating_scale)
     (y, c), (y_torch, c_torch) = ours.predict(x, gating), theirs.predict(x, gating)
     assert y.dtype == c.dtype == y_torch.dtype == np.float32
-    assert np.abs(y - y_torch).max() < TOLERANCE
-    assert np.abs(c - c_torch).max() < 1e-5
+    assert_same(y, y_torch, gating_scale)
+    assert_same(c, c_torch, gating_scale)
     if gating_scale > 1:
         assert c.min() < NEGLIGIBLE
 
@@ -92,7 +101,7 @@ def test_one_by_one_equals_the_batch(full_weights):
     x, gating = features(model.config, 5, gating_scale=10)
     batch, _ = model.predict(x, gating)
     single = np.concatenate([model.predict(x[i : i + 1], gating[i : i + 1])[0] for i in range(5)])
-    assert np.abs(batch - single).max() < TOLERANCE
+    assert_same(batch, single, 10)
 
 
 def test_coefficients_are_a_mixture(full_weights):

@@ -169,4 +169,5 @@ def test_saved_and_loaded_it_predicts_the_same(net, small_config, tmp_path):
     y, _ = model_of(load_weights(tmp_path / "w.npz"), "numpy").predict(x, g)
     with torch.no_grad():
         expected = net.predict(torch.from_numpy(x), torch.from_numpy(g))[0].numpy()
-    assert np.abs(y - expected).max() < 0.02  # half precision on disk
+    # Half precision on disk keeps 11 bits of a parameter: 0.05 % each, and three layers of them.
+    assert np.abs(y - expected).max() < 0.005 * np.abs(expected).max()

@@ -1,4 +1,4 @@
-"""Step a trained network: one protocol, a numpy back end for Blender and a torch one, equal within 1e-4."""
+"""Step a trained network: one protocol, a numpy back end for Blender and a torch one, equal but for rounding."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = np.ndarray
 BUNDLED = Path(__file__).parent / "weights" / "nsm.npz"
 BACKENDS = ("auto", "numpy", "torch")
 # Experts with a smaller coefficient are not read for a single character: their share of the output stays
-# far below the 1e-4 that the back ends may differ, and reading weights is what a step costs.
+# below the rounding of single precision by which the back ends differ, and reading weights is what a step costs.
 NEGLIGIBLE = 1e-6
 
 
