@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import bpy
 import numpy as np
@@ -13,8 +13,11 @@ from nsm_core.rotations import Array, direction_to_heading, rotate_planar
 from nsm_core.seats import Seat, find_seat
 from nsm_core.sensors.cuboid import InteractionVolume, interaction_sensor
 
-from .colliders import BVHQuery, object_mesh_triangles
+from .beside import freely
+from .colliders import BVHQuery
+from .evaluated import Snapshot, family_of, join, require_faces
 from .scene import WorldFrame
+from .solids import Solid, solids_of
 
 
 def place_of(marker: bpy.types.Object, frame: WorldFrame) -> tuple[Array, float]:
@@ -38,21 +41,34 @@ class Body:
     triangles: Array
     origin: Array  # (2,) core frame
     yaw: float
+    solids: list[Solid] = field(default_factory=list)  # what it was read from, core frame
 
     @classmethod
-    def of(cls, target: bpy.types.Object, frame: WorldFrame, snug: bool = False) -> Body:
-        """Read an object's mesh as the scene shows it; GeometryError when there is none.
+    def of(cls, target: bpy.types.Object, frame: WorldFrame, snug: bool = False, snapshot: Snapshot | None = None) -> Body:
+        """Read an object's mesh as the scene shows it, or as ``snapshot`` has it; GeometryError when there is none.
 
         The yaw is the object's own; ``snug``, that of the smallest box around it, where this is much smaller.
         """
-        vertices, triangles = object_mesh_triangles(target, bpy.context.evaluated_depsgraph_get())
-        points, yaw = frame.to_core(vertices), _yaw(target)
+        snapshot = snapshot or Snapshot.now(bpy.context.evaluated_depsgraph_get())
+        solids = solids_of(snapshot.of(o.name_full for o in family_of(target)), frame)
+        require_faces(solids, target)
+        points, triangles = join(solids)
+        yaw = _yaw(target)
         if snug:
             yaw += main_turn(rotate_planar(points, -yaw))
         turned = rotate_planar(points, -yaw)
         low, high = turned.min(0), turned.max(0)
         centre = np.array(((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, 0.0))
-        return cls(target.name, (turned - centre).astype(np.float32), triangles, rotate_planar(centre[:2], yaw), yaw)
+        return cls(target.name, (turned - centre).astype(np.float32), triangles, rotate_planar(centre[:2], yaw), yaw, solids)
+
+    def solid_at(self, pose: Array) -> BVHQuery:
+        """This object alone as a solid, in a frame that stands upright at ``pose`` (4,): x, y, z and heading, core frame."""
+        pose = np.asarray(pose, dtype=np.float64)
+        with freely():
+            if sum(len(s.triangles) for s in self.solids) == len(self.triangles):
+                return BVHQuery([s.seen_from(pose) for s in self.solids])
+            here = rotate_planar(self.to_core(self.vertices) - pose[:3], np.float64(-pose[3]))  # a part of what was read
+            return BVHQuery.from_triangles(here.astype(np.float32), self.triangles)
 
     def to_core(self, points: Array) -> Array:
         """Points (..., 3) of the upright object frame in the core's frame."""
@@ -74,7 +90,8 @@ class Body:
     def seat_in_core(self) -> tuple[Array, float]:
         """Seat point (3,) and heading, core frame; GeometryError names the object when there is no seat."""
         try:
-            seat: Seat = find_seat(self.vertices, self.triangles)
+            with freely():
+                seat: Seat = find_seat(self.vertices, self.triangles)
         except GeometryError as error:
             raise GeometryError(f"{self.name}: {error}") from error
         return self.to_core(seat.point), self.to_core_heading(seat.heading)
@@ -84,8 +101,9 @@ class Body:
         world = self.to_core(self.vertices)
         along = rotate_planar(world, -heading)
         low, high = along.min(0), along.max(0)
-        query = BVHQuery.from_triangles(world, self.triangles)
-        return interaction_sensor(query, rotate_planar((low + high) / 2, heading), high - low, heading)
+        query = self.solid_at(np.zeros(4))
+        with freely():
+            return interaction_sensor(query, rotate_planar((low + high) / 2, heading), high - low, heading)
 
 
 def main_turn(points: Array) -> float:

@@ -14,7 +14,6 @@ from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 
 from .bodies import Body, place_of
-from .colliders import BVHQuery
 from .scene import WorldFrame
 from .surroundings import Surroundings
 from .tops import Level, find_levels, occupy, occupy_rectangle, places_near_edge
@@ -45,7 +44,7 @@ def carry_goal(
     """
     frame = around.frame
     earlier = around.left.get(target.name)
-    box = earlier[0] if earlier else read_box(target, frame)
+    box = earlier[0] if earlier else read_box(target, around)
     if not isinstance(box, Box):
         raise GoalError(f"{target.name} is opened as a door earlier in the take; choose another object to carry.")
     pose = earlier[1] if earlier else box.pose
@@ -71,14 +70,13 @@ def carry_goal(
     return Goal("carry", name, centre, spot.facing, hold, prop=box)
 
 
-def read_box(target: bpy.types.Object, frame: WorldFrame) -> Box:
+def read_box(target: bpy.types.Object, around: Surroundings) -> Box:
     """The box around an object as a prop: its frame at the centre of its upright bounding box."""
-    body = Body.of(target, frame, snug=True)
+    body = around.body(target, snug=True)
     low, high = body.bounds
     size, middle = high - low, (low + high) / 2
-    vertices = body.vertices - middle.astype(np.float32)
-    query = BVHQuery.from_triangles(vertices, body.triangles)
     pose = np.append(body.to_core(middle), body.yaw)
+    query = body.solid_at(pose)
     return Box(target.name, query, sense(query, -size / 2, size / 2), pose, size=size)
 
 
@@ -95,7 +93,7 @@ def spot_on_top(
 ) -> Spot:
     """Choose the place on the largest level top of ``to``: near an edge, nothing on it, and room to stand before it."""
     scale = around.frame.scale
-    body = Body.of(to, around.frame, snug=True)
+    body = around.body(to, snug=True)
     coming_from = np.asarray(coming_from, dtype=np.float64)
     levels = find_levels(body.vertices, body.triangles, body.to_own(np.append(coming_from, 0.0))[:2])
     fitting = [level for level in levels if -0.05 <= level.height <= HIGHEST_TOP]

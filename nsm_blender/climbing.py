@@ -29,7 +29,7 @@ def climb_goal(name: str, target: bpy.types.Object, point: bpy.types.Object | No
     Raises GoalError where the object is too high or too low, or has no room.
     """
     frame = around.frame
-    body = Body.of(target, frame, snug=True)
+    body = around.body(target, snug=True)
     if point is not None:
         position, heading = place_of(point, frame)
         if not -0.05 <= position[2] <= HIGHEST:

@@ -2,50 +2,71 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
 
 import bpy
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
+from nsm_core.control.terrain import FLOOR_TOP
 from nsm_core.rotations import Array
-from nsm_core.sensors.closed import face_sides
 from nsm_core.sensors.cylinder import SPHERE_RADIUS
-from nsm_core.sensors.voxels import VoxelGrid, voxelise
+from nsm_core.sensors.reading import Reading, digest
 
-from .evaluated import Shape, evaluated_shapes, object_mesh_triangles
-from .ground import floor_faces, is_ground
+from .beside import freely
+from .evaluated import COLLIDER_PROPERTY, Seen, Snapshot, object_mesh_triangles
+from .ground import ROOM_WIDTH, floor_faces, is_ground
 from .scene import WorldFrame
+from .solids import Solid, is_litter, solids_of
 
-__all__ = ["BVHQuery", "gather_colliders", "object_mesh_triangles"]
+__all__ = ["COLLIDER_PROPERTY", "BVHQuery", "collider_shapes", "gather_colliders", "object_mesh_triangles"]
 
-# Set to False on an object, in its custom properties, to let characters walk through it.
-COLLIDER_PROPERTY = "nsm_collider"
 # The coarse map of where anything is near: reach and cell size, metres, and the most cells.
 _REACH = float(np.ceil(SPHERE_RADIUS * 100) / 100)
 _COARSE_CELL = 0.1
 _MOST_CELLS = 4_000_000
+_FEW = 200  # points are asked at once without letting Blender go on
+# Triangles in one tree: Blender builds it in one go, in some 10 ms.  Triangles that copies of one mesh may have together before
+# they share a tree, each asked by itself; pairs of points and solids compared at once.
+_CHUNK, _MANY, _PAIRS = 16_000, 400_000, 1 << 20
 
 
-@dataclass(frozen=True)
-class _Solid:
-    """Inside of one mesh: 0 free, 1 on the surface, 2 inside, as a grid over its bounding box, world frame."""
+class _Chunk:
+    """A part of the scene's triangles that lies together; its tree is built when something is asked of it first.
 
-    low: Array
-    high: Array
-    cell: Array
-    code: Array
+    Trees are built by Blender in one go, so no single one may be large.
+    """
 
-    @classmethod
-    def of(cls, grid: VoxelGrid) -> _Solid:
-        code = np.where(grid.surface, 1, np.where(grid.solid, 2, 0)).astype(np.int8)
-        return cls(grid.origin, grid.origin + grid.cell * code.shape, grid.cell, code)
+    def __init__(self, corners: Array, sides: Array, owners: Array) -> None:
+        self._corners, self.sides, self.owners = corners.astype(np.float32), sides, owners
+        self.low, self.high = corners.min((0, 1)), corners.max((0, 1))
 
-    def at(self, points: Array) -> Array:
-        """Codes (N,) at points (N, 3) that lie within the bounding box."""
-        index = np.clip(((points - self.low) / self.cell).astype(np.int64), 0, np.array(self.code.shape) - 1)
-        return self.code[tuple(index.T)]
+    @cached_property
+    def tree(self) -> BVHTree:
+        """Its triangles as a tree."""
+        count = len(self._corners)
+        faces = np.arange(3 * count).reshape(-1, 3).tolist()
+        return BVHTree.FromPolygons(self._corners.reshape(-1, 3).tolist(), faces, all_triangles=True)
+
+
+class _Copies:
+    """A large mesh that is shown many times: one tree in its own frame for all of them."""
+
+    def __init__(self, reading: Reading) -> None:
+        self.chunks = _chunks(reading.vertices[reading.triangles], reading.sides, np.zeros(len(reading.sides), np.int32))
+
+
+def _chunks(corners: Array, sides: Array, owners: Array) -> list[_Chunk]:
+    """Part triangles (F, 3, 3) with their sides and owners (F,) into chunks that lie together, by halves of the longest way."""
+    if len(corners) <= _CHUNK:
+        return [_Chunk(corners, sides, owners)] if len(corners) else []
+    middle = corners.mean(1)
+    along = middle[:, int(np.ptp(middle, axis=0).argmax())]
+    order = np.argpartition(along, len(along) // 2)
+    halves = order[: len(along) // 2], order[len(along) // 2 :]
+    return [chunk for half in halves for chunk in _chunks(corners[half], sides[half], owners[half])]
 
 
 class BVHQuery:
@@ -56,54 +77,68 @@ class BVHQuery:
     open and broken meshes are solid where their gaps are narrower than a voxel, and thin shells elsewhere.
     """
 
-    def __init__(self, meshes: Iterable[tuple[Array, Array]], floor: float | None = None) -> None:
-        """Take (vertices (V, 3) world, triangles (F, 3)) of each object.
+    def __init__(self, solids: Sequence[Solid], floor: bool = False) -> None:
+        """Take what is solid, all of it in one frame.
 
-        With a ``floor`` height, faces of room-sized meshes at or below it count as floor and are left out.
-        Raises GeometryError on meshes without faces or with coordinates that are not finite.
+        With a ``floor``, which lies at zero, faces of room-sized meshes at its height are part of it and are left out.
         """
-        vertices, triangles, sides, self._solids, start = [], [], [], [], 0
-        for v, t in meshes:
-            v, t = np.asarray(v, dtype=np.float64), np.asarray(t, dtype=np.int64)
-            grid, side = voxelise(v, t), face_sides(v, t)
-            self._solids.append(_Solid.of(grid))
-            if floor is not None:
-                above = ~floor_faces(v - (0, 0, floor), t)
-                t, side = t[above], side[above]
-            if (np.ptp(v, axis=0) > (1.0, 1.0, 1.5)).all():
-                side = np.zeros_like(side)  # maybe a closed room with the character inside
-            vertices.append(v)
-            triangles.append(t + start)
-            sides.append(side)
-            start += len(v)
-        self._tree: BVHTree | None = None
-        if not self._solids or not sum(map(len, triangles)):
+        self.solids = list(solids)
+        self._chunks: list[_Chunk] = []
+        self._copies: list[tuple[Solid, int, _Copies]] = []
+        if not self.solids:
             return
-        corners, faces = np.concatenate(vertices), np.concatenate(triangles)
-        self._sides = np.concatenate(sides)
-        self._low = np.array([s.low for s in self._solids], dtype=np.float32)
-        self._high = np.array([s.high for s in self._solids], dtype=np.float32)
-        self._tree = BVHTree.FromPolygons(corners.tolist(), faces.tolist(), all_triangles=True)
-        self._map_nearness()
+        bounds = np.array([s.bounds for s in self.solids])
+        self._low, self._high = bounds[:, 0] - 1e-6, bounds[:, 1] + 1e-6
+        self._share(floor)
+        self._map_nearness(floor)
 
     @classmethod
     def from_triangles(cls, vertices: Array, triangles: Array) -> BVHQuery:
-        """Query over one mesh: world ``vertices`` (V, 3) and ``triangles`` (F, 3); GeometryError where it has no faces."""
-        return cls([(vertices, triangles)])
+        """Query over one mesh: ``vertices`` (V, 3) and ``triangles`` (F, 3); GeometryError where it has no faces."""
+        return cls([Solid.of(vertices, triangles)])
 
-    def _map_nearness(self) -> None:
+    def _share(self, floor: bool) -> None:
+        """Put the triangles of all solids together, but for large meshes that are shown many times."""
+        times = Counter(id(s.reading) for s in self.solids)
+        copies: dict[int, _Copies] = {}
+        corners, sides, owners = [], [], []
+        for k, solid in enumerate(self.solids):
+            reading = solid.reading
+            count = times[id(reading)]
+            if count > 1 and count * len(reading.triangles) > _MANY:
+                if id(reading) not in copies:
+                    copies[id(reading)] = _Copies(reading)
+                self._copies.append((solid, k, copies[id(reading)]))
+                continue
+            triangles, side = reading.triangles, reading.sides
+            if floor and _is_wide(solid):
+                above = ~floor_faces(solid.vertices, triangles)
+                triangles, side = triangles[above], side[above]
+            corners.append(solid.vertices.astype(np.float32)[triangles])
+            sides.append(side)
+            owners.append(np.full(len(triangles), k, np.int32))
+        if corners:
+            self._chunks = _chunks(np.concatenate(corners), np.concatenate(sides), np.concatenate(owners))
+
+    def _map_nearness(self, floor: bool) -> None:
         """Mark the coarse cells within reach of any solid voxel; most sphere centres are elsewhere."""
-        low, high = self._low.min(0).astype(np.float64) - _REACH, self._high.max(0).astype(np.float64) + _REACH
-        cell = max(_COARSE_CELL, *(float(s.cell.max()) for s in self._solids), float(np.cbrt(np.prod(high - low) / _MOST_CELLS)))
-        margin = int(np.ceil(_REACH / cell))
+        low, high = self._low.min(0) - _REACH, self._high.max(0) + _REACH
+        voxel = max(float((s.size * s.reading.cell).max()) for s in self.solids)
+        cell = max(_COARSE_CELL, voxel, float(np.cbrt(np.prod(high - low) / _MOST_CELLS)))
+        margin = int(np.ceil((_REACH + voxel * np.sqrt(0.75)) / cell))
         shape = np.ceil((high - low) / cell).astype(int) + 2 * margin + 1
         self._near_low, self._near_cell = (low - margin * cell).astype(np.float32), np.float32(cell)
         near = np.zeros(tuple(shape), dtype=bool)
-        for solid in self._solids:
-            cells = np.argwhere(solid.code > 0)
-            for corner in np.ndindex(2, 2, 2):
-                at = ((solid.low + (cells + corner) * solid.cell - self._near_low) / cell).astype(np.int64)
-                near[tuple(np.minimum(at, shape - 1).T)] = True
+        middles: dict[int, Array] = {}
+        for solid in self.solids:
+            reading = solid.reading
+            if id(reading) not in middles:
+                middles[id(reading)] = reading.low + (np.argwhere(reading.code > 0) + 0.5) * reading.cell
+            places = middles[id(reading)] @ (solid.size * solid.turn.T) + solid.origin
+            if floor and _is_wide(solid):
+                places = places[places[:, 2] > FLOOR_TOP]
+            at = ((places - self._near_low) / cell).astype(np.int64)
+            near[tuple(at.T)] = True
         for axis in range(3):
             line = np.moveaxis(near, axis, 0)
             spread = line.copy()
@@ -114,28 +149,47 @@ class BVHQuery:
         self._near = np.ascontiguousarray(near)
 
     def signed_distance(self, points: Array, max_distance: float) -> Array:
-        """Distances (N,) float32 in metres of world ``points`` (N, 3): negative inside, never over ``max_distance``.
+        """Distances (N,) float32 in metres of ``points`` (N, 3): negative inside, never over ``max_distance``.
 
         Deeper inside than ``max_distance`` the answer is ``-max_distance``.
         """
+        if len(points) < _FEW:
+            return self._ask(points, max_distance, None)
+        with freely():
+            return self._ask(points, max_distance, None)
+
+    def nearest(self, points: Array, max_distance: float) -> list[str | None]:
+        """The names of the objects nearest to ``points`` (N, 3), or in which they lie; None where none is within ``max_distance``."""
+        of = np.full(len(points), -1)
+        self._ask(points, max_distance, of)
+        return [None if k < 0 else self.solids[k].owner for k in of.tolist()]
+
+    def _ask(self, points: Array, max_distance: float, of: Array | None) -> Array:
+        """Distances (N,) of points (N, 3); the numbers of the solids nearest to them go to ``of`` (N,)."""
         points = np.asarray(points, dtype=np.float32)
         out = np.full(len(points), max_distance, dtype=np.float32)
-        if self._tree is None or not len(points):
+        if not self.solids or not len(points):
             return out
         rows = self._candidates(points, max_distance)
-        code = self._codes(points, rows)
-        find, sides = self._tree.find_nearest, self._sides
+        if not len(rows):
+            return out
+        p = points[rows]
+        code, within = self._codes(p)
         distance = np.full(len(rows), max_distance, dtype=np.float32)
-        inside = code == 2
-        for i, (point, on_surface) in enumerate(zip(points[rows].tolist(), (code == 1).tolist(), strict=True)):
-            place, normal, face, d = find(point, max_distance)
-            if d is None:
-                continue
-            distance[i] = d
-            if on_surface and (side := sides[face]):
-                behind = sum(n * (a - b) for n, a, b in zip(normal, point, place, strict=True))
-                inside[i] = behind * side < 0
+        inside, on_surface = code == 2, code == 1
+        owner = None if of is None else within
+        for chunk in self._chunks:
+            some = None if len(self._chunks) == 1 else _near_box(p, distance, chunk.low, chunk.high)
+            _nearest(chunk, p, some, 1.0, 0, distance, inside, on_surface, owner)
+        for solid, k, copies in self._copies:
+            some = _near_box(p, distance, self._low[k], self._high[k])
+            if len(some):
+                local = ((p[some] - solid.origin) @ (solid.turn / solid.size)).astype(np.float32)
+                for chunk in copies.chunks:
+                    _nearest(chunk, local, some, solid.size, k, distance, inside, on_surface, owner)
         out[rows] = np.where(inside, -distance, distance)
+        if of is not None:
+            of[rows] = owner
         return out
 
     def _candidates(self, points: Array, max_distance: float) -> Array:
@@ -147,18 +201,64 @@ class BVHQuery:
         rows = np.flatnonzero(((cells >= 0) & (cells < self._near.shape)).all(1))
         return rows[self._near[tuple(cells[rows].T)]]
 
-    def _codes(self, points: Array, rows: Array) -> Array:
-        """Greatest code of any mesh (K,) at the points of ``rows``."""
-        code = np.zeros(len(rows), dtype=np.int8)
-        p = points[rows]
-        within = np.ones((len(self._solids), len(rows)), dtype=bool)
+    def _codes(self, points: Array) -> tuple[Array, Array]:
+        """Greatest code (N,) of any mesh at points (N, 3), and the number (N,) of one in which they lie, -1 for none."""
+        code, of = np.zeros(len(points), dtype=np.int8), np.full(len(points), -1)
+        solids = np.flatnonzero(((self._low <= points.max(0)) & (self._high >= points.min(0))).all(1))
+        if len(solids) * len(points) > _PAIRS and len(points) > 64:  # part the points until each part meets few solids
+            order = np.argsort(points[:, int(np.ptp(points, axis=0).argmax())])
+            for half in np.array_split(order, 2):
+                code[half], of[half] = self._codes(points[half])
+            return code, of
+        within = np.ones((len(solids), len(points)), dtype=bool)
         for axis in range(3):
-            within &= p[:, axis] >= self._low[:, axis, None]
-            within &= p[:, axis] <= self._high[:, axis, None]
-        for k in np.flatnonzero(within.any(1)):
-            at = np.flatnonzero(within[k])
-            code[at] = np.maximum(code[at], self._solids[k].at(p[at]))
-        return code
+            within &= points[:, axis] >= self._low[solids, axis, None]
+            within &= points[:, axis] <= self._high[solids, axis, None]
+        for i in np.flatnonzero(within.any(1)):
+            at = np.flatnonzero(within[i])
+            own = self.solids[solids[i]].at(points[at])
+            more = own > code[at]
+            code[at[more]] = own[more]
+            of[at[more & (own == 2)]] = solids[i]
+        return code, of
+
+
+def _near_box(points: Array, distance: Array, low: Array, high: Array) -> Array:
+    """Rows of points (N, 3) nearer to a box than they are, by ``distance`` (N,), to anything so far."""
+    reach = distance[:, None]
+    return np.flatnonzero(((points >= low - reach) & (points <= high + reach)).all(1))
+
+
+def _nearest(
+    chunk: _Chunk, points: Array, rows: Array | None, size: float, first: int,
+    distance: Array, inside: Array, on_surface: Array, owners: Array | None,
+) -> None:  # fmt: skip
+    """Bring ``distance``, ``inside`` and ``owners`` (None: nobody asks) up to date with a chunk.
+
+    Its points are ``rows`` (M,) of ``points`` (None: all), or are given for these rows alone as the chunk sees them, which is
+    ``size`` times as large in the scene.  The owners in the chunk are counted from ``first``.
+    """
+    find, sides = chunk.tree.find_nearest, chunk.sides
+    if rows is None:
+        asked = zip(range(len(points)), points.tolist(), distance.tolist(), on_surface.tolist(), strict=True)
+    else:
+        local = points if len(points) == len(rows) else points[rows]
+        asked = zip(rows.tolist(), local.tolist(), (distance[rows] / size).tolist(), on_surface[rows].tolist(), strict=True)
+    for i, point, limit, touching in asked:
+        place, normal, face, d = find(point, limit)
+        if d is None:
+            continue
+        distance[i] = d * size
+        if touching:
+            side = sides[face]
+            inside[i] = side and sum(n * (a - b) for n, a, b in zip(normal, point, place, strict=True)) * side < 0
+        if owners is not None and (owners[i] < 0 or not inside[i]):
+            owners[i] = chunk.owners[face] + first
+
+
+def _is_wide(solid: Solid) -> bool:
+    low, high = solid.bounds
+    return bool((high - low)[:2].min() > ROOM_WIDTH)
 
 
 def gather_colliders(
@@ -169,14 +269,12 @@ def gather_colliders(
 ) -> BVHQuery:
     """Build the query over everything solid in the scene as evaluated now, at its current frame, in the core's ``frame``.
 
-    Left out: ``exclude`` and whatever is parented to or deformed by one of it, objects hidden in the viewport or in
-    renders, objects with the custom property "nsm_collider" switched off, and floors: whatever ends less than 3 cm
-    over the floor, and the faces at that height of room-sized meshes.  A scene without colliders gives a query that finds
-    nothing.  Raises GeometryError on coordinates that are not finite.
+    Solid is what ``collider_shapes`` says; the faces of room-sized meshes at floor level are floor and are left out.  A scene
+    without colliders gives a query that finds nothing.  Raises GeometryError on coordinates that are not finite.
     """
     if depsgraph is None:
         depsgraph = bpy.context.evaluated_depsgraph_get()
-    return BVHQuery([(s.vertices, s.triangles) for s in collider_shapes(scene, depsgraph, list(exclude), frame)], 0.0)
+    return query_of(collider_shapes(scene, depsgraph, list(exclude), frame))
 
 
 def collider_shapes(
@@ -184,31 +282,63 @@ def collider_shapes(
     depsgraph: bpy.types.Depsgraph,
     exclude: Sequence[bpy.types.Object] = (),
     frame: WorldFrame = WorldFrame(),  # noqa: B008
-) -> list[Shape]:
-    """Meshes of the scene that characters collide with, in the core's ``frame``, chosen as ``gather_colliders`` says."""
-    return [s for s in solid_shapes(scene, depsgraph, exclude, frame) if not is_ground(s.vertices)]
+) -> list[Solid]:
+    """Meshes of the scene that characters collide with, in the core's ``frame``: what looks solid in the viewport.
+
+    Left out: ``exclude`` and whatever is parented to or deformed by one of it; what is hidden in the viewport, shown as wire
+    or bounds, or has materials without a surface, as fog has; copies as small as grass and pebbles; and what is walked over as
+    ``ground.is_ground`` says.  What is only hidden in renders, or from the camera, or held out is solid, as it is seen.
+    The custom property "nsm_collider" on an object wins over looks: switched off it is no collider, switched on it is one,
+    even hidden.
+    """
+    return obstacles(scene_solids(solid_seen(Snapshot.now(depsgraph), scene, exclude), frame))
 
 
-def solid_shapes(
-    scene: bpy.types.Scene,
-    depsgraph: bpy.types.Depsgraph,
-    exclude: Sequence[bpy.types.Object] = (),
-    frame: WorldFrame = WorldFrame(),  # noqa: B008
-) -> list[Shape]:
-    """The same and what characters walk over."""
-    excluded = {o.name_full for o in exclude}
-    owners = [o for o in scene.objects if not _left_out(o, excluded, depsgraph.view_layer)]
-    return [replace(s, vertices=frame.to_core(s.vertices)) for s in evaluated_shapes(depsgraph, owners)]
+def scene_solids(seen: Sequence[Seen], frame: WorldFrame, said: Callable[[float], None] = lambda _: None) -> list[Solid]:
+    """Read what is seen as solid, without litter but with what is walked over; ``said`` hears how far that is, 0..1."""
+    made = zip(seen, solids_of(seen, frame, said), strict=True)
+    return [solid for s, solid in made if not (s.instance and not s.said and is_litter(solid))]
 
 
-def _left_out(candidate: bpy.types.Object, excluded: set[str], layer: bpy.types.ViewLayer) -> bool:
-    if candidate.hide_render or not candidate.visible_get(view_layer=layer) or not candidate.get(COLLIDER_PROPERTY, True):
-        return True
-    if any(m.type == "ARMATURE" and m.object is not None and m.object.name_full in excluded for m in candidate.modifiers):
+def obstacles(solids: Iterable[Solid]) -> list[Solid]:
+    """Those that are not walked over."""
+    return [s for s in solids if not is_ground(s.vertices)]
+
+
+def solid_seen(snapshot: Snapshot, scene: bpy.types.Scene, exclude: Iterable[bpy.types.Object]) -> list[Seen]:
+    """What of a snapshot looks solid, or is said to be, but for ``exclude`` and what belongs to it."""
+    left_out = belonging_to(scene, exclude)
+    return [s for s in snapshot.seen if s.owner not in left_out and (s.looks_solid if s.said is None else s.said)]
+
+
+def belonging_to(scene: bpy.types.Scene, owners: Iterable[bpy.types.Object]) -> set[str]:
+    """Full names of some objects and of all that hang on one of them or are deformed by one."""
+    names = {o.name_full for o in owners}
+    return {o.name_full for o in scene.objects if _belongs_to(o, names)} if names else names
+
+
+def query_of(solids: Sequence[Solid]) -> BVHQuery:
+    """The query over what is solid above the floor; the one made last for the same solids is given again."""
+    global _last
+    key = digest(*(a for s in solids for a in (s.turn, s.origin, np.array((id(s.reading), s.size), dtype=np.float64))))
+    names = [s.owner for s in solids]
+    last = _last
+    if last is None or last[0] != (key, names):
+        # The query holds its readings, so that none of their numbers is given to another one while it is kept.
+        last = _last = (key, names), BVHQuery(solids, floor=True)
+    return last[1]
+
+
+_last: tuple[tuple[bytes, list[str]], BVHQuery] | None = None
+
+
+def _belongs_to(candidate: bpy.types.Object, owners: set[str]) -> bool:
+    """Whether an object is one of ``owners``, hangs on one, or is deformed by one."""
+    if any(m.type == "ARMATURE" and m.object is not None and m.object.name_full in owners for m in candidate.modifiers):
         return True
     ancestor: bpy.types.Object | None = candidate
     while ancestor is not None:
-        if ancestor.name_full in excluded:
+        if ancestor.name_full in owners:
             return True
         ancestor = ancestor.parent
     return False

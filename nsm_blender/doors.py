@@ -15,7 +15,6 @@ from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.sensors.query import DistanceQuery
 
 from .bodies import Body
-from .colliders import BVHQuery
 from .points import POINT_LINK, SWING
 from .scene import WorldFrame
 from .surroundings import Surroundings
@@ -71,7 +70,7 @@ def open_goal(
 def read_leaf(target: bpy.types.Object, hinge: bpy.types.Object | None, handle: bpy.types.Object | None, around: Surroundings) -> Leaf:
     """The leaf of a door as a prop, closed where it stands; see ``open_goal``."""
     frame = around.frame
-    board = _board(target, frame)
+    board = _board(target, around)
     body = board.body
     pivot = _own(hinge, body, frame)[:2] if hinge is not None else _pivot(target, board, around)
     flip = abs(pivot[0] - board.high) < abs(pivot[0] - board.low)  # the hinge is at +X: turn the frame round
@@ -91,9 +90,9 @@ def read_leaf(target: bpy.types.Object, hinge: bpy.types.Object | None, handle: 
     else:
         swing = _swing(board, pivot, flip, width, heading, around.query)
     vertices = np.column_stack((sign * (body.vertices[:, :2] - pivot), body.vertices[:, 2])).astype(np.float32)
-    query = BVHQuery.from_triangles(vertices, body.triangles)
-    volume = sense(query, vertices.min(0), vertices.max(0))
     pose = np.append(body.to_core(np.append(pivot, 0.0)), heading)
+    query = body.solid_at(pose)
+    volume = sense(query, vertices.min(0), vertices.max(0))
     return Leaf(
         target.name, query, volume, pose, width=width, handle=place, thickness=float(np.clip(thickness, 0.09, 0.2)),
         swing=swing, closed=heading,
@@ -105,9 +104,9 @@ def _own(marker: bpy.types.Object, body: Body, frame: WorldFrame) -> Array:
     return body.to_own(frame.to_core(np.array(marker.matrix_world.translation)))
 
 
-def _board(target: bpy.types.Object, frame: WorldFrame) -> _Board:
+def _board(target: bpy.types.Object, around: Surroundings) -> _Board:
     """Read the leaf with its long side along X; GoalError where the object is no leaf that one can pass."""
-    body = Body.of(target, frame, snug=True)
+    frame, body = around.frame, around.body(target, snug=True)
     low, high = body.bounds
     if high[1] - low[1] > high[0] - low[0]:
         body.vertices = rotate_planar(body.vertices, np.float32(-np.pi / 2))

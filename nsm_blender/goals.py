@@ -75,7 +75,7 @@ def resolve(
     if spec.action == "idle":
         return Goal("idle", "here", np.append(here, 0.0), before[1], spec.hold)
     if spec.action == "sit":
-        return _sit(spec, scene, frame)
+        return _sit(spec, scene, around)
     if spec.action == "carry":
         point = goal_point_of(scene, spec.object, "carry", spec.to)
         return carry_goal(name, spec.object, spec.to, point, spec.hold, around, here)
@@ -84,7 +84,7 @@ def resolve(
         return open_goal(name, spec.object, hinge, handle, spec.hold, around, here)
     if spec.action == "climb":
         return climb_goal(name, spec.object, goal_point_of(scene, spec.object, "climb"), spec.hold, around, here)
-    return _walk(spec, scene, frame, before)
+    return _walk(spec, scene, around, before)
 
 
 def place_after(goal: Goal, before: tuple[Array, float], around: Surroundings) -> tuple[Array, float]:
@@ -99,8 +99,8 @@ def place_after(goal: Goal, before: tuple[Array, float], around: Surroundings) -
     return goal.position[:2], goal.heading
 
 
-def _sit(spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame) -> Goal:
-    body = Body.of(spec.object, frame)
+def _sit(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings) -> Goal:
+    frame, body = around.frame, around.body(spec.object)
     point = goal_point_of(scene, spec.object, "sit")
     if point is not None:
         seat_point, heading = place_of(point, frame)
@@ -120,14 +120,14 @@ def _sit(spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame) -> Goal:
     return Goal("sit", spec.label, hips.astype(np.float32), heading, spec.hold, body.interaction(along))
 
 
-def _walk(spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame, before: tuple[Array, float]) -> Goal:
-    here, facing = before
+def _walk(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: tuple[Array, float]) -> Goal:
+    frame, (here, facing) = around.frame, before
     if spec.object is not None:
         point = goal_point_of(scene, spec.object, spec.action)
         if point is not None or spec.object.type == "EMPTY":
             position, heading = place_of(point or spec.object, frame)
         else:
-            position, heading = _in_front_of(Body.of(spec.object, frame))
+            position, heading = _in_front_of(around.body(spec.object))
     else:
         position = frame.to_core(np.array(spec.location, dtype=np.float64))
         way = position[:2] - here

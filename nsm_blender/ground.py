@@ -10,7 +10,7 @@ import numpy as np
 from nsm_core.control.terrain import FLOOR_TOP, HeightMap, Terrain
 from nsm_core.rotations import Array
 
-from .evaluated import Shape
+from .solids import Solid
 
 # Metres over the floor under which everything counts as floor, and the longest side from which on a thing of up to FLOOR_TOP
 # does: one steps on a mat or a threshold, but round a shoe, a bowl or a book.
@@ -33,7 +33,7 @@ def floor_faces(vertices: Array, triangles: Array) -> Array:
     return ~(vertices[triangles][..., 2] > FLOOR_TOP + 1e-4).any(1)
 
 
-def ground_of(shapes: Iterable[Shape]) -> Terrain:
+def ground_of(shapes: Iterable[Solid]) -> Terrain:
     """The heights of everything that is walked over; ``shapes`` are those of the scene, core frame."""
     maps = []
     for shape in shapes:
@@ -52,7 +52,7 @@ def floor_under(place: Array, scale: float, scene: bpy.types.Scene, but: Iterabl
     """
     left_out, boxes = {o.name for o in but}, []
     for candidate in scene.objects:
-        if candidate.type == "MESH" and candidate.name not in left_out and candidate.visible_get() and not candidate.hide_render:
+        if candidate.type == "MESH" and candidate.name not in left_out and candidate.visible_get():
             matrix = np.array(candidate.matrix_world)
             corners = np.array(candidate.bound_box) @ matrix[:3, :3].T + matrix[:3, 3]
             boxes.append((corners.min(0), corners.max(0)))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator
-from concurrent.futures import ThreadPoolExecutor, wait
+from collections.abc import Generator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, TypeVar
@@ -22,6 +21,8 @@ from nsm_core.rotations import Array
 
 from .actions import require_learned
 from .armature import read_pose, require_skeleton
+from .beside import beside
+from .evaluated import Snapshot
 from .goals import GoalSpec, moved_by, place_after, resolve
 from .ground import floor_under
 from .kept import Kept, restored_on_failure
@@ -88,9 +89,9 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | No
     require_keyable(spec.character)
     request, frame, things = yield from prepare(spec, scene)
     if model is None:
-        model = yield from beside("Loading the network", shipped_model)
+        model = yield from _shown("Loading the network", beside(lambda _: shipped_model()))
     require_learned((goal.action for goal in request.goals), model.metadata)
-    runner = yield from beside("Planning the ways", lambda: TakeRunner(model, request))
+    runner = yield from _shown("Planning the ways", beside(lambda _: TakeRunner(model, request)))
     while _step(runner):
         hips, rotations = runner.pose()
         moved = [(things[name].object, things[name].world_at(pose)) for name, pose in runner.prop_poses().items()]
@@ -123,20 +124,6 @@ def _shown(stage: str, steps: Generator[float, None, _T]) -> Generator[Progress,
         yield Progress(stage, share)
 
 
-def beside(stage: str, work: Callable[[], _T]) -> Generator[Progress, None, _T]:
-    """Do ``work``, which must not touch Blender's data, in a thread, so that the window goes on; the value is its result.
-
-    What it raises is raised here.
-    """
-    pool = ThreadPoolExecutor(1)
-    done = pool.submit(work)
-    pool.shutdown(wait=False)
-    while not done.done():
-        yield Progress(stage, 0.0)
-        wait([done], 0.005)
-    return done.result()
-
-
 def _step(runner: TakeRunner) -> bool:
     """Step a take; a goal that cannot be reached is named in the error."""
     try:
@@ -167,15 +154,16 @@ def prepare(
         raise GoalError("There is no goal to go to; add one to the list, or enable one.")
     state = SceneState(scene, spec.character)
     try:
-        if scene.frame_current != spec.start_frame or scene.frame_subframe:
-            scene.frame_set(spec.start_frame)
+        _go_to(scene, spec.start_frame)
         frame, start = start_of(spec.character, scene)
         moving = moved_by(spec.goals)
         for target in moving:
             require_movable(target, spec.character)
-        around = Surroundings(scene, frame, spec.character, moving)
-        yield Progress("Reading the scene", 0.0)
-        goals = resolve_goals(spec.goals, scene, frame, start, around)
+        around = yield from surroundings_of(spec, scene, frame, moving)
+        goals = yield from _shown(
+            "Finding the goals", beside(lambda _: resolve_goals(spec.goals, scene, frame, start, around), touches=True)
+        )
+        _go_to(scene, spec.start_frame)
         things = {target.name: Thing.of(target, frame, around.left[target.name][0]) for target in moving}
         environment, ground = around.query, around.ground
     finally:
@@ -190,6 +178,34 @@ def prepare(
         ground=ground,
     )
     return request, frame, things
+
+
+def surroundings_of(
+    spec: TakeSpec, scene: bpy.types.Scene, frame: WorldFrame, moving: list[bpy.types.Object]
+) -> Generator[Progress, None, Surroundings]:
+    """Read what is solid around a take at its first frame: the meshes are copied in slices, the rest is done by a thread."""
+
+    def evaluated() -> bpy.types.Depsgraph:
+        _go_to(scene, spec.start_frame)  # whatever the window has done between two slices
+        return bpy.context.evaluated_depsgraph_get()
+
+    steps = Snapshot.take(evaluated)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as stop:
+            around = Surroundings(scene, frame, spec.character, moving, stop.value)
+            break
+        yield Progress("Reading the scene", 0.0)
+    goals = [o for g in spec.goals for o in (g.object, g.to) if o is not None and o.name in scene.objects]
+    yield from _shown("Reading the scene", beside(around.reading(*goals)))
+    _go_to(scene, spec.start_frame)
+    return around
+
+
+def _go_to(scene: bpy.types.Scene, frame: int) -> None:
+    if scene.frame_current != frame or scene.frame_subframe:
+        scene.frame_set(frame)
 
 
 def resolve_goals(

@@ -10,6 +10,8 @@ import numpy as np
 from nsm_core.rotations import Array, rotate_planar
 from nsm_core.sensors.pieces import cut_triangles
 
+from .beside import freely
+
 CELL = 0.02  # metres
 _EVEN = 0.02  # how uneven a level may be, metres
 _SLOT = 2  # cells of gaps between boards that count as closed
@@ -49,6 +51,7 @@ class Level:
         return float(np.median(columns)) * CELL if len(columns) else 0.0
 
 
+@freely()
 def find_levels(vertices: Array, triangles: Array, near: Array) -> list[Level]:
     """Find the level tops of a mesh, the largest first; ``vertices`` (V, 3) metres with Z up, ``triangles`` (F, 3).
 
@@ -83,6 +86,7 @@ def find_levels(vertices: Array, triangles: Array, near: Array) -> list[Level]:
     return sorted(levels, key=lambda level: -level.area)
 
 
+@freely()
 def occupy(level: Level, meshes: Iterable[tuple[Array, Array]], height: float) -> None:
     """Take the cells away from ``free`` above which a mesh stands lower than ``height`` metres over the top; same frame as the level."""
     low = np.append(level.corner, level.height + 0.01)

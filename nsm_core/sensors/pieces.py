@@ -1,4 +1,4 @@
-"""Cutting triangles small, so that a grid can be filled from their corners."""
+"""What all measuring of meshes begins with: checking, joining corners in one place, thinning what is too fine, cutting what is large."""
 
 from __future__ import annotations
 
@@ -22,6 +22,34 @@ def check_mesh(vertices: Array, triangles: Array) -> tuple[Array, Array]:
     if not np.isfinite(vertices[triangles]).all():
         raise GeometryError("The mesh has coordinates that are not numbers; repair or delete these vertices.")
     return vertices, triangles.astype(np.int64)
+
+
+def numbered(rows: Array) -> tuple[Array, Array]:
+    """Number rows of integers (N, 3), equal ones alike: first row (K,) of each number, and numbers (N,).
+
+    By one key a row, many times faster than comparing rows; two different rows get one key once in 1e7 meshes of a million.
+    """
+    rows = np.asarray(rows).astype(np.int64).view(np.uint64)
+    key = np.zeros(len(rows), np.uint64)
+    for column in rows.T:
+        key = (key ^ column) * np.uint64(0x9E3779B97F4A7C15)
+        key ^= key >> np.uint64(29)
+    _, first, number = np.unique(key, return_index=True, return_inverse=True)
+    return first, number.reshape(-1)
+
+
+def thin_out(vertices: Array, triangles: Array, size: float, least: int = 60_000) -> tuple[Array, Array]:
+    """Join the corners of a dense mesh that share a cell of ``size`` metres; meshes of less than ``least`` triangles stay.
+
+    Vertices (V, 3), triangles (F, 3).  Each corner moves onto another one, at most by the diagonal of a cell; so flat faces
+    stay flat, closed parts stay closed, and no distance changes by more than that.
+    """
+    if len(triangles) < least:
+        return vertices, triangles
+    first, number = numbered(np.floor(vertices / size))
+    joined = number[triangles]
+    a, b, c = joined.T
+    return vertices[first], joined[(a != b) & (b != c) & (c != a)]
 
 
 def cut_triangles(corners: Array, longest: float) -> Array:

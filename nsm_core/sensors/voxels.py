@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
 
 from ..rotations import Array
-from .pieces import check_mesh, cut_triangles
+from .pieces import check_mesh
 
 RESOLUTION = 0.04
 # A grid never grows beyond this many cells; larger meshes get larger cells.
@@ -18,6 +19,7 @@ _THINNEST = 0.002
 # Closed-off space in which a box of this size fits, metres, is no solid: a person could stand there.
 _PERSON_ROOM = np.array((1.0, 1.0, 1.5))
 _PAIRS_AT_ONCE = 1 << 16
+_TINY = 1e-6  # of a cell: what is so near to it touches it
 
 
 @dataclass(frozen=True)
@@ -65,50 +67,87 @@ def voxelise(vertices: Array, triangles: Array, resolution: float = RESOLUTION) 
 
 def _touched(corners: Array, shape: tuple[int, int, int]) -> Array:
     """Mark the unit cells (X, Y, Z) that triangles (F, 3, 3) touch, faces of cells included."""
-    grid = np.zeros(shape, dtype=bool)
-    flat = grid.reshape(-1)
-    top = np.array(shape) - 1
-    # Pieces shorter than a cell reach over two cells an axis at most.
-    pieces = cut_triangles(corners, 0.99)
-    tiny = 1e-6
-    low = np.clip(np.floor(pieces.min(1) - tiny).astype(np.int64), 0, top)
-    high = np.clip(np.floor(pieces.max(1) + tiny).astype(np.int64), 0, top)
-    span = high - low
-    inside = (span == 0).all(1)
-    flat[np.ravel_multi_index(low[inside].T, shape)] = True
-    pieces, low, span = pieces[~inside], low[~inside], span[~inside]
-    # Two pieces in three straddle one border only: each neighbour holds a corner then, and needs no further test.
-    single = (span > 0).sum(1) == 1
-    for offset in np.ndindex(2, 2, 2):
-        reached = (span >= offset).all(1)
-        rows = np.flatnonzero(reached & single)
-        flat[np.ravel_multi_index((low[rows] + offset).T, shape)] = True
-        rows = np.flatnonzero(reached & ~single)
-        rows = rows[~flat[np.ravel_multi_index((low[rows] + offset).T, shape)]]
-        for start in range(0, len(rows), _PAIRS_AT_ONCE):
-            part = rows[start : start + _PAIRS_AT_ONCE]
-            cells = low[part] + offset
-            hit = _overlap(pieces[part] - (cells + 0.5)[:, None], 0.5 + tiny)
-            flat[np.ravel_multi_index(cells[hit].T, shape)] = True
-    return grid
+    flat = np.zeros(int(np.prod(shape)), dtype=bool)
+    for start in range(0, len(corners), _PAIRS_AT_ONCE):
+        part = corners[start : start + _PAIRS_AT_ONCE]
+        low = np.clip(np.floor(part.min(1) - _TINY).astype(np.int64), 0, np.array(shape) - 1)
+        high = np.clip(np.floor(part.max(1) + _TINY).astype(np.int64), 0, np.array(shape) - 1)
+        wide = (high > low).sum(1)
+        # In a single row of cells, or a single one, a triangle touches all of them from end to end.
+        rows = np.flatnonzero(wide < 2)
+        for at, step in _expanded((high[rows] - low[rows]).sum(1) + 1):
+            cells = low[rows[at]] + step[:, None] * (high[rows[at]] > low[rows[at]])
+            flat[np.ravel_multi_index(cells.T, shape)] = True
+        rows = np.flatnonzero(wide >= 2)
+        normal = np.cross(part[rows, 1] - part[rows, 0], part[rows, 2] - part[rows, 0])
+        main = np.abs(normal).argmax(1)
+        for axis in range(3):
+            its = rows[main == axis]
+            if len(its):
+                _mark(part[its], normal[main == axis], low[its], high[its], axis, flat, shape)
+    return flat.reshape(shape)
 
 
-def _overlap(corners: Array, half: float) -> Array:
-    """Whether triangles (K, 3, 3) meet a cube of ``half`` its width at the origin; their bounding boxes are known to.
+def _mark(corners: Array, normal: Array, low: Array, high: Array, axis: int, flat: Array, shape: tuple[int, int, int]) -> None:
+    """Mark in ``flat`` the cells of triangles whose normals lie mainly along one axis, by separating axes.
 
-    Separating axes: the normal, and each edge crossed with each axis of the cube.
+    Seen along that axis, columns of cells beside the triangle fall away first; of the others the few cells remain that its
+    plane passes, and these are looked at along the other two axes.
     """
+    u, v, w = (axis + 1) % 3, (axis + 2) % 3, axis
+    half = 0.5 + _TINY
+    shadows = [_shadows(corners, j, k, half) for j, k in ((u, v), (v, w), (w, u))]
+    steepness = np.abs(normal[:, w])
+    plain = steepness > 0  # without an area there is no plane
+    slope = -normal[:, (u, v)] / np.where(plain, steepness * np.sign(normal[:, w]), 1)[:, None]
+    reach = np.where(plain, half * (1 + np.abs(slope).sum(1)) + 1e-9, np.inf)
+    level = plain & (np.abs(normal[:, (u, v)]).max(1) <= 1e-12 * steepness)  # along the grid: no more to be looked at
+    size = high - low + 1
+    for face, step in _expanded(size[:, u] * size[:, v]):
+        a, b = low[face, u] + step // size[face, v] + 0.5, low[face, v] + step % size[face, v] + 0.5
+        met = _meets(shadows[0], face, a, b)
+        face, a, b = face[met], a[met], b[met]
+        middle = corners[face, 0, w] + slope[face, 0] * (a - corners[face, 0, u]) + slope[face, 1] * (b - corners[face, 0, v])
+        first = np.maximum(np.ceil(np.maximum(middle - reach[face], -1) - 0.5).astype(np.int64), low[face, w])
+        last = np.minimum(np.floor(np.minimum(middle + reach[face], shape[w]) - 0.5).astype(np.int64), high[face, w])
+        for at, rise in _expanded(np.maximum(last - first + 1, 0)):
+            cells = np.empty((len(at), 3), np.int64)
+            cells[:, u], cells[:, v], cells[:, w] = a[at], b[at], first[at] + rise
+            c, its = cells[:, w] + 0.5, face[at]
+            open_ = np.flatnonzero(~level[its])
+            hit = np.ones(len(at), bool)
+            if len(open_):
+                i = its[open_]
+                hit[open_] = _meets(shadows[1], i, b[at[open_]], c[open_]) & _meets(shadows[2], i, c[open_], a[at[open_]])
+            flat[np.ravel_multi_index(cells[hit].T, shape)] = True
+
+
+def _shadows(corners: Array, j: int, k: int, half: float) -> tuple[Array, Array, Array, Array]:
+    """For each edge (3, F) of triangles seen in the plane of axes ``j``, ``k``: its normal, and between which values along it the
+    middles lie of the cells that the triangle's shadow can meet."""
     edges = np.roll(corners, -1, axis=1) - corners
-    normal = np.cross(edges[:, 0], edges[:, 1])
-    meets = np.abs((normal * corners[:, 0]).sum(1)) <= half * np.abs(normal).sum(1) + 1e-12
-    for axis in range(3):
-        j, k = (axis + 1) % 3, (axis + 2) % 3
-        for e in range(3):
-            a, b = -edges[:, e, k, None], edges[:, e, j, None]
-            shadow = a * corners[:, :, j] + b * corners[:, :, k]
-            reach = half * (np.abs(a) + np.abs(b))[:, 0] + 1e-12
-            meets &= (shadow.min(1) <= reach) & (shadow.max(1) >= -reach)
-    return meets
+    a, b = -edges[:, :, k].T, edges[:, :, j].T
+    along = a[:, :, None] * corners[None, :, :, j] + b[:, :, None] * corners[None, :, :, k]
+    reach = half * (np.abs(a) + np.abs(b)) + 1e-12
+    return a, b, along.min(2) - reach, along.max(2) + reach
+
+
+def _meets(shadow: tuple[Array, Array, Array, Array], face: Array, x: Array, y: Array) -> Array:
+    """Whether cells with middles ``x``, ``y`` (N,) meet the shadows of triangles ``face`` (N,)."""
+    met = np.ones(len(face), bool)
+    for a, b, low, high in zip(*shadow, strict=True):
+        along = a[face] * x + b[face] * y
+        met &= (along >= low[face]) & (along <= high[face])
+    return met
+
+
+def _expanded(count: Array) -> Iterator[tuple[Array, Array]]:
+    """Go through rows ``count`` (N,) times each, so many at once as the caches hold: rows (M,) and times (M,)."""
+    ends = np.cumsum(count)
+    for start in range(0, int(ends[-1]) if len(ends) else 0, _PAIRS_AT_ONCE):
+        flat = np.arange(start, min(start + _PAIRS_AT_ONCE, int(ends[-1])))
+        row = np.searchsorted(ends, flat, side="right")
+        yield row, flat - (ends[row] - count[row])
 
 
 def _border(shape: tuple[int, ...]) -> Array:
