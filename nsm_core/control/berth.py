@@ -10,12 +10,12 @@ from .foot_lock import smooth_step
 from .props import Box
 
 LIFT = 0.06  # metres by which a box passes over what it is set on
-GAP, SLOPE, SIGHT = 0.04, 1.0, 0.7  # from things at which it has the height to pass; metres of height per metre further off; seen from
+GAP, SLOPE, SIGHT = 0.08, 0.8, 0.7  # from things at which it has the height to pass; metres of height per metre further off; seen from
 SINK = 0.12  # metres from over its place within which it comes down
 NEAR = 1.3  # metres from its place from which on it takes the height
 ROOFED = 0.45  # metres over a box below which it is moved in from the front
 OUT, AWAY = 0.04, 0.9  # metres over its place, or beside it at most, from which on it has left it
-LAG = 0.2  # metres that a box stays behind the hands at most rather than go into something
+LAG, CATCH_UP = 0.2, 0.015  # metres that a box stays behind the hands at most rather than go into something; that it catches up in a frame
 INSIDE = 0.003  # metres that count as inside
 _GRID = 0.06  # metres between places on the sides of a box
 
@@ -74,15 +74,21 @@ def surface(box: Box, pose: Array) -> Array:
     return rotate_planar(points, np.float64(pose[3])) + pose[:3]
 
 
-def keep_out(box: Box, before: Array, pose: Array, solids: DistanceQuery) -> Array:
-    """Pose (4,) of a box on its way from ``before`` to ``pose``, (4,): it stops before what it would go into, and goes past it."""
-    deep = depth(box, pose, solids)
-    if deep <= INSIDE or float(np.hypot(*(pose[:2] - before[:2]))) > LAG:
-        return pose
-    candidates = [pose, np.array((*before[:2], pose[2], before[3])), np.array((*pose[:2], before[2], pose[3])), before.copy()]
-    depths = [deep, *(depth(box, other, solids) for other in candidates[1:])]
-    good = [k for k, d in enumerate(depths) if d <= min(depths) + INSIDE]
-    return candidates[good[0]]
+def kept_out(box: Box, before: Array, pose: Array, late: Array, solids: DistanceQuery) -> Array:
+    """Pose (4,) of a box that the hands would move from ``before`` to ``pose``, (4,), and that is ``late`` (4,) behind them by now.
+
+    It stops before what it would go into, for as long as it does not stay behind too far, and then catches up, no faster than a
+    hand would.
+    """
+    far = float(np.hypot(late[0], late[1]))
+    now = pose + late * (1, 1, 0, 1) * max(0.0, 1 - CATCH_UP / max(far, 2 * abs(float(late[3])) * LAG, 1e-9))
+    deep = depth(box, now, solids)
+    if deep <= INSIDE:
+        return now
+    stays = np.array((*before[:2], pose[2], before[3]))
+    if float(np.hypot(*(stays - pose)[:2])) > LAG or depth(box, stays, solids) >= deep:
+        return now
+    return stays
 
 
 def depth(box: Box, pose: Array, solids: DistanceQuery) -> float:
@@ -107,4 +113,4 @@ def room_over(box: Box, pose: Array, solids: DistanceQuery) -> float:
     return float(min(z.min(), ROOFED))
 
 
-__all__ = ["LIFT", "Berth", "depth", "keep_out", "room_over", "surface"]
+__all__ = ["LIFT", "Berth", "depth", "kept_out", "room_over", "surface"]

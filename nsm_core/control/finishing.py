@@ -10,6 +10,7 @@ from ..conventions import CLIMB, SIT
 from ..rotations import Array
 from .contact_ik import ContactIK
 from .goals import Moment, Seat
+from .grasp import Carrying
 from .hands import HandClearance
 from .heels import Heels
 from .leg_clearance import LegClearance
@@ -17,6 +18,7 @@ from .reaching import Pose
 from .scene import Scene
 from .stages import Grasp
 from .terrain import Terrain
+from .toes import ToeClearance
 from .trunk import TrunkClearance
 
 
@@ -28,6 +30,7 @@ class Finishing:
         self.scene, self.ik = scene, ik
         self._contact = ContactIK(terrain=terrain, low=low)
         self._heels, self._legs = Heels(), LegClearance(scene.environment)
+        self._toes = ToeClearance()
         self._trunk, self._hands = TrunkClearance(scene.environment), HandClearance(scene.environment)
 
     def apply(
@@ -42,6 +45,8 @@ class Finishing:
         if self.ik:
             kept_hips, kept = self._contact.apply(hips, rotations, moment.contacts, seat, moment.heading, level)
             kept_hips, kept = self._legs.apply(kept_hips, kept, float(moment.style[CLIMB]), self._contact.locked)
+            carries = self._toes.back.any() or any(isinstance(g, Carrying) for g in grasps)
+            kept = self._toes.apply(kept_hips, kept, self.scene.but() if carries else None)
             kept = self._heels.apply(kept_hips, kept, float(moment.style[SIT]), seat[0] if seat else None)
             self._trunk.query = self.scene.but(*(g.prop for g in grasps))
             kept = self._trunk.apply(kept_hips, kept, float(moment.style[SIT]))

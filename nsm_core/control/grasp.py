@@ -7,7 +7,8 @@ import numpy as np
 from ..conventions import DT, HAND_CONTACTS
 from ..rotations import Array, heading_to_direction, rotate_planar, wrap_angle
 from ..sensors.query import DistanceQuery
-from .berth import Berth, keep_out
+from .berth import Berth, kept_out
+from .elbows import Elbows
 from .foot_lock import smooth_step
 from .props import WRIST_BEHIND, WRIST_BELOW, Box
 from .reaching import Hold, Pose
@@ -24,8 +25,9 @@ BENDS, BENT, DRAW_FURTHER, LEAST_HELD = 0.15, 0.2, 0.4, 0.8
 # box is wide by so much: for more than so many frames.
 LOOSE, LOOSE_FROM, APART, LOOSE_FRAMES = 0.3, 0.5, 0.5, 6
 _AVERAGED = 3  # frames over which the box's place in the hands is smoothed
-_RISE, _SINK = 1.5, 0.8  # m/s by which a box gives way to what is under it
+_RISE, _SINK = 1.5, 1.0  # m/s by which a box gives way to what is under it
 _GRAVITY = 9.81
+_LEAST_STEP = 0.01  # metres that a probe goes down at least: nothing is thinner
 _UNDER = np.array([(x, y) for x in (-0.45, 0, 0.45) for y in (-0.45, 0, 0.45)])  # shares of the box's size that are held up
 
 
@@ -48,7 +50,7 @@ class Carrying:
         """
         self.prop, self.facing, self.goal, self.solids, self.ik = box, float(facing), np.array(goal, dtype=np.float64), solids, ik
         self.state = "reach"
-        self.hold = Hold([0, 1], further)
+        self.hold, self._elbows = Hold([0, 1], further), Elbows()
         self.errors: dict[str, float] = {}  # of the hands and of the place, in the names of GoalResult
         self._recent: list[Array] = []
         self._offset, self._since = np.zeros(4), 0
@@ -62,13 +64,15 @@ class Carrying:
         self._to = np.zeros(2)
         self._taken, self._put = Berth(box, box.pose, solids), Berth(box, self.goal, solids)
         self._leaving, self._settling = True, SETTLING
+        self._late = np.zeros(4)  # how far the box stays behind the hands, lest it goes into something
         self._seen = box.pose.copy()  # the box as the network has it in its hands
         box.shown = -self._from
 
     @property
     def active(self) -> bool:
         """Whether it still has to be called."""
-        return self.state in ("reach", "held", "falling") or (self.state == "placed" and self.hold.busy)
+        returning = self.hold.busy or bool(self._elbows.swivel.any())
+        return self.state in ("reach", "held", "falling") or (self.state == "placed" and returning)
 
     def holds(self, hand: int) -> float:
         """How far a hand is led by it, 0..1."""
@@ -121,7 +125,9 @@ class Carrying:
             self._follow(pose.wrists, root, contacts[HAND_CONTACTS])
         elif self.state == "falling":
             self._drop()
-        self.hold.apply(pose if self.ik else Pose(pose.hips, pose.local, pose.wrists), self.grasps())
+        moved = pose if self.ik else Pose(pose.hips, pose.local, pose.wrists)
+        self.hold.apply(moved, self.grasps())
+        self._elbows.apply(moved, self.prop, self.hold.busy)
         if grasping:
             self._measure_grasp(pose)
 
@@ -172,7 +178,8 @@ class Carrying:
         lean = rest * self._from + drawn * self._to
         carried = carried + drawn * gap + (*lean, 0.0, 0.0)
         self._stay_above(carried)
-        self.prop.pose[:] = keep_out(self.prop, before, carried, self.solids)
+        self.prop.pose[:] = kept_out(self.prop, before, carried, self._late, self.solids)
+        self._late = self.prop.pose - carried
         self.prop.shown = -lean
         width = self.prop.across(self.facing)[0]
         self._apart = self._apart + 1 if float(np.linalg.norm(wrists[1] - wrists[0])) > width + APART else 0
@@ -189,31 +196,29 @@ class Carrying:
     def _stay_above(self, pose: Array) -> None:
         """Raise (or lower) the box ``pose`` (4,) in place, not faster than a hand would, to where its way is free."""
         half = float(self.prop.size[2]) / 2
-        ground = self._support(pose, max(pose[2], float(self.prop.pose[2])) - half)
         berth = self._taken if self._leaving else self._put
         low, high = berth.bounds(pose, berth.free(self.prop, pose, self.solids))
+        lowest = min(float(pose[2]), high) - half - 0.01
+        ground = self._support(pose, max(pose[2], float(self.prop.pose[2])) - half, max(0.0, lowest))
         need = max(ground + half, low, min(float(pose[2]), high)) - float(pose[2])
-        self._lifted += float(np.clip(need - self._lifted, -_SINK * DT, _RISE * DT))
+        self._lifted += float(np.clip(need - self._lifted, -(_SINK if need >= 0 else _RISE) * DT, _RISE * DT))
         pose[2] += max(self._lifted, min(need, 0.02))
         if self._leaving:
             self._leaving = not berth.left(self.prop, pose, self.solids)
 
-    def _support(self, pose: Array, bottom: float, deepest: float | None = None) -> float:
-        """Height of what is under the box at ``pose`` (4,) whose underside is at ``bottom``; looks no further than needed."""
+    def _support(self, pose: Array, bottom: float, deepest: float) -> float:
+        """Height of what is under the box at ``pose`` (4,) whose underside is at ``bottom``; 0 where that is lower than ``deepest``."""
         under = rotate_planar(_UNDER * self.prop.size[:2], np.float64(pose[3])) + pose[:2]
-        stop = max(0.0, float(pose[2] - self.prop.size[2] / 2) - 0.01) if deepest is None else deepest
         z = np.full(len(under), bottom + 0.12)
         falling = np.arange(len(under))
-        for _ in range(24):
+        while len(falling):
             distance = self.solids.signed_distance(np.column_stack((under[falling], z[falling])).astype(np.float32), 1.0)
             step = distance.astype(np.float64)
             moving = step > 0.002
-            z[falling[moving]] -= step[moving]
-            falling = falling[moving & (z[falling] > stop)]
-            if not len(falling):
-                break
+            z[falling[moving]] -= np.maximum(step[moving], _LEAST_STEP)  # beside a wall the nearest thing is always near
+            falling = falling[moving & (z[falling] > deepest)]
         # A place whose probe began inside a solid has nothing to say: that is a wall beside the box.
-        z[z >= bottom + 0.12 - 1e-9] = 0
+        z[(z >= bottom + 0.12 - 1e-9) | (z <= deepest)] = 0
         return max(0.0, float(z.max()))
 
     def _put_down(self, wrists: Array) -> None:
@@ -242,7 +247,7 @@ class Carrying:
 
     def _measure_grasp(self, pose: Pose) -> None:
         places = self.grasps()
-        for name, wrists in (("hand", pose.arms()[1]), ("network_hand", pose.wrists)):
+        for name, wrists in (("hand", pose.arms()[1]), ("network_hand", pose.wrists + np.append(self._from, 0.0))):
             axes = [np.arctan2(*(p[1] - p[0])[[1, 0]]) for p in (places, wrists)]
             self.errors[f"{name}_error_cm"] = 100 * float(np.linalg.norm(wrists - places, axis=1).mean())
             self.errors[f"{name}_rotation_deg"] = float(np.degrees(abs(wrap_angle(axes[1] - axes[0]))))

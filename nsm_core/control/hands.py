@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..limbs import chain_frames, mul, place_limbs, rotate
-from ..rotations import Array
+from ..rotations import Array, quat_conjugate, quat_from_axis_angle
 from ..sensors.query import DistanceQuery
 from ..skeleton import ARMS, END_SITES, JOINTS, OFFSETS
 
@@ -15,6 +15,10 @@ _PROBES = ((0.5, 0.035), (0.8, 0.032), (1.0, 0.03), (1.25, 0.026), (1.5, 0.022),
 _SHARES = np.array([p[0] for p in _PROBES])
 _RADII = np.array([p[1] for p in _PROBES])
 FURTHEST, EASE, SPEED = 0.12, 0.3, 0.02  # metres a wrist is moved at most; share and metres per frame by which that changes
+# Hands that hold: turned up at most, share and radians a frame by which that changes; places along the hand, and how thick it is.
+# Those still on their way look ahead by so many metres.
+MOST_TURN, TURN_EASE, TURN_SPEED, LOOK = np.radians(80), 0.5, np.radians(9), 0.04
+_ALONG, _FINGERS = np.array((0.4, 0.6, 0.8, 1.0)), np.array((0.026, 0.023, 0.02, 0.017))
 _STEP = 0.01  # metres between the samples of the distance's slope
 _TIPS = np.array([END_SITES[JOINTS[arm[2]]] for arm in ARMS], dtype=np.float64)
 
@@ -25,6 +29,7 @@ class HandClearance:
     def __init__(self, query: DistanceQuery) -> None:
         self.query = query
         self._push = np.zeros((2, 3))
+        self._raised = np.zeros(2)  # radians by which hands that hold are turned up at the wrist
 
     def apply(
         self,
@@ -39,6 +44,9 @@ class HandClearance:
         what each is kept out of, where that differs from the query given at first.
         """
         hips, local = hips_position.astype(np.float64), local_rotations.astype(np.float64)
+        if max(held) > 0 or self._raised.any():
+            local = self._turn_up(hips, local, held, queries or (self.query, self.query))
+            local_rotations = local.astype(local_rotations.dtype)
         wrists, probes = self._probe(hips, local)
         wanted = np.zeros((2, 3))
         reach = float(_RADII.max()) + 0.01
@@ -71,6 +79,34 @@ class HandClearance:
             return local_rotations.copy()
         push = self._push * (1 - np.array(held))[:, None]
         return place_limbs(hips, local, ARMS, wrists + push).astype(local_rotations.dtype)
+
+    def _turn_up(self, hips: Array, local: Array, held: tuple[float, float], queries: tuple[DistanceQuery, DistanceQuery]) -> Array:
+        """New local rotations (23, 4): hands that hold, and so stay where they are, lift their fingers off what lies under them."""
+        starts, rotation = chain_frames(hips, local, tuple(arm[0] for arm in ARMS))
+        position = starts
+        for k in (0, 1):
+            rotation = mul(rotation, local[[arm[k] for arm in ARMS]])
+            position = position + rotate(rotation, OFFSETS[[arm[k + 1] for arm in ARMS]].astype(np.float64))
+        hand = mul(rotation, local[[arm[2] for arm in ARMS]])
+        fingers, ahead = rotate(hand, _TIPS), (position - starts) * (1, 1, 0)
+        # A hand that hangs straight down is turned up forward.
+        axis = np.cross(fingers, ahead * 0.3 + (0, 0, 1))
+        axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-9)
+        for side in (0, 1):
+            wanted = -self._raised[side]
+            if held[side] > 0:
+                turned = rotate(quat_from_axis_angle(axis[side], np.asarray(self._raised[side]))[None], fingers[side][None])[0]
+                points = position[side] + _ALONG[:, None] * turned
+                distance = queries[side].signed_distance(points.astype(np.float32), 0.1).astype(np.float64)
+                depth = _FINGERS + LOOK * (held[side] < 1) - distance
+                deepest = int(depth.argmax())
+                wanted = float(depth[deepest]) / (_ALONG[deepest] * float(np.linalg.norm(fingers[side])))
+            self._raised[side] = np.clip(self._raised[side] + np.clip(TURN_EASE * wanted, -TURN_SPEED, TURN_SPEED), 0, MOST_TURN)
+        self._raised[self._raised < 1e-3] = 0
+        turn = quat_from_axis_angle(axis, self._raised)
+        local = local.copy()
+        local[[arm[2] for arm in ARMS]] = mul(quat_conjugate(rotation), mul(turn, hand))
+        return local
 
     def _probe(self, hips: Array, local: Array) -> tuple[Array, Array]:
         """Wrists (2, 3) and probe points (2, P, 3), world, of the pose moved by the present push."""

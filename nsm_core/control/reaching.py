@@ -21,6 +21,8 @@ TOUCH, WAIT = 0.005, 15  # metres that an arm may lack to hold; frames after whi
 GONE = 0.5  # metres from which on a hand that was being drawn is given up
 MOST_LEAN, LEAN_SPEED = np.radians(25), np.radians(75)  # of the trunk; radians a second
 LED_SPEED, LEAN_FURTHER = 0.6, np.radians(100)  # m/s at which hands are led further than the network has them; lean for that, a metre
+ARC, ARC_SHARE = 0.08, 0.5  # metres at most, and a metre that they are led further, by which hands go over an edge
+LEANT_REACH = 0.96  # of its length to which an arm is stretched by who leans: a straight one snaps as it bends
 MOST_SHIFT, SHIFT_SPEED = 0.08, 0.3  # of the hips, metres; m/s
 _CHEST = INDEX["Chest"]
 _LEGS = tuple(leg[:3] for leg in FEET)
@@ -51,6 +53,8 @@ class Hold:
         """``further`` metres that hands are led on from where the network has them: that takes longer, and a body leans more for it."""
         self.hands = hands
         self._slower = 1 + further / LED_SPEED / TAKE_TIME
+        self._stretched = LEANT_REACH if further else SOFT_REACH
+        self._arc = min(ARC, ARC_SHARE * further)
         self._most_lean = MOST_LEAN + LEAN_FURTHER * further
         self.weight = 0.0
         self.near = 0  # frames that the hands have been near their places
@@ -79,7 +83,7 @@ class Hold:
         touching = bool((labels > 0.5).all())
         drawn = self.near > DWELL or far < THERE or touching and far < NEAR_IN_CONTACT
         if drawn or (self.weight > 0 and far < GONE):
-            self.weight = min(1.0, self.weight + (SWIFT if touching else 1.0) * DT / (TAKE_TIME * self._slower))
+            self.weight = min(1.0, self.weight + (1 + touching * (SWIFT - 1) / self._slower**2) * DT / (TAKE_TIME * self._slower))
         else:
             self.weight = max(0.0, self.weight - DT / LET_GO_TIME)
 
@@ -107,7 +111,8 @@ class Hold:
         left = float(smooth_step(self._fade)) * self._left
         # Hands that take hold anew while the last hold still fades go from where they are.
         self._added = held * (places - now) + (1 - held) * left
-        targets = now + self._added
+        # Hands that are led over an edge go over it in an arc.
+        targets = now + self._added + (0.0, 0.0, self._arc * 4 * held * (1 - held))
         shoulders = self._reach_out(pose, shoulders, targets)
         pose.local = place_limbs(pose.hips, pose.local, tuple(ARMS[h] for h in self.hands), targets)
         self._missing = float(np.linalg.norm(targets - shoulders, axis=1).max()) - ARM if self.weight >= 1 else np.inf
@@ -118,7 +123,7 @@ class Hold:
         ``shoulders`` (n, 3) are those of the hands; returns where they are then.
         """
         active = self.weight > 0 or self._fade > 0
-        lack = _lack(targets - shoulders) if active else np.zeros(3)
+        lack = _lack(targets - shoulders, self._stretched) if active else np.zeros(3)
         if lack.any() or self._lean.any():
             pivot, parent = (a[0] for a in chain_frames(pose.hips, pose.local, (_CHEST,)))
             lever = shoulders.mean(0) - pivot
@@ -129,7 +134,7 @@ class Hold:
             pose.local = pose.local.copy()
             pose.local[_CHEST] = mul(mul(mul(quat_conjugate(parent), turn), parent), pose.local[_CHEST])
             shoulders = pivot + rotate(turn[None], shoulders - pivot)
-            lack = _lack(targets - shoulders) if active else lack
+            lack = _lack(targets - shoulders, self._stretched) if active else lack
         if lack.any() or self._shift.any():
             lack = lack * min(1.0, MOST_SHIFT / max(float(np.linalg.norm(lack)), 1e-9))
             lack[2] = min(lack[2], 0.0)  # legs can bend, not grow
@@ -141,11 +146,11 @@ class Hold:
         return shoulders
 
 
-def _lack(ways: Array) -> Array:
-    """What the longest of the ways (n, 3) from shoulder to target goes beyond the arm, (3,)."""
+def _lack(ways: Array, stretched: float) -> Array:
+    """What the longest of the ways (n, 3) from shoulder to target goes beyond an arm stretched to a share of its length, (3,)."""
     length = np.linalg.norm(ways, axis=1)
     worst = int(length.argmax())
-    return ways[worst] * (max(0.0, length[worst] - SOFT_REACH * ARM) / max(length[worst], 1e-9))
+    return ways[worst] * (max(0.0, length[worst] - stretched * ARM) / max(length[worst], 1e-9))
 
 
 def _follow(now: Array, wanted: Array, step: float) -> Array:
