@@ -9,13 +9,14 @@ import bpy
 
 def register() -> None:
     """Add operators, panel and scene settings to Blender; a second call changes nothing."""
-    from . import operators, panels, properties
+    from . import operators, panels, properties, watch
 
     for cls in (*properties.CLASSES, *operators.CLASSES, *panels.CLASSES):
         if not cls.is_registered:
             bpy.utils.register_class(cls)
     if not hasattr(bpy.types.Scene, "nsm"):
         bpy.types.Scene.nsm = bpy.props.PointerProperty(type=properties.NsmSettings)
+    watch.install()
     if bpy.app.module:  # the wheel complains of leaks, and can hang, when a program ends with classes registered
         atexit.unregister(unregister)
         atexit.register(unregister)
@@ -23,8 +24,10 @@ def register() -> None:
 
 def unregister() -> None:
     """Take them away again; what a file holds stays in it.  A second call changes nothing."""
-    from . import operators, panels, properties
+    from . import operators, panels, properties, running, watch
 
+    running.interrupt("The add-on was switched off meanwhile, so Generate stopped and nothing was keyed.")
+    watch.uninstall()
     if hasattr(bpy.types.Scene, "nsm"):
         del bpy.types.Scene.nsm
     for cls in reversed((*properties.CLASSES, *operators.CLASSES, *panels.CLASSES)):

@@ -66,7 +66,7 @@ def strip_curves(target: bpy.types.Object, own_action: bool = False) -> Iterator
     if data is None:
         return
     if own_action and data.action is not None:
-        yield from _curves(data.action, getattr(data, "action_slot", None))
+        yield from curves_in(data.action, getattr(data, "action_slot", None))
     if data.use_nla:
         for track in data.nla_tracks:
             if not track.mute:
@@ -78,11 +78,12 @@ def _of_strips(strips: Iterable[bpy.types.NlaStrip]) -> Iterator[bpy.types.FCurv
         if strip.mute:
             continue
         if strip.action is not None:
-            yield from _curves(strip.action, getattr(strip, "action_slot", None))
+            yield from curves_in(strip.action, getattr(strip, "action_slot", None))
         yield from _of_strips(strip.strips)  # of a meta strip
 
 
-def _curves(action: bpy.types.Action, slot: Any | None) -> Iterator[bpy.types.FCurve]:
+def curves_in(action: bpy.types.Action, slot: Any | None) -> Iterator[bpy.types.FCurve]:
+    """F-curves that an action holds for a slot."""
     if not hasattr(action, "slots"):
         yield from action.fcurves
         return

@@ -12,6 +12,10 @@ import bpy
 from .channels import assign, transform_of
 
 
+# What Python sees where Blender's data was deleted, undone, exchanged or linked meanwhile.
+LOST = (ReferenceError, AttributeError, KeyError, TypeError, ValueError, RuntimeError)
+
+
 class SceneState:
     """What a take may disturb before its keys are made: the current frame, the character's pose and the places of ``moved`` objects."""
 
@@ -19,20 +23,30 @@ class SceneState:
         self.scene, self.armature = scene, armature
         self.places = [(moving, transform_of(moving)) for moving in moved]
         self.frame = (scene.frame_current, scene.frame_subframe)
-        self.pose = {bone.name: transform_of(bone) for bone in armature.pose.bones} if armature is not None else {}
+        self.pose = [(bone.name, transform_of(bone)) for bone in armature.pose.bones] if armature is not None else []
 
     def restore(self) -> None:
-        """Put frame, pose and places back exactly; what no longer exists is passed over."""
-        with suppress(ReferenceError):
+        """Put frame, pose and places back exactly; what no longer exists, or can no longer be written, is passed over."""
+        with suppress(*LOST):
             if (self.scene.frame_current, self.scene.frame_subframe) != self.frame:
                 self.scene.frame_set(self.frame[0], subframe=self.frame[1])
-        with suppress(ReferenceError):
-            for bone in self.armature.pose.bones if self.armature is not None else ():
-                _set(bone, self.pose.get(bone.name, {}))
+        with suppress(*LOST):
+            for bone, transform in self._bones():
+                _set(bone, transform)
         for moving, place in self.places:
-            with suppress(ReferenceError):
-                _set(moving, place)
-        bpy.context.view_layer.update()
+            _set(moving, place)
+        with suppress(*LOST):
+            bpy.context.view_layer.update()
+
+    def _bones(self) -> list[tuple[bpy.types.PoseBone, dict[str, Any]]]:
+        """The bones that still exist, each with its channels; one that was renamed is known by its place among them."""
+        bones = list(self.armature.pose.bones) if self.armature is not None else []
+        kept, now = dict(self.pose), {bone.name for bone in bones}
+        found = [(bone, kept[bone.name]) for bone in bones if bone.name in kept]
+        if len(bones) == len(self.pose):
+            pairs = zip(bones, self.pose, strict=True)
+            found += [(bone, transform) for bone, (name, transform) in pairs if bone.name not in kept and name not in now]
+        return found
 
 
 @dataclass
@@ -105,11 +119,13 @@ def restored_on_failure(kept: Kept) -> Iterator[Kept]:
 
 
 def _set(moving: bpy.types.Object | bpy.types.PoseBone, transform: dict[str, Any]) -> None:
-    for channel, value in transform.items():
-        setattr(moving, channel, value)
+    """Set the channels of an object or bone; one that is gone or linked is passed over."""
+    with suppress(*LOST):
+        for channel, value in transform.items():
+            setattr(moving, channel, value)
 
 
 def _try(step: Callable[[], Any]) -> None:
     """Do one step of putting things back; what is gone by now must not keep the others from it."""
-    with suppress(ReferenceError, RuntimeError):
+    with suppress(*LOST):
         step()

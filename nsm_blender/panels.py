@@ -9,9 +9,8 @@ from typing import Any
 import bpy
 
 from . import running
-from .actions import BY_KEY
-from .operators import review
-from .properties import settings_of
+from .properties import action_of, settings_of
+from .reviews import pending
 
 _PIXELS_A_LETTER = 6.5  # at a resolution scale of 1, a little more than the average letter takes
 _AROUND_TEXT = 72  # pixels of the region that icon, margins and tabs take
@@ -28,15 +27,20 @@ class NSM_UL_goals(bpy.types.UIList):
         row.prop(item, "enabled", text="")
         body = row.row(align=True)
         body.active = item.enabled
+        action = action_of(item)
+        if action is None:
+            body.label(text=item.object.name if item.object else "Place", icon="ERROR")
+            body.prop(item, "action", text="Choose")
+            return
         if item.action == "idle":
             body.label(text="Here", icon="PIVOT_CURSOR")
         elif item.object is not None:
             body.label(text=item.object.name, icon="OBJECT_DATA")
-        elif BY_KEY[item.action].needs_object:
+        elif action.needs_object:
             body.label(text="No object", icon="ERROR")
         else:
             body.label(text="Place", icon="PIVOT_CURSOR")
-        if BY_KEY[item.action].needs_destination:
+        if action.needs_destination:
             to = item.destination
             body.label(text=f"to {to.name}" if to else "No destination", icon="NONE" if to else "ERROR")
         body.prop(item, "action", text="", emboss=False)
@@ -81,19 +85,7 @@ class NSM_PT_take(_Sidebar, bpy.types.Panel):
         side.operator("nsm.goal_move", text="", icon="TRIA_UP").direction = "UP"
         side.operator("nsm.goal_move", text="", icon="TRIA_DOWN").direction = "DOWN"
         if 0 <= settings.active_goal < len(settings.goals):
-            goal = settings.goals[settings.active_goal]
-            column = layout.column(align=True)
-            column.use_property_split, column.use_property_decorate = True, False
-            column.prop(goal, "action")
-            if goal.action != "idle":
-                column.prop(goal, "object")
-            if BY_KEY[goal.action].needs_destination:
-                column.prop(goal, "destination")
-            if goal.object is None and not BY_KEY[goal.action].needs_object and goal.action != "idle":
-                column.prop(goal, "location")
-            if goal.action == "open" and goal.object is not None:
-                column.operator("nsm.door_swing", icon="ARROW_LEFTRIGHT")
-            column.prop(goal, "hold")
+            _draw_goal(layout, settings.goals[settings.active_goal])
         layout.operator("nsm.goal_points", icon="EMPTY_ARROWS")
 
     def _draw_generate(self, context: bpy.types.Context, layout: Any) -> None:
@@ -114,10 +106,30 @@ class NSM_PT_take(_Sidebar, bpy.types.Panel):
             box = layout.box()
             for line in settings.results:
                 _sentence(context, box, line.text, "CHECKMARK" if line.good else "ERROR")
-        if review.pending(context.scene) is not None:
+        if pending(context.scene) is not None:
             row = layout.row(align=True)
             row.operator("nsm.take_accept", icon="CHECKMARK")
             row.operator("nsm.take_reject", icon="X")
+
+
+def _draw_goal(layout: Any, goal: Any) -> None:
+    """The settings of one goal."""
+    column = layout.column(align=True)
+    column.use_property_split, column.use_property_decorate = True, False
+    column.prop(goal, "action")
+    action = action_of(goal)
+    if action is None:
+        column.label(text="Unknown action", icon="ERROR")
+        return
+    if goal.action != "idle":
+        column.prop(goal, "object")
+    if action.needs_destination:
+        column.prop(goal, "destination")
+    if goal.object is None and not action.needs_object and goal.action != "idle":
+        column.prop(goal, "location")
+    if goal.action == "open" and goal.object is not None:
+        column.operator("nsm.door_swing", icon="ARROW_LEFTRIGHT")
+    column.prop(goal, "hold")
 
 
 def _sentence(context: bpy.types.Context, layout: Any, text: str, icon: str) -> None:

@@ -14,8 +14,11 @@ from bpy.props import (
     StringProperty,
 )
 
-from .actions import ACTIONS, BY_KEY
+from nsm_core.errors import GoalError
+
+from .actions import ACTIONS, BY_KEY, Action
 from .goals import GoalSpec
+from .running import unknown_action
 
 # What can evaluate to a mesh, and empties: markers, collection instances and parents of parts.
 GOAL_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "EMPTY"}
@@ -64,6 +67,29 @@ class NsmResult(bpy.types.PropertyGroup):
     good: BoolProperty(default=True)
 
 
+class NsmKeyed(bpy.types.PropertyGroup):
+    """An action that a take made for one object, and what the object had before."""
+
+    object: PointerProperty(type=bpy.types.Object)
+    action: PointerProperty(type=bpy.types.Action)
+    slot: IntProperty()
+    previous_action: PointerProperty(type=bpy.types.Action)
+    previous_slot: IntProperty()
+    previous_fake_user: BoolProperty()
+    previous_values: StringProperty(description="Pose or transform before the take, JSON")
+
+
+class NsmTake(bpy.types.PropertyGroup):
+    """A take that is neither accepted nor rejected yet; kept in the scene, so that it is saved and undone with it."""
+
+    character: PointerProperty(type=NsmKeyed)
+    things: CollectionProperty(type=NsmKeyed)
+    frame_start: IntProperty()
+    frame_end: IntProperty()
+    fps: FloatProperty()
+    keys: StringProperty(description="Checksum of the keys as they were made")
+
+
 class NsmSettings(bpy.types.PropertyGroup):
     """Everything the sidebar shows for a scene."""
 
@@ -76,9 +102,10 @@ class NsmSettings(bpy.types.PropertyGroup):
     seed: IntProperty(name="Seed", description="Another seed gives another take of the same goals", default=0, min=0)
     contact_ik: BoolProperty(name="Contact IK", description="Hold planted feet still and seat the hips exactly", default=True)
     results: CollectionProperty(type=NsmResult)
+    takes: CollectionProperty(type=NsmTake)
 
 
-CLASSES = (NsmGoal, NsmResult, NsmSettings)
+CLASSES = (NsmGoal, NsmResult, NsmKeyed, NsmTake, NsmSettings)
 
 
 def settings_of(scene: bpy.types.Scene) -> NsmSettings:
@@ -86,8 +113,15 @@ def settings_of(scene: bpy.types.Scene) -> NsmSettings:
     return scene.nsm
 
 
-def spec_of_row(row: NsmGoal) -> GoalSpec:
-    """Return what a row of the queue asks for."""
+def action_of(row: NsmGoal) -> Action | None:
+    """Return the action of a row; None where the number in the file is of another version."""
+    return BY_KEY.get(row.action)
+
+
+def spec_of_row(row: NsmGoal, number: int = 1) -> GoalSpec:
+    """Return what row ``number`` of the queue asks for; GoalError where its stored action is unknown."""
+    if action_of(row) is None:
+        raise GoalError(unknown_action(number, row.object.name if row.object else ""))
     if row.action == "idle":  # has no place of its own, whatever the row was before
         return GoalSpec("idle", hold=row.hold)
     to = row.destination if BY_KEY[row.action].needs_destination else None

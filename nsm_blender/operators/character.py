@@ -8,7 +8,7 @@ import bpy
 
 from ..character import add_character
 from ..properties import settings_of
-from .reporting import sentences
+from .reporting import sentences, while_idle
 
 
 class NSM_OT_add_character(bpy.types.Operator):
@@ -19,6 +19,8 @@ class NSM_OT_add_character(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
+        if not while_idle(cls):
+            return False
         if context.mode != "OBJECT":
             cls.poll_message_set("Characters are added in Object Mode; leave the present mode with Tab.")
             return False

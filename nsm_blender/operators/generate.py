@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from typing import ClassVar
 
 import bpy
@@ -12,12 +13,12 @@ from nsm_core.errors import NsmError
 from .. import running
 from ..properties import settings_of, show_results, spec_of_row
 from ..report import result_lines
+from ..reviews import remember
 from ..session import Session
 from ..takes import Take, TakeSpec, finish, generate
-from . import review
 
-_BUDGET = 0.04  # seconds of stepping between two redraws
-_SLOW_BUDGET = 0.2  # the same where a redraw itself takes long: it must not starve the stepping
+_BUDGET = 0.04  # seconds of stepping between two redraws of the sidebar: clicks and ESC are heard that often
+_SLOWEST_PREVIEW = 0.5  # seconds between two redraws of the viewport, at most, where a redraw takes long
 _TICK = 0.02
 # The view may be turned and zoomed while a take runs; everything else would change what it reads.
 _VIEW_EVENTS = {
@@ -33,15 +34,67 @@ _VIEW_EVENTS = {
 
 
 def spec_of(scene: bpy.types.Scene) -> TakeSpec:
-    """Return the take that the sidebar asks for."""
+    """Return the take that the sidebar asks for; GoalError on a row whose stored action is unknown."""
     settings = settings_of(scene)
     return TakeSpec(
         character=settings.character,
-        goals=[spec_of_row(row) for row in settings.goals if row.enabled],
+        goals=[spec_of_row(row, number) for number, row in enumerate(settings.goals, 1) if row.enabled],
         start_frame=settings.start_frame,
         seed=settings.seed,
         contact_ik=settings.contact_ik,
     )
+
+
+class _Signs:
+    """What a window shows of a take under way: timer, status bar, cursor.  Taken away once, whoever ends the take.
+
+    It holds no operator: Blender may have freed that one by then.
+    """
+
+    def __init__(self, context: bpy.types.Context) -> None:
+        self._context, self._workspaces = context, []
+        self._timer = context.window_manager.event_timer_add(_TICK, window=context.window)
+        context.window_manager.progress_begin(0, 100)
+        self._drawn = self._left = time.perf_counter()
+        self._pause = 0.0
+
+    def due(self) -> bool:
+        """Whether the viewport should show the newest frame: it may take half of the time, however long its redraw takes."""
+        now = time.perf_counter()
+        if self._left == self._drawn:  # it was tagged in the tick before this one
+            self._pause = min(now - self._left - _TICK, _SLOWEST_PREVIEW)
+        return now - self._drawn >= 2 * self._pause
+
+    def show(self, context: bpy.types.Context, session: Session, preview: bool) -> None:
+        """Have sidebar, status bar and, with ``preview``, viewports drawn anew."""
+        context.window_manager.progress_update(round(100 * session.fraction))
+        if context.workspace not in self._workspaces:
+            self._workspaces.append(context.workspace)
+        context.workspace.status_text_set(f"NSM: {session.text}   ESC: cancel and restore")
+        _redraw(context, preview)
+        self._left = time.perf_counter()
+        if preview:
+            self._drawn = self._left
+
+    def remove(self) -> None:
+        """Take everything away; a second call does nothing."""
+        timer, self._timer = self._timer, None
+        if timer is None:
+            return
+        manager = self._context.window_manager
+        for take_away in (lambda: manager.event_timer_remove(timer), manager.progress_end, self._restore_cursors, self._clear_status):
+            with suppress(ReferenceError, AttributeError, RuntimeError):  # windows and workspaces may be gone
+                take_away()
+        _redraw(self._context)
+
+    def _restore_cursors(self) -> None:
+        for window in self._context.window_manager.windows:  # progress_end knows the active one alone
+            window.cursor_modal_restore()
+
+    def _clear_status(self) -> None:
+        for workspace in self._workspaces:
+            with suppress(ReferenceError):
+                workspace.status_text_set(None)
 
 
 class NSM_OT_generate(bpy.types.Operator):
@@ -72,55 +125,51 @@ class NSM_OT_generate(bpy.types.Operator):
         return self._start(context)
 
     def _start(self, context: bpy.types.Context) -> set[str]:
-        self._session = Session(spec_of(context.scene), context.scene)
-        manager = context.window_manager
-        self._timer = manager.event_timer_add(_TICK, window=context.window)
-        manager.modal_handler_add(self)
-        manager.progress_begin(0, 100)
-        self._left = time.perf_counter()
+        signs = _Signs(context)
+        try:
+            self._session = Session(spec_of(context.scene), context.scene, signs.remove)
+        except NsmError as error:
+            signs.remove()
+            return self._fail(context.scene, str(error))
+        except BaseException:
+            signs.remove()
+            raise
+        self._signs = signs
+        context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        session, signs = self._session, self._signs
+        if session.over:  # undone, or ended by a script: nothing of this event is ours
+            return self._fail(context.scene, session.why) | {"PASS_THROUGH"}
         if event.type == "ESC" and event.value == "PRESS":
             self.cancel(context)
-            self.report({"INFO"}, "Generate was cancelled; everything is as it was.")
+            self.report({"INFO"}, session.why)
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"} if event.type in _VIEW_EVENTS else {"RUNNING_MODAL"}
-        session, drawing = self._session, time.perf_counter() - self._left
+        preview = signs.due()
         try:
-            take = session.tick(min(max(_BUDGET, drawing), _SLOW_BUDGET))
+            take = session.tick(_BUDGET, preview)
         except NsmError as error:
-            self._end(context)
-            return self._fail(session.scene, str(error))
-        except Exception:
-            self._end(context)
-            raise
+            return self._fail(context.scene, str(error))
         if take is not None:
-            self._end(context)
             return self._keep(session.scene, take)
-        context.window_manager.progress_update(round(100 * session.fraction))
-        context.workspace.status_text_set(f"NSM: {session.text}   ESC: cancel and restore")
-        _redraw(context)
-        self._left = time.perf_counter()
+        signs.show(context, session, preview)
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Stop and put everything back: called on ESC, and by Blender when its window closes."""
+        """Stop and put everything back: called on ESC, and by Blender when its window closes or another file is opened."""
         self._session.cancel()
         self._end(context)
 
-    def _end(self, context: bpy.types.Context) -> None:
-        context.window_manager.event_timer_remove(self._timer)
-        context.window_manager.progress_end()
-        if context.workspace is not None:
-            context.workspace.status_text_set(None)
-        _redraw(context)
+    def _end(self, _context: bpy.types.Context) -> None:
+        self._signs.remove()
 
     def _keep(self, scene: bpy.types.Scene, take: Take) -> set[str]:
         lines = result_lines(take.report, take.keyed.frame_start, scene.frame_end)
         show_results(settings_of(scene), lines)
-        review.remember(scene, take.keyed)
+        remember(scene, take.keyed)
         for goal, (text, good) in zip(take.report["goals"], lines, strict=False):
             self.report({"INFO" if goal["reached"] and good else "WARNING"}, text)
         return {"FINISHED"}
@@ -131,11 +180,13 @@ class NSM_OT_generate(bpy.types.Operator):
         return {"CANCELLED"}
 
 
-def _redraw(context: bpy.types.Context) -> None:
+def _redraw(context: bpy.types.Context, viewports: bool = True) -> None:
+    """Have the sidebars drawn anew, or the whole of each viewport."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
-                area.tag_redraw()
+                for part in (area,) if viewports else (r for r in area.regions if r.type == "UI"):
+                    part.tag_redraw()
 
 
 CLASSES = (NSM_OT_generate,)

@@ -12,7 +12,7 @@ from ..points import POINT_LINK, SWING
 from ..properties import GOAL_TYPES, NsmGoal, settings_of, spec_of_row
 from ..surroundings import Surroundings
 from ..takes import own_objects, start_of
-from .reporting import sentences
+from .reporting import sentences, while_idle
 
 
 class NSM_OT_goal_add(bpy.types.Operator):
@@ -20,6 +20,10 @@ class NSM_OT_goal_add(bpy.types.Operator):
     bl_label = "Add Goal"
     bl_description = "Add the selected objects as goals, or an empty row when none is selected"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return while_idle(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings = settings_of(context.scene)
@@ -44,6 +48,8 @@ class _OnGoal(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
+        if not while_idle(cls):
+            return False
         if not settings_of(context.scene).goals:
             cls.poll_message_set("The list of goals is empty; add one first.")
             return False
@@ -92,20 +98,26 @@ class NSM_OT_goal_points(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not any(goal.enabled and goal.object for goal in settings_of(context.scene).goals):
+        if not while_idle(cls):
+            return False
+        settings = settings_of(context.scene)
+        if settings.character is None:
+            cls.poll_message_set("No character is chosen; choose its armature, or add the bundled character.")
+            return False
+        if not any(goal.enabled and goal.object for goal in settings.goals):
             cls.poll_message_set("No enabled goal has an object; add an object to the list first.")
             return False
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings = settings_of(context.scene)
-        rows = [goal for goal in settings.goals if goal.enabled and goal.object and goal.action != "idle"]
+        rows = [(n, goal) for n, goal in enumerate(settings.goals, 1) if goal.enabled and goal.object and goal.action != "idle"]
         points = []
         with sentences(self) as errors:
             frame, start = start_of(settings.character, context.scene)
+            specs = [spec_of_row(row, number) for number, row in rows]
         if errors:
             return {"CANCELLED"}
-        specs = [spec_of_row(row) for row in rows]
         around = Surroundings(context.scene, frame, settings.character, moved_by(specs))
         for spec in specs:
             with sentences(self):
@@ -125,6 +137,8 @@ class NSM_OT_door_swing(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
+        if not while_idle(cls):
+            return False
         goal = _active_goal(context)
         if goal is None or goal.action != "open" or goal.object is None:
             cls.poll_message_set("The chosen goal opens no door; choose one that does.")

@@ -9,6 +9,8 @@ import bpy
 
 from nsm_core.errors import NsmError
 
+from .. import running
+
 
 @contextmanager
 def sentences(operator: bpy.types.Operator) -> Iterator[list[str]]:
@@ -19,3 +21,11 @@ def sentences(operator: bpy.types.Operator) -> Iterator[list[str]]:
     except NsmError as error:
         raised.append(str(error))
         operator.report({"ERROR"}, str(error))
+
+
+def while_idle(operator: type[bpy.types.Operator]) -> bool:
+    """Whether no take is under way; the button of an operator that may not run meanwhile then says so."""
+    reason = running.reason_busy()
+    if reason:
+        operator.poll_message_set(reason)
+    return not reason
