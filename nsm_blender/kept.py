@@ -11,7 +11,6 @@ import bpy
 
 from .channels import assign, transform_of
 
-
 # What Python sees where Blender's data was deleted, undone, exchanged or linked meanwhile.
 LOST = (ReferenceError, AttributeError, KeyError, TypeError, ValueError, RuntimeError)
 
