@@ -50,16 +50,18 @@ class Body:
         The yaw is the object's own; ``snug``, that of the smallest box around it, where this is much smaller.
         """
         snapshot = snapshot or Snapshot.now(bpy.context.evaluated_depsgraph_get())
-        solids = solids_of(snapshot.of(o.name_full for o in family_of(target)), frame)
-        require_faces(solids, target)
-        points, triangles = join(solids)
-        yaw = _yaw(target)
-        if snug:
-            yaw += main_turn(rotate_planar(points, -yaw))
-        turned = rotate_planar(points, -yaw)
-        low, high = turned.min(0), turned.max(0)
-        centre = np.array(((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, 0.0))
-        return cls(target.name, (turned - centre).astype(np.float32), triangles, rotate_planar(centre[:2], yaw), yaw, solids)
+        seen, yaw = snapshot.of(o.name_full for o in family_of(target)), _yaw(target)
+        require_faces(seen, target)
+        with freely():
+            solids = solids_of(seen, frame)
+            points, triangles = join(solids)
+            if snug:
+                yaw += main_turn(rotate_planar(points, -yaw))
+            turned = rotate_planar(points, -yaw)
+            low, high = turned.min(0), turned.max(0)
+            centre = np.array(((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, 0.0))
+            own = (turned - centre).astype(np.float32)
+        return cls(target.name, own, triangles, rotate_planar(centre[:2], yaw), yaw, solids)
 
     def solid_at(self, pose: Array) -> BVHQuery:
         """This object alone as a solid, in a frame that stands upright at ``pose`` (4,): x, y, z and heading, core frame."""

@@ -28,45 +28,51 @@ _REACH = float(np.ceil(SPHERE_RADIUS * 100) / 100)
 _COARSE_CELL = 0.1
 _MOST_CELLS = 4_000_000
 _FEW = 200  # points are asked at once without letting Blender go on
-# Triangles in one tree: Blender builds it in one go, in some 10 ms.  Triangles that copies of one mesh may have together before
-# they share a tree, each asked by itself; pairs of points and solids compared at once.
-_CHUNK, _MANY, _PAIRS = 16_000, 400_000, 1 << 20
+# Triangles in one tree: Blender builds it in one go, in some 10 ms.  Triangles from which a mesh has trees of its own, which are
+# kept with its reading, and those that all copies of one mesh may have before they share them, each being asked by itself;
+# pairs of points and solids compared at once.
+_CHUNK, _LARGE, _MANY, _PAIRS = 16_000, 12_000, 200_000, 1 << 20
 
 
 class _Chunk:
-    """A part of the scene's triangles that lies together; its tree is built when something is asked of it first.
+    """A part of some triangles that lies together; its tree is built when something is asked of it first.
 
     Trees are built by Blender in one go, so no single one may be large.
     """
 
-    def __init__(self, corners: Array, sides: Array, owners: Array) -> None:
-        self._corners, self.sides, self.owners = corners.astype(np.float32), sides, owners
-        self.low, self.high = corners.min((0, 1)), corners.max((0, 1))
+    def __init__(self, vertices: Array, triangles: Array, sides: Array, owners: Array | None) -> None:
+        used, faces = np.unique(triangles, return_inverse=True)
+        self._vertices, self._faces = vertices[used].astype(np.float32), faces.reshape(-1, 3).astype(np.int32)
+        self.sides, self.owners = sides, owners
+        self.low, self.high = self._vertices.min(0), self._vertices.max(0)
 
     @cached_property
     def tree(self) -> BVHTree:
         """Its triangles as a tree."""
-        count = len(self._corners)
-        faces = np.arange(3 * count).reshape(-1, 3).tolist()
-        return BVHTree.FromPolygons(self._corners.reshape(-1, 3).tolist(), faces, all_triangles=True)
+        return BVHTree.FromPolygons(self._vertices.tolist(), self._faces.tolist(), all_triangles=True)
 
 
-class _Copies:
-    """A large mesh that is shown many times: one tree in its own frame for all of them."""
+def _chunks(vertices: Array, triangles: Array, sides: Array, owners: Array | None = None) -> list[_Chunk]:
+    """Part triangles (F, 3) with their sides and owners (F,) into chunks that lie together, by halves of the longest way."""
+    if not len(triangles):
+        return []
+    middle, parts, done = vertices[triangles].mean(1), [np.arange(len(triangles))], []
+    while parts:
+        part = parts.pop()
+        if len(part) <= _CHUNK:
+            done.append(part)
+            continue
+        along = middle[part, int(np.ptp(middle[part], axis=0).argmax())]
+        order = part[np.argpartition(along, len(part) // 2)]
+        parts += [order[len(part) // 2 :], order[: len(part) // 2]]
+    return [_Chunk(vertices, triangles[p], sides[p], None if owners is None else owners[p]) for p in done]
 
-    def __init__(self, reading: Reading) -> None:
-        self.chunks = _chunks(reading.vertices[reading.triangles], reading.sides, np.zeros(len(reading.sides), np.int32))
 
-
-def _chunks(corners: Array, sides: Array, owners: Array) -> list[_Chunk]:
-    """Part triangles (F, 3, 3) with their sides and owners (F,) into chunks that lie together, by halves of the longest way."""
-    if len(corners) <= _CHUNK:
-        return [_Chunk(corners, sides, owners)] if len(corners) else []
-    middle = corners.mean(1)
-    along = middle[:, int(np.ptp(middle, axis=0).argmax())]
-    order = np.argpartition(along, len(along) // 2)
-    halves = order[: len(along) // 2], order[len(along) // 2 :]
-    return [chunk for half in halves for chunk in _chunks(corners[half], sides[half], owners[half])]
+def _own_chunks(reading: Reading) -> list[_Chunk]:
+    """The chunks of one mesh in its own frame, for all who ask."""
+    if "chunks" not in reading.kept:
+        reading.kept["chunks"] = _chunks(reading.vertices, reading.triangles, reading.sides)
+    return reading.kept["chunks"]
 
 
 class BVHQuery:
@@ -84,7 +90,7 @@ class BVHQuery:
         """
         self.solids = list(solids)
         self._chunks: list[_Chunk] = []
-        self._copies: list[tuple[Solid, int, _Copies]] = []
+        self._copies: list[tuple[Solid, int]] = []
         if not self.solids:
             return
         bounds = np.array([s.bounds for s in self.solids])
@@ -98,27 +104,25 @@ class BVHQuery:
         return cls([Solid.of(vertices, triangles)])
 
     def _share(self, floor: bool) -> None:
-        """Put the triangles of all solids together, but for large meshes that are shown many times."""
+        """Put the triangles of all small meshes together; a large one, or one that is shown often, has trees of its own."""
         times = Counter(id(s.reading) for s in self.solids)
-        copies: dict[int, _Copies] = {}
-        corners, sides, owners = [], [], []
+        vertices, triangles, sides, owners, start = [], [], [], [], 0
         for k, solid in enumerate(self.solids):
-            reading = solid.reading
-            count = times[id(reading)]
-            if count > 1 and count * len(reading.triangles) > _MANY:
-                if id(reading) not in copies:
-                    copies[id(reading)] = _Copies(reading)
-                self._copies.append((solid, k, copies[id(reading)]))
-                continue
-            triangles, side = reading.triangles, reading.sides
+            faces, side = solid.reading.triangles, solid.reading.sides
+            left = len(faces)
             if floor and _is_wide(solid):
-                above = ~floor_faces(solid.vertices, triangles)
-                triangles, side = triangles[above], side[above]
-            corners.append(solid.vertices.astype(np.float32)[triangles])
+                above = ~floor_faces(solid.vertices, faces)
+                faces, side = faces[above], side[above]
+            if len(faces) == left and (left > _LARGE or times[id(solid.reading)] * left > _MANY):
+                self._copies.append((solid, k))
+                continue
+            vertices.append(solid.vertices)
+            triangles.append(faces + start)
             sides.append(side)
-            owners.append(np.full(len(triangles), k, np.int32))
-        if corners:
-            self._chunks = _chunks(np.concatenate(corners), np.concatenate(sides), np.concatenate(owners))
+            owners.append(np.full(len(faces), k, np.int32))
+            start += len(solid.vertices)
+        if vertices:
+            self._chunks = _chunks(*(np.concatenate(a) for a in (vertices, triangles, sides, owners)))
 
     def _map_nearness(self, floor: bool) -> None:
         """Mark the coarse cells within reach of any solid voxel; most sphere centres are elsewhere."""
@@ -179,14 +183,16 @@ class BVHQuery:
         inside, on_surface = code == 2, code == 1
         owner = None if of is None else within
         for chunk in self._chunks:
-            some = None if len(self._chunks) == 1 else _near_box(p, distance, chunk.low, chunk.high)
-            _nearest(chunk, p, some, 1.0, 0, distance, inside, on_surface, owner)
-        for solid, k, copies in self._copies:
+            some = np.arange(len(p)) if len(self._chunks) == 1 else _near_box(p, distance, chunk.low, chunk.high)
+            _nearest(chunk, p[some], some, 1.0, None, distance, inside, on_surface, owner)
+        for solid, k in self._copies:
             some = _near_box(p, distance, self._low[k], self._high[k])
-            if len(some):
-                local = ((p[some] - solid.origin) @ (solid.turn / solid.size)).astype(np.float32)
-                for chunk in copies.chunks:
-                    _nearest(chunk, local, some, solid.size, k, distance, inside, on_surface, owner)
+            if not len(some):
+                continue
+            chunks, local = _own_chunks(solid.reading), ((p[some] - solid.origin) @ (solid.turn / solid.size)).astype(np.float32)
+            for chunk in chunks:
+                near = slice(None) if len(chunks) == 1 else _near_box(local, distance[some] / solid.size, chunk.low, chunk.high)
+                _nearest(chunk, local[near], some[near], solid.size, k, distance, inside, on_surface, owner)
         out[rows] = np.where(inside, -distance, distance)
         if of is not None:
             of[rows] = owner
@@ -230,20 +236,15 @@ def _near_box(points: Array, distance: Array, low: Array, high: Array) -> Array:
 
 
 def _nearest(
-    chunk: _Chunk, points: Array, rows: Array | None, size: float, first: int,
+    chunk: _Chunk, points: Array, rows: Array, size: float, only: int | None,
     distance: Array, inside: Array, on_surface: Array, owners: Array | None,
 ) -> None:  # fmt: skip
-    """Bring ``distance``, ``inside`` and ``owners`` (None: nobody asks) up to date with a chunk.
+    """Bring ``distance``, ``inside`` and ``owners`` (None: nobody asks) up to date in ``rows`` (M,) with a chunk.
 
-    Its points are ``rows`` (M,) of ``points`` (None: all), or are given for these rows alone as the chunk sees them, which is
-    ``size`` times as large in the scene.  The owners in the chunk are counted from ``first``.
+    ``points`` (M, 3) are as the chunk sees them, which is ``size`` times as large in the scene; ``only``: the owner of all of it.
     """
     find, sides = chunk.tree.find_nearest, chunk.sides
-    if rows is None:
-        asked = zip(range(len(points)), points.tolist(), distance.tolist(), on_surface.tolist(), strict=True)
-    else:
-        local = points if len(points) == len(rows) else points[rows]
-        asked = zip(rows.tolist(), local.tolist(), (distance[rows] / size).tolist(), on_surface[rows].tolist(), strict=True)
+    asked = zip(rows.tolist(), points.tolist(), (distance[rows] / size).tolist(), on_surface[rows].tolist(), strict=True)
     for i, point, limit, touching in asked:
         place, normal, face, d = find(point, limit)
         if d is None:
@@ -253,7 +254,7 @@ def _nearest(
             side = sides[face]
             inside[i] = side and sum(n * (a - b) for n, a, b in zip(normal, point, place, strict=True)) * side < 0
         if owners is not None and (owners[i] < 0 or not inside[i]):
-            owners[i] = chunk.owners[face] + first
+            owners[i] = chunk.owners[face] if only is None else only
 
 
 def _is_wide(solid: Solid) -> bool:

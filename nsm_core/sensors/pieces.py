@@ -19,7 +19,8 @@ def check_mesh(vertices: Array, triangles: Array) -> tuple[Array, Array]:
         raise GeometryError("The mesh has no faces; choose an object that has a surface.")
     if triangles.min() < 0 or triangles.max() >= len(vertices):
         raise GeometryError("The mesh has faces without corners; run Mesh > Clean Up or export it again.")
-    if not np.isfinite(vertices[triangles]).all():
+    bad = ~np.isfinite(vertices).all(1)
+    if bad.any() and bad[triangles].any():
         raise GeometryError("The mesh has coordinates that are not numbers; repair or delete these vertices.")
     return vertices, triangles.astype(np.int64)
 

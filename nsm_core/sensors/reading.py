@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from threading import Lock
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +16,9 @@ from .closed import face_sides
 from .pieces import check_mesh, thin_out
 from .voxels import voxelise
 
-# Dense meshes are thinned to cells of this size, metres: no distance changes by more than their diagonal, 5 mm.
-FINEST = 0.003
+# Dense meshes are thinned to cells of this size, metres, and the densest to the second: no distance changes by more than their
+# diagonals, 5 and 10 mm, and that only where a mesh is not flat.
+FINEST, SECOND, _DENSEST = 0.003, 0.006, 120_000
 _ROOM = (1.0, 1.0, 1.5)  # metres: in a mesh larger than this every way a character may stand
 _MOST_BYTES = 400_000_000
 
@@ -26,7 +28,8 @@ class Reading:
     """A mesh in an upright frame of its own, metres.
 
     ``vertices`` (V, 3) float64, ``triangles`` (F, 3), ``sides`` (F,) int8 as ``face_sides`` tells them; and a grid over its
-    bounding box from ``low`` (3,) with cells ``cell`` (3,) of ``code`` (X, Y, Z): 0 free, 1 on the surface, 2 inside.
+    bounding box from ``low`` (3,) with cells ``cell`` (3,) of ``code`` (X, Y, Z): 0 free, 1 on the surface, 2 inside.  In ``kept``
+    who uses it may keep what he makes of it.
     """
 
     vertices: Array
@@ -35,12 +38,13 @@ class Reading:
     low: Array
     cell: Array
     code: Array
+    kept: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
     @classmethod
     def of(cls, vertices: Array, triangles: Array) -> Reading:
         """Read a mesh: vertices (V, 3) metres, Z up, and triangles (F, 3).  Raises GeometryError as ``check_mesh`` does."""
         vertices, triangles = thin_out(*check_mesh(vertices, triangles), FINEST)
-        vertices, triangles = check_mesh(vertices, triangles)
+        vertices, triangles = thin_out(vertices, triangles, SECOND, _DENSEST)
         grid, sides = voxelise(vertices, triangles), face_sides(vertices, triangles)
         if (np.ptp(vertices, axis=0) > _ROOM).all():
             sides = np.zeros_like(sides)  # maybe a closed room with the character inside
