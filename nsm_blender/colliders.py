@@ -28,10 +28,10 @@ _REACH = float(np.ceil(SPHERE_RADIUS * 100) / 100)
 _COARSE_CELL = 0.1
 _MOST_CELLS = 4_000_000
 _FEW = 200  # points are asked at once without letting Blender go on
-# Triangles in one tree: Blender builds it in one go, in some 10 ms.  Triangles from which a mesh has trees of its own, which are
+# Triangles in one tree: Blender builds it in one go, in some 30 ms.  Triangles from which a mesh has trees of its own, which are
 # kept with its reading, and those that all copies of one mesh may have before they share them, each being asked by itself;
 # pairs of points and solids compared at once.
-_CHUNK, _LARGE, _MANY, _PAIRS = 16_000, 12_000, 200_000, 1 << 20
+_CHUNK, _LARGE, _MANY, _PAIRS = 36_000, 12_000, 200_000, 1 << 20
 
 
 class _Chunk:
@@ -53,7 +53,7 @@ class _Chunk:
 
 
 def _chunks(vertices: Array, triangles: Array, sides: Array, owners: Array | None = None) -> list[_Chunk]:
-    """Part triangles (F, 3) with their sides and owners (F,) into chunks that lie together, by halves of the longest way."""
+    """Part triangles (F, 3) with their sides and owners (F,) into chunks that lie together, cut across the longest way."""
     if not len(triangles):
         return []
     middle, parts, done = vertices[triangles].mean(1), [np.arange(len(triangles))], []
@@ -63,8 +63,10 @@ def _chunks(vertices: Array, triangles: Array, sides: Array, owners: Array | Non
             done.append(part)
             continue
         along = middle[part, int(np.ptp(middle[part], axis=0).argmax())]
-        order = part[np.argpartition(along, len(part) // 2)]
-        parts += [order[len(part) // 2 :], order[: len(part) // 2]]
+        pieces = -(-len(part) // _CHUNK)
+        cut = len(part) * (pieces // 2) // pieces
+        order = part[np.argpartition(along, cut)]
+        parts += [order[cut:], order[:cut]]
     return [_Chunk(vertices, triangles[p], sides[p], None if owners is None else owners[p]) for p in done]
 
 
@@ -94,7 +96,7 @@ class BVHQuery:
         if not self.solids:
             return
         bounds = np.array([s.bounds for s in self.solids])
-        self._low, self._high = bounds[:, 0] - 1e-6, bounds[:, 1] + 1e-6
+        self._low, self._high = (bounds[:, 0] - 1e-6).astype(np.float32), (bounds[:, 1] + 1e-6).astype(np.float32)
         self._share(floor)
         self._map_nearness(floor)
 
@@ -126,7 +128,7 @@ class BVHQuery:
 
     def _map_nearness(self, floor: bool) -> None:
         """Mark the coarse cells within reach of any solid voxel; most sphere centres are elsewhere."""
-        low, high = self._low.min(0) - _REACH, self._high.max(0) + _REACH
+        low, high = self._low.min(0).astype(np.float64) - _REACH, self._high.max(0).astype(np.float64) + _REACH
         voxel = max(float((s.size * s.reading.cell).max()) for s in self.solids)
         cell = max(_COARSE_CELL, voxel, float(np.cbrt(np.prod(high - low) / _MOST_CELLS)))
         margin = int(np.ceil((_REACH + voxel * np.sqrt(0.75)) / cell))
@@ -216,16 +218,16 @@ class BVHQuery:
             for half in np.array_split(order, 2):
                 code[half], of[half] = self._codes(points[half])
             return code, of
-        within = np.ones((len(solids), len(points)), dtype=bool)
-        for axis in range(3):
-            within &= points[:, axis] >= self._low[solids, axis, None]
-            within &= points[:, axis] <= self._high[solids, axis, None]
+        if not len(solids):
+            return code, of
+        low, high, (x, y, z) = self._low[solids, :, None], self._high[solids, :, None], points.T
+        within = (x >= low[:, 0]) & (x <= high[:, 0]) & (y >= low[:, 1]) & (y <= high[:, 1]) & (z >= low[:, 2]) & (z <= high[:, 2])
         for i in np.flatnonzero(within.any(1)):
+            k = int(solids[i])
             at = np.flatnonzero(within[i])
-            own = self.solids[solids[i]].at(points[at])
-            more = own > code[at]
-            code[at[more]] = own[more]
-            of[at[more & (own == 2)]] = solids[i]
+            own = self.solids[k].at(points[at])
+            code[at] = np.maximum(code[at], own)
+            of[at[own == 2]] = k
         return code, of
 
 

@@ -55,7 +55,15 @@ class Solid:
 
     def at(self, points: Array) -> Array:
         """Codes (N,) of the reading at points (N, 3), core frame."""
-        return self.reading.at((points - self.origin) @ (self.turn / self.size))
+        return self.reading.codes(points @ self._to_cells - self._first)
+
+    @cached_property
+    def _to_cells(self) -> Array:
+        return (self.turn / self.size / self.reading.cell).astype(np.float32)
+
+    @cached_property
+    def _first(self) -> Array:
+        return (self.origin @ (self.turn / self.size / self.reading.cell) + self.reading.low / self.reading.cell).astype(np.float32)
 
     def seen_from(self, pose: Array) -> Solid:
         """The same in a frame that stands upright at ``pose`` (4,): x, y, z and heading."""

@@ -21,6 +21,7 @@ from .voxels import voxelise
 FINEST, SECOND, _DENSEST = 0.003, 0.006, 120_000
 _ROOM = (1.0, 1.0, 1.5)  # metres: in a mesh larger than this every way a character may stand
 _MOST_BYTES = 400_000_000
+_RIM = 1e-3  # of a cell: rounding may put what lies in the outermost faces so far outside
 
 
 @dataclass(frozen=True)
@@ -61,17 +62,17 @@ class Reading:
         """Memory that it takes."""
         return self.vertices.nbytes + self.triangles.nbytes + self.sides.nbytes + self.code.nbytes
 
-    def at(self, points: Array) -> Array:
-        """Codes (N,) at points (N, 3), own frame; 0 outside the bounding box."""
-        cells = np.floor((points - self.low) / self.cell).astype(np.int64)
-        shape = np.array(self.code.shape)
-        # Faces of the box belong to it; rounding may put what lies in them a hair outside.
-        cells = np.where((cells == shape) & (points <= self.high + 1e-5), shape - 1, cells)
-        cells = np.where((cells == -1) & (points >= self.low - 1e-5), 0, cells)
-        inside = np.flatnonzero(((cells >= 0) & (cells < shape)).all(1))
-        code = np.zeros(len(points), np.int8)
-        code[inside] = self.code[tuple(cells[inside].T)]
-        return code
+    def codes(self, cells: Array) -> Array:
+        """Codes (N,) at places (N, 3) counted in cells from ``low``; 0 outside the grid, whose faces belong to it."""
+        shape = self.code.shape
+        index = cells.astype(np.int64)
+        flat = np.zeros(len(index), np.int64)
+        inside = np.ones(len(index), bool)
+        for column, place, count in zip(index.T, cells.T, shape, strict=True):
+            inside &= (place > -_RIM) & (place < count + _RIM)
+            flat *= count
+            flat += np.minimum(np.maximum(column, 0), count - 1)
+        return np.where(inside, self.code.reshape(-1)[flat], 0)
 
 
 class Readings:
