@@ -83,4 +83,5 @@ def _stands_along(moving: Array, standing: Array, positions: Array, joints: dict
     over = float(np.median(ankles.min(1))) / max(leg, 1e-9)
     low, high = np.percentile(hips, (5, 95)) / max(leg, 1e-9)
     lies = _LYING[0] < low and high < _LYING[1] and high - low < _LEVEL
-    return _FLOOR[0] < over < _FLOOR[1] and not lies
+    # Where it may be either, the file is taken to have its up at Y, as most have.
+    return _FLOOR[0] < over < _FLOOR[1] and (moving[1] > 0 or not lies)

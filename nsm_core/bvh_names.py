@@ -239,4 +239,5 @@ def _forms(name: str) -> list[tuple[str, str]]:
 
 
 def _letters(name: str) -> str:
-    return re.sub(r"[^a-z0-9]", "", name.lower())
+    """Letters, of any script, and digits of a name, small."""
+    return re.sub(r"[\W_]", "", name.lower())

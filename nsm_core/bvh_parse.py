@@ -173,7 +173,7 @@ def _head(
             raise ValueError
     except (ValueError, OverflowError) as error:
         raise CaptureError(f"{where}: expected 'Frames:' and 'Frame Time:', each with a number; the file is damaged.") from error
-    if frames is not None and not 1 <= frames < 1e15:
+    if frames is not None and not 0 <= frames < 1e15:
         raise CaptureError(f"{where}: {frames:g} frames are no motion; write how many rows of numbers there are.")
     return None if frames is None else int(frames), _interval(interval, where, rate, notes), at
 
@@ -206,6 +206,7 @@ def _rows(name: str, lines: list[str], start: int, frames: int | None, width: in
     filled = [k for k in range(start, len(lines)) if lines[k].strip()]
     wrapped, given = _layout([_split(lines[k], width) for k in filled[:1000]], width)
     rows: list[Array] = []
+    cut = False
     for k in range(0, len(filled), wrapped):
         numbers = filled[k : k + wrapped]
         words = [w for n in numbers for w in _split(lines[n], given)]
@@ -219,6 +220,7 @@ def _rows(name: str, lines: list[str], start: int, frames: int | None, width: in
                 break
             if k + wrapped >= len(filled) and rows and len(words) <= given:
                 notes.append(f"{name}, line {numbers[-1] + 1}: the last row is cut off; it is left out.")
+                cut = True
                 break
             raise CaptureError(f"{name}, line {numbers[0] + 1}: expected {width} numbers; the file is damaged.") from error
         if not np.isfinite(row).all():
@@ -230,7 +232,7 @@ def _rows(name: str, lines: list[str], start: int, frames: int | None, width: in
     if not rows or (frames is not None and len(rows) < frames - 1):
         last = filled[-1] + 1 if filled else start
         raise CaptureError(f"{name}, line {last}: {there}; the file is cut off: export it again, or correct the count.")
-    if frames not in (None, len(rows)):
+    if frames not in (None, len(rows)) and not cut:
         notes.append(f"{name}: {there}; all of those are read.")
     if given > width:
         notes.append(f"{name}: every frame has {given} numbers, its joints have {width} channels; the last {given - width} are left out.")

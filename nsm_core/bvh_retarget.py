@@ -29,7 +29,7 @@ _LEG = float(-OFFSETS[list(FEET[0][1:3]), 2].sum())
 _STILL = 0.25  # metres a second under which a foot counts as standing
 _MAX_SOLE_TURN = np.radians(25)
 _UPRIGHT, _SELDOM = 0.5, 0.05  # rise of the trunk per length, and the share of frames below which nobody stands
-_BED = (-0.05, 1.5)  # metres over a floor that the lowest joint of who lies is found at
+_BED = (-0.1, 1.5)  # metres over a floor that the lowest joint of who lies is found at
 _FLESH = 0.08  # metres between a joint and what it lies on
 
 
