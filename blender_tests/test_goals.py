@@ -141,7 +141,7 @@ def test_a_goal_point_makes_a_seat_where_the_mesh_shows_none():
 
 def test_walk_goals():
     scene = bpy.context.scene
-    there = resolve(GoalSpec("walk", None, location=(2.0, 0.0, 5.0)), scene, WorldFrame(), START)
+    there = resolve(GoalSpec("walk", None, location=(2.0, 0.0, 0.1)), scene, WorldFrame(), START)
     np.testing.assert_allclose(there.position, (2, 0, 0), atol=1e-6)
     assert there.heading == pytest.approx(math.pi / 2)
     mark = empty("Mark", (-1.0, 3.0, 0.0), 0.8)

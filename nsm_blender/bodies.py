@@ -72,6 +72,17 @@ class Body:
             here = rotate_planar(self.to_core(self.vertices) - pose[:3], np.float64(-pose[3]))  # a part of what was read
             return BVHQuery.from_triangles(here.astype(np.float32), self.triangles)
 
+    def joined(self, parts: list[Solid]) -> Body:
+        """This and other solids, core frame, as one thing that looks the same way."""
+        own = [rotate_planar(s.vertices, -self.yaw) for s in parts]
+        turned = np.concatenate((rotate_planar(self.to_core(self.vertices).astype(np.float64), -self.yaw), *own))
+        starts = np.cumsum([len(self.vertices), *(len(v) for v in own)])
+        triangles = np.concatenate((self.triangles, *(s.triangles + start for s, start in zip(parts, starts, strict=False))))
+        low, high = turned.min(0), turned.max(0)
+        centre = np.array(((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, 0.0))
+        place = rotate_planar(centre[:2], self.yaw)
+        return Body(self.name, (turned - centre).astype(np.float32), triangles, place, self.yaw, [*self.solids, *parts])
+
     def to_core(self, points: Array) -> Array:
         """Points (..., 3) of the upright object frame in the core's frame."""
         return (rotate_planar(np.asarray(points, dtype=np.float64), self.yaw) + np.append(self.origin, 0.0)).astype(np.float32)

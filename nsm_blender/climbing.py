@@ -19,6 +19,7 @@ DEEP_ENOUGH = 0.3  # metres of a top to stand on; what is thinner is stepped ove
 FROM_EDGE = 0.2  # metres from the middle of the feet to the edges of a top
 BEHIND = 0.6  # metres behind a low wall
 FARTHEST_IN, NEAR_MIDDLE = 0.4, 0.9  # metres from the edge over which one comes, and from the other edges, on large tops
+_SAME = 0.05  # metres between heights of one and the same top
 _ABOVE = 1.7  # metres of air that a person needs
 _ELBOWS = 0.25  # metres to keep from things behind a wall
 
@@ -49,6 +50,22 @@ def climb_goal(name: str, target: bpy.types.Object, point: bpy.types.Object | No
     return Goal("climb", name, position, heading, hold, body.interaction(heading + np.pi))
 
 
+def climb_onto(name: str, target: bpy.types.Object, place: Array, hold: float, around: Surroundings, here: Array) -> Goal:
+    """Build the goal to climb ``target`` and stand at ``place`` (3,) on its top, core frame, coming from ``here`` (2,).
+
+    One stands as near to it as the edges let one.  Raises as ``climb_goal``.
+    """
+    body = around.body(target, snug=True)
+    own, wish = (body.to_own(np.append(np.asarray(p, dtype=np.float64)[:2], 0.0))[:2] for p in (here, place))
+    levels = [v for v in find_levels(body.vertices, body.triangles, wish) if abs(v.height - place[2]) < _SAME]
+    if not levels:
+        raise GeometryError(f"{target.name} has no level top there to stand on.")
+    quarter = _side(levels[0], own)
+    heading = float(wrap_angle(body.yaw + quarter * np.pi / 2 + np.pi))
+    position = _on_top(levels[0], quarter, own, body, target, around, wish)
+    return Goal("climb", name, position, heading, hold, body.interaction(heading + np.pi))
+
+
 def _level(body: Body, target: bpy.types.Object, scale: float, here: Array) -> Level:
     levels = find_levels(body.vertices, body.triangles, here)
     if not levels:
@@ -75,18 +92,21 @@ def _side(level: Level, here: Array) -> int:
     return int(outside.argmax())
 
 
-def _on_top(level: Level, quarter: int, here: Array, body: Body, target: bpy.types.Object, around: Surroundings) -> Array:
-    """The free place nearest to the middle of the top, of a large one to the edge over which one comes; core frame."""
+def _on_top(
+    level: Level, quarter: int, here: Array, body: Body, target: bpy.types.Object, around: Surroundings, wish: Array | None = None
+) -> Array:
+    """The free place nearest to ``wish`` (2,), own frame of ``body``; core frame.
+
+    Without a wish it is the middle of the top, of a large one near the edge over which one comes.
+    """
     occupy(level, [(body.to_own(v), t) for v, t in around.meshes_but(target)], _ABOVE)
     seen, turn = level.seen_from(quarter), np.float64(quarter * np.pi / 2)
     cells = np.argwhere(seen.top)
     low, high = seen.corner + CELL * cells.min(0), seen.corner + CELL * (cells.max(0) + 1)
     middle = (low + high) / 2
     aside = max(0.0, (high[0] - low[0]) / 2 - NEAR_MIDDLE)
-    wish = np.array((
-        np.clip(rotate_planar(here, -turn)[0], middle[0] - aside, middle[0] + aside),
-        min(middle[1], low[1] + FARTHEST_IN),
-    ))  # fmt: skip
+    usual = (np.clip(rotate_planar(here, -turn)[0], middle[0] - aside, middle[0] + aside), min(middle[1], low[1] + FARTHEST_IN))
+    wish = np.array(usual) if wish is None else rotate_planar(wish, -turn)
     for margin in (FROM_EDGE + 0.05, FROM_EDGE, DEEP_ENOUGH / 2 - 0.02):
         places = standing_room(seen, margin)
         if len(places):

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from nsm_core.control.goals import Goal
+from nsm_core.control.goals import STAND_AHEAD, Goal
 from nsm_core.control.props import Box, Leaf, passage
 from nsm_core.control.standing import further_off, standing_place
 from nsm_core.errors import GeometryError, GoalError
-from nsm_core.rotations import Array, direction_to_heading
+from nsm_core.rotations import Array, direction_to_heading, heading_to_direction, rotate_planar
 from nsm_core.seats import find_seat
 from nsm_core.skeleton import HIP_OVER_SEAT
 
@@ -19,7 +19,9 @@ from .actions import require_action
 from .bodies import Body, place_of
 from .carrying import carry_goal
 from .climbing import climb_goal
-from .doors import open_goal
+from .doors import HANDLE_HEIGHT, open_goal
+from .parts import is_group, seat_body
+from .places import crossings, require_support, walk_goal, what_stands_at
 from .points import HANDLE, HINGE, POINT_ACTION, POINT_LINK, POINT_NAME, POINT_TO, SWING, goal_point_of, make_point
 from .scene import WorldFrame
 from .surroundings import Surroundings
@@ -100,7 +102,8 @@ def place_after(goal: Goal, before: tuple[Array, float], around: Surroundings) -
 
 
 def _sit(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings) -> Goal:
-    frame, body = around.frame, around.body(spec.object)
+    frame = around.frame
+    body = seat_body(spec.object, around)
     point = goal_point_of(scene, spec.object, "sit")
     if point is not None:
         seat_point, heading = place_of(point, frame)
@@ -111,76 +114,129 @@ def _sit(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings) -> Goal:
     else:
         seat_point, heading = body.seat_in_core()
         along = heading
-    if not LOWEST_SEAT <= seat_point[2] <= HIGHEST_SEAT:
+    before = seat_point[:2] + STAND_AHEAD * heading_to_direction(np.array(heading))
+    ground = float(around.ground.height(before[None])[0])
+    if not LOWEST_SEAT <= seat_point[2] - ground <= HIGHEST_SEAT:
         raise GoalError(
-            f"The seat of {spec.object.name} is {seat_point[2] * frame.scale:.2f} m over the character's floor; people sit between "
-            f"{LOWEST_SEAT * frame.scale:.2f} and {HIGHEST_SEAT * frame.scale:.2f} m: move the goal point or the object."
+            f"The seat of {spec.object.name} is {(seat_point[2] - ground) * frame.scale:.2f} m over the character's floor; people sit "
+            f"between {LOWEST_SEAT * frame.scale:.2f} and {HIGHEST_SEAT * frame.scale:.2f} m: move the goal point or the object."
         )
+    if point is not None:
+        require_support(spec.object.name, seat_point, around)
     hips = seat_point + np.array((0, 0, HIP_OVER_SEAT), np.float32)
     return Goal("sit", spec.label, hips.astype(np.float32), heading, spec.hold, body.interaction(along))
 
 
 def _walk(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: tuple[Array, float]) -> Goal:
-    frame, (here, facing) = around.frame, before
+    here, facing = before
+    frame, name = around.frame, spec.label
     if spec.object is not None:
         point = goal_point_of(scene, spec.object, spec.action)
-        if point is not None or spec.object.type == "EMPTY":
+        if point is not None or spec.object.type == "EMPTY" and not is_group(spec.object):
+            name = (point or spec.object).name
             position, heading = place_of(point or spec.object, frame)
         else:
-            position, heading = _in_front_of(around.body(spec.object))
+            position, heading = _in_front_of(seat_body(spec.object, around), around)
     else:
         position = frame.to_core(np.array(spec.location, dtype=np.float64))
         way = position[:2] - here
         heading = float(direction_to_heading(way)) if np.linalg.norm(way) > 0.2 else facing
-    ground = np.array((position[0], position[1], 0.0), np.float32)
-    return Goal(spec.action, spec.label, ground, float(heading), spec.hold)
+    goal = walk_goal(spec.action, name, position, heading, spec.hold, around, here)
+    goal.name = spec.label
+    return goal
 
 
-def _in_front_of(body: Body) -> tuple[Array, float]:
-    """Ground point (3,) before the object's front (its -Y) and the heading that looks at it, core frame."""
-    front = body.vertices[:, 1].min() - _STAND_OFF
-    return body.to_core(np.array((0.0, front, 0.0))), float(body.yaw + np.pi)
+def _in_front_of(body: Body, around: Surroundings) -> tuple[Array, float]:
+    """Ground point (3,) before the object's front (its -Y) and the heading that looks at it, core frame.
+
+    Where something stands there, it is the next side that is free: left, right, and last behind.
+    """
+    (low, high), best = body.bounds, None
+    for turn, away in ((0.0, -low[1]), (np.pi / 2, high[0]), (-np.pi / 2, -low[0]), (np.pi, high[1])):
+        place = rotate_planar(np.array((0.0, -away - _STAND_OFF, 0.0)), np.float64(turn))
+        found = body.to_core(place), float(body.yaw + turn + np.pi)
+        best = best or found
+        ground = float(around.ground.height(found[0][None, :2])[0])
+        if what_stands_at(found[0][:2].astype(np.float64), ground, around) is None:
+            return found[0] + np.array((0, 0, ground), np.float32), found[1]
+    return best
 
 
 def show_goal_point(
-    spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame, before: tuple[Array, float], around: Surroundings | None = None
-) -> bpy.types.Object:
+    spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame, before: tuple[Array, float],
+    around: Surroundings | None = None, told: list[str] | None = None,
+) -> bpy.types.Object:  # fmt: skip
     """Return the editable goal point of a goal's object, made from the mesh on the first call.
 
     It marks the middle of the hips' place on the seat, the place where a box is set down or one stands, or the ground
     point, and looks along its -Y.  A door has two: its hinge, which is returned, and its handle.  They are children of the
-    object (a box's of the destination) and go where it goes.  Raises as ``resolve`` does.
+    object (a box's of the destination) and go where it goes.  Where no place is found, one is made all the same, to be moved,
+    and ``told`` hears why in a sentence; so it is of a place that is of no use.  Raises as ``resolve`` does where there is
+    nothing that could have a point.
     """
-    goal = resolve(spec, scene, frame, before, around)
-    if isinstance(goal.prop, Leaf):
-        return _show_door_points(spec.object, goal.prop, scene, frame)
-    carry = isinstance(goal.prop, Box)
+    around = around or Surroundings(scene, frame, moving=moved_by([spec]))
+    goal, reason = None, ""
+    try:
+        goal = resolve(spec, scene, frame, before, around)
+    except (GoalError, GeometryError) as error:
+        if spec.object is None or not all(o is None or o.name in scene.objects for o in (spec.object, spec.to)):
+            raise
+        reason = str(error)
+    carry = spec.action == "carry"
+    if spec.action == "open":
+        leaf = goal.prop if goal is not None else None
+        return _show_door_points(spec.object, leaf, around.body(spec.object, snug=True), reason, scene, frame, told)
     existing = goal_point_of(scene, spec.object, spec.action, spec.to if carry else None)
-    if existing is not None or carry and spec.to.type == "EMPTY":
+    if existing is not None or carry and spec.to is not None and spec.to.type == "EMPTY":
+        if reason and told is not None:
+            told.append(reason)
         return existing or spec.to
-    position = np.array(goal.position, dtype=np.float64)
-    if spec.action == "sit":
-        position[2] -= HIP_OVER_SEAT
-    if carry:
-        position[2] -= goal.prop.size[2] / 2
-    point = make_point(
-        f"{POINT_NAME} {spec.object.name}", spec.object, spec.action, position, goal.heading, frame, spec.to if carry else spec.object
-    )
+    holder = spec.to if carry else spec.object
+    if holder is None:
+        raise GoalError(reason)
+    if goal is None:
+        position, heading = _somewhere_on(around.body(holder), spec.action)
+    else:
+        position, heading = np.array(goal.position, dtype=np.float64), goal.heading
+        position[2] -= HIP_OVER_SEAT if spec.action == "sit" else goal.prop.size[2] / 2 if carry else 0.0
+    point = make_point(f"{POINT_NAME} {spec.object.name}", spec.object, spec.action, position, heading, frame, holder)
     if carry:
         point[POINT_TO] = spec.to
+    if goal is None and told is not None:
+        told.append(f"{reason} {point.name} was put on {holder.name} all the same: move it to where it should be.")
     bpy.context.view_layer.update()
     return point
 
 
-def _show_door_points(target: bpy.types.Object, leaf: Leaf, scene: bpy.types.Scene, frame: WorldFrame) -> bpy.types.Object:
-    hinge = goal_point_of(scene, target, HINGE)
+def _somewhere_on(body: Body, action: str) -> tuple[Array, float]:
+    """A place (3,) to begin with where the mesh shows none, and its heading, core frame: on its middle, or before it."""
+    (low, high), heading = body.bounds, body.yaw
+    if action in ("walk", "run"):
+        return body.to_core(np.array((0.0, low[1] - _STAND_OFF, 0.0))), float(heading + np.pi)
+    heights = np.append(crossings(body.vertices, body.triangles, np.zeros(2)), high[2])
+    fitting = heights[(heights >= LOWEST_SEAT) & (heights <= HIGHEST_SEAT)] if action == "sit" else heights
+    return body.to_core(np.array((0.0, 0.0, float(fitting.max() if len(fitting) else high[2])))), float(heading)
+
+
+def _show_door_points(
+    target: bpy.types.Object, leaf: Leaf | None, body: Body, reason: str, scene: bpy.types.Scene, frame: WorldFrame, told: list[str] | None
+) -> bpy.types.Object:
+    """The points of a ``leaf``, or of what was found to be none for some ``reason``: at its edges."""
+    (low, high), heading = body.bounds, body.yaw
+    hinge, handle = goal_point_of(scene, target, HINGE), goal_point_of(scene, target, HANDLE)
+    if leaf is not None:
+        pin, grip, heading = leaf.pose[:3], leaf.to_world(leaf.handle), float(leaf.pose[3])
+    else:
+        pin, grip = body.to_core(np.array(((low[0], 0.0, 0.0), (0.9 * high[0], 0.0, HANDLE_HEIGHT))))
+    if reason and told is not None:
+        told.append(reason if hinge and handle else f"{reason} Points of its hinge and handle were put on it all the same: move them.")
     if hinge is None:
-        hinge = make_point(f"NSM Hinge {target.name}", target, HINGE, leaf.pose[:3], float(leaf.pose[3]), frame, target)
-        hinge[SWING] = int(leaf.swing)
+        hinge = make_point(f"NSM Hinge {target.name}", target, HINGE, pin, heading, frame, target)
+        hinge[SWING] = int(leaf.swing) if leaf is not None else 1
         hinge.id_properties_ui(SWING).update(
             min=-1, max=1, description="1: seen from above, the leaf turns counter-clockwise as it opens; -1: clockwise"
         )
-    if goal_point_of(scene, target, HANDLE) is None:
-        make_point(f"NSM Handle {target.name}", target, HANDLE, leaf.to_world(leaf.handle), float(leaf.pose[3]), frame, target)
+    if handle is None:
+        make_point(f"NSM Handle {target.name}", target, HANDLE, grip, heading, frame, target)
     bpy.context.view_layer.update()
     return hinge

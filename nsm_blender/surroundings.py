@@ -79,8 +79,9 @@ class Surroundings:
         def read(said: Callable[[float], None]) -> None:
             solids_of(objects, self.frame)
             self.solids = scene_solids(seen, self.frame, said)
-            self.query = query_of(obstacles(s for s in self.solids if still(s)))
-            self.ground = ground_of([s for s in self.solids if still(s)])
+            self.standing = [s for s in self.solids if still(s)]
+            self.query = query_of(obstacles(self.standing))
+            self.ground = ground_of(self.standing)
 
         return read
 
@@ -90,10 +91,15 @@ class Surroundings:
         return scene_solids(solid_seen(self.snapshot, self.scene, self._own), self.frame)
 
     @cached_property
+    def standing(self) -> list[Solid]:
+        """Of these all that no goal moves."""
+        still = self._but(self.moving)
+        return [s for s in self.solids if still(s)]
+
+    @cached_property
     def query(self) -> DistanceQuery:
         """Everything solid but the character and what its goals move."""
-        still = self._but(self.moving)
-        solids = [s for s in self.solids if still(s)]
+        solids = self.standing
         with freely():
             return query_of(obstacles(solids))
 
@@ -113,8 +119,7 @@ class Surroundings:
     @cached_property
     def ground(self) -> Terrain:
         """What is walked over: rugs, thresholds, kerbs."""
-        still = self._but(self.moving)
-        solids = [s for s in self.solids if still(s)]
+        solids = self.standing
         with freely():
             return ground_of(solids)
 

@@ -121,7 +121,10 @@ class NSM_OT_goal_points(bpy.types.Operator):
         around = Surroundings(context.scene, frame, settings.character, moved_by(specs))
         for spec in specs:
             with sentences(self):
-                points.append(show_goal_point(spec, context.scene, frame, start, around))
+                told: list[str] = []
+                points.append(show_goal_point(spec, context.scene, frame, start, around, told))
+                for sentence in told:
+                    self.report({"WARNING"}, sentence)
         _select(context, points)
         return {"FINISHED"} if points else {"CANCELLED"}
 
