@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 _LEG = float(-OFFSETS[list(FEET[0][1:3]), 2].sum())
 _STILL = 0.25  # metres a second under which a foot counts as standing
 _MAX_SOLE_TURN = np.radians(25)
-_UPRIGHT, _SELDOM = 0.5, 0.05  # rise of the trunk per length, and the share of frames below which nobody stands
+_UPRIGHT, _STANDING = 0.5, 0.7  # rise of the trunk per length, or of the hips over the feet per leg, of who is up
+_SELDOM = 0.05  # share of frames below which nobody is
 _BED = (-0.1, 1.5)  # metres over a floor that the lowest joint of who lies is found at
 _FLESH = 0.08  # metres between a joint and what it lies on
 
@@ -161,9 +162,11 @@ def _solve(
 
 
 def _upright(frames: Frames, joints: dict[str, int]) -> Array:
-    """Frames (T, 1) bool whose trunk stands rather than lies; none at all where hardly any does."""
-    trunk = normalized(frames.positions[:, joints["Head"]] - frames.positions[:, joints["Hips"]])[:, 2]
-    upright = trunk > _UPRIGHT
+    """Frames (T, 1) bool that stand or sit, bent or straight, rather than lie or crawl; none at all where hardly any does."""
+    hips = frames.positions[:, joints["Hips"]]
+    trunk = normalized(frames.positions[:, joints["Head"]] - hips)[:, 2]
+    ankles = frames.positions[:, [joints[s + "Ankle"] for s in SIDES], 2].max(1)
+    upright = (trunk > _UPRIGHT) | (hips[:, 2] - ankles > _STANDING * _leg_length(frames, joints))
     return (upright & (upright.mean() > _SELDOM))[:, None]
 
 
