@@ -14,8 +14,10 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from nsm_core.errors import SkeletonError
-from nsm_core.rotations import Array, quat_conjugate, quat_mul
+from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_rotate
 from nsm_core.skeleton import END_SITES, FEET, HIPS, INDEX, JOINTS, OFFSETS, PARENTS, local_from_world, require_joints, root_of
+
+from .mount import Mount
 
 # The joint that a bone's tail points to, where it has more than one child.
 _MAIN_CHILD = {"Hips": "Chest", "Chest4": "Neck"}
@@ -46,6 +48,7 @@ class Placement:
     rotation: Array  # (4,) quaternion of it
     scale: float  # Blender units to a metre of the core's skeleton: leg length in the world over its own
     rest: Array  # (23, 4) rest rotations of the bones, seen along the axes of the rest pose: up is its Z, ahead its -Y
+    heads: Array  # (23, 3) joints of the rest pose along these axes, metres of the core's skeleton
 
     @classmethod
     def of(cls, armature: bpy.types.Object) -> Placement:
@@ -62,11 +65,14 @@ class Placement:
         rotation = np.array(armature.matrix_world.to_quaternion(), dtype=np.float64)
         rest = np.array([armature.data.bones[name].matrix_local.to_quaternion() for name in JOINTS], dtype=np.float64)
         heads = np.array([armature.data.bones[name].head_local for name in JOINTS], dtype=np.float64)
+        # A root bone may be scaled as well as the object: what carries the hips carries all.
+        scale *= Mount.of(armature).scale
         size = scale * _leg_length(heads) / _leg_length(joint_positions_at_rest())
         if not 1e-6 < size < 1e6:
             raise SkeletonError(f"The legs of {armature.name} have no length; give hips, knees and ankles their places in edit mode.")
         # Bones are kept in single precision; five digits are a tenth of a millimetre on a body.
-        return cls(matrix, rotation, float(f"{size:.5g}"), quat_mul(quat_conjugate(_axes(heads)), rest))
+        size, axes = float(f"{size:.5g}"), _axes(heads)
+        return cls(matrix, rotation, size, quat_mul(quat_conjugate(axes), rest), quat_rotate(quat_conjugate(axes), heads) * scale / size)
 
 
 def _leg_length(heads: Array) -> float:
@@ -111,14 +117,19 @@ def _parent_joint(bone: bpy.types.Bone) -> int:
 
 
 def read_world_pose(armature: bpy.types.Object, placement: Placement | None = None) -> tuple[Array, Array, Array]:
-    """Joint positions (23, 3), world metres, hips position (3,) and local rotations (23, 4) of the pose shown now."""
+    """Joint positions (23, 3), world, hips position (3,) and local rotations (23, 4) of the pose shown now.
+
+    ``placement``, where it is known, saves time; where the armature stands is read anew.
+    """
     placement = placement or Placement.of(armature)
     evaluated = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
     bones = [evaluated.pose.bones[name] for name in JOINTS]
     heads = np.array([b.head for b in bones], dtype=np.float64)
-    positions = heads @ placement.matrix[:3, :3].T + placement.matrix[:3, 3]
+    matrix = np.array(evaluated.matrix_world, dtype=np.float64)
+    rotation = np.array(evaluated.matrix_world.to_quaternion(), dtype=np.float64)
+    positions = heads @ matrix[:3, :3].T + matrix[:3, 3]
     pose = np.array([b.matrix.to_quaternion() for b in bones], dtype=np.float64)
-    world = quat_mul(placement.rotation, quat_mul(pose, quat_conjugate(placement.rest)))
+    world = quat_mul(rotation, quat_mul(pose, quat_conjugate(placement.rest)))
     return positions, positions[HIPS], local_from_world(world)
 
 

@@ -18,15 +18,14 @@ from nsm_core.rotations import Array
 class Mount:
     """Where the hips' channels begin, in N frames or, with N = 1, in all.
 
-    ``matrix`` (N, 4, 4) armature to world and ``rotation`` (N, 4) its quaternion; ``turn`` (N, 4) the hips bone's rotation in the
-    armature with no pose on it; ``origin`` (N, 3) and ``axes`` (N, 3, 3): a location of the hips' channels in the armature is
-    ``origin + axes @ location``.
+    ``matrix`` (N, 4, 4) armature to world and ``rotation`` (N, 4) its quaternion; ``frame`` (N, 4, 4) the hips bone in the armature
+    with no pose on it and ``turn`` (N, 4) its rotation; ``axes`` (N, 3, 3): a location of the hips' channels, seen in the armature.
     """
 
     matrix: Array
     rotation: Array
+    frame: Array
     turn: Array
-    origin: Array
     axes: Array
 
     @classmethod
@@ -50,20 +49,25 @@ class Mount:
             above = parent.name if parent is not None else bone.name
             raise SkeletonError(f"The bone {above} of {armature.name} is scaled unevenly or to nothing; clear its scale (Alt+S).")
         rotation, turn = (np.array(m.to_quaternion(), dtype=np.float64) for m in (shown.matrix_world, frame))
-        matrix, origin = np.array(shown.matrix_world, dtype=np.float64), np.array(frame.translation, dtype=np.float64)
-        return cls(*(a[None] for a in (matrix, rotation, turn, origin, axes)))
+        matrix, frame = (np.array(m, dtype=np.float64) for m in (shown.matrix_world, frame))
+        return cls(*(a[None] for a in (matrix, rotation, frame, turn, axes)))
 
     @classmethod
     def over(cls, each: Sequence[Mount]) -> Mount:
         """Several frames in one."""
-        return cls(*(np.concatenate([getattr(m, k) for m in each]) for k in ("matrix", "rotation", "turn", "origin", "axes")))
+        return cls(*(np.concatenate([getattr(m, k) for m in each]) for k in ("matrix", "rotation", "frame", "turn", "axes")))
+
+    @property
+    def scale(self) -> float:
+        """By how much the bones above the hips scale them, in the first frame."""
+        return float(np.cbrt(abs(np.linalg.det(self.frame[0, :3, :3]))))
 
     def location(self, hips: Array) -> Array:
         """Location channels (T, 3) of the hips bone that put the hips at world points (T, 3)."""
         inverse = np.linalg.inv(self.matrix)
         in_armature = np.einsum("nij,nj->ni", np.broadcast_to(inverse[:, :3, :3], (len(hips), 3, 3)), hips) + inverse[:, :3, 3]
         channels = np.linalg.inv(self.axes)
-        return np.einsum("nij,nj->ni", np.broadcast_to(channels, (len(hips), 3, 3)), in_armature - self.origin)
+        return np.einsum("nij,nj->ni", np.broadcast_to(channels, (len(hips), 3, 3)), in_armature - self.frame[:, :3, 3])
 
 
 def go_to(scene: bpy.types.Scene, frame: float) -> None:

@@ -5,12 +5,18 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from nsm_core.control.take import TakeResult
-from nsm_core.control.terrain import Terrain
-from nsm_core.evaluation.metrics import travel_report
-from nsm_core.sensors.query import DistanceQuery, Union
+import numpy as np
+
+from nsm_core.control.goals import GoalResult
+from nsm_core.control.props import Box, Prop
+from nsm_core.control.take import TakeRequest, TakeResult, goal_errors
+from nsm_core.evaluation.handling import all_depths
+from nsm_core.evaluation.metrics import depth_report, travel_report
+from nsm_core.sensors.query import Union
+from nsm_core.skeleton import forward_kinematics, root_of
 
 from .keying import KeyedTake
+from .shown import OFF, ShownTake
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
 _DONE = {
@@ -21,38 +27,73 @@ _ERRORS = ("position_error_cm", "rotation_error_deg", "network_position_error_cm
 _HAND_ERRORS = ("hand_error_cm", "hand_rotation_deg", "network_hand_error_cm", "network_hand_rotation_deg")
 
 
-def build_report(
-    name: str, result: TakeResult, keyed: KeyedTake, environment: DistanceQuery, ground: Terrain, keying_ms: float
-) -> dict[str, Any]:
+def build_report(name: str, result: TakeResult, shown: ShownTake, keyed: KeyedTake, asked: TakeRequest, keying_ms: float) -> dict[str, Any]:
     """Gather a take's figures, in the units their names end in, as plain values for JSON.
 
-    ``frames`` and ``fps`` are those of the keys; ``ms_per_frame`` is per frame of the 30 Hz network clock, its
-    ``keying`` being ``keying_ms``.  Lengths are in metres of the character: a scaled one is measured at its own size.
+    They are measured on the bones and objects that the scene shows (``shown``); what the network alone did is told beside.
+    ``frames`` and ``fps`` are those of the keys; ``ms_per_frame`` is per frame of the 30 Hz network clock, its ``keying`` being
+    ``keying_ms``.  Lengths are in metres of the character: a scaled one is measured at its own size.  ``warnings`` are sentences
+    on what is seen and is not what was made.
     """
-    solids = Union((environment, ground)) if ground else environment
+    ground = asked.ground
     heights = ground.height if ground else None
-    travel = travel_report(result.hips_position, result.local_rotations, result.action, solids, ground=heights)
+    travel = travel_report(shown.hips, shown.local, result.action, ground=heights, offsets=shown.offsets)
+    solids = Union((asked.environment, ground)) if ground else asked.environment
+    props = {goal.prop.name: goal.prop for goal in asked.goals if goal.prop is not None}
+    travel |= depth_report(all_depths(shown.hips, shown.local, solids, props, shown.poses, shown.offsets))
     ms = {stage: float(result.stage_ms.get(stage, 0.0)) for stage in STAGES} | {"keying": keying_ms}
     ms["total"] = sum(ms.values())
-    goals = [
-        {
-            "object": goal.object,
-            "action": goal.action,
-            "reached": bool(goal.reached),
-            "seconds": round(float(goal.seconds), 3),
-            "reason": goal.reason,
-            **{key: _number(getattr(goal, key)) for key in (*_ERRORS, *(_HAND_ERRORS if goal.action in ("carry", "open") else ()))},
-        }
-        for goal in result.goals
-    ]
     return {
         "name": name,
         "frames": keyed.frame_end - keyed.frame_start + 1,
         "fps": round(keyed.fps, 4),
-        "goals": goals,
+        "goals": [_goal_report(goal, shown, asked.goals[i].prop) for i, goal in enumerate(result.goals)],
+        "warnings": _warnings(shown, keyed),
+        "frames_looked_at": shown.looked_at,
+        "shown_off_cm": _number(100 * shown.off),
         **{key: _number(value) for key, value in travel.items()},
         "ms_per_frame": {key: _number(value) for key, value in ms.items()},
     }
+
+
+def _goal_report(goal: GoalResult, shown: ShownTake, prop: Prop | None) -> dict[str, Any]:
+    """One goal, judged by what is seen at the frame at which it was judged."""
+    values = {key: getattr(goal, key) for key in (*_ERRORS, *(_HAND_ERRORS if goal.action in ("carry", "open") else ()))}
+    reached, reason = bool(goal.reached), goal.reason
+    if math.isfinite(goal.position_error_cm) and goal.place is not None:
+        frame = min(goal.end_frame, len(shown.hips) - 1)
+        if isinstance(prop, Box):
+            position, heading = shown.poses[prop.name][frame, :3], float(shown.poses[prop.name][frame, 3])
+        else:
+            position = shown.hips[frame]
+            heading = float(root_of(forward_kinematics(position, shown.local[frame], shown.offsets.astype(np.float64))[0])[1])
+        values["position_error_cm"], values["rotation_error_deg"] = goal_errors(goal, position, heading)
+        if reached and values["position_error_cm"] > goal.position_error_cm + 100 * OFF:
+            reached, reason = False, f"On screen it is {values['position_error_cm']:.1f} cm off: {_what_is_off(shown)}"
+    return {
+        "object": goal.object,
+        "action": goal.action,
+        "reached": reached,
+        "seconds": round(float(goal.seconds), 3),
+        "reason": reason,
+        **{key: _number(value) for key, value in values.items()},
+    }
+
+
+def _what_is_off(shown: ShownTake) -> str:
+    return f"{shown.off_name} is {100 * shown.off:.1f} cm from its keys at frame {shown.off_frame}, so that something else moves it."
+
+
+def _warnings(shown: ShownTake, keyed: KeyedTake) -> list[str]:
+    """What an animator would see and no other figure tells."""
+    if shown.off > OFF:
+        return [f"On screen {_what_is_off(shown)} Mute what moves it and generate again."]
+    if shown.unlike > OFF:
+        return [
+            f"{keyed.armature.name} is built unlike the network's skeleton: its {shown.unlike_name} is up to "
+            f"{100 * shown.unlike:.1f} cm from the motion made. Look at its hands and feet."
+        ]
+    return []
 
 
 def _number(value: float) -> float | None:
@@ -77,6 +118,7 @@ def result_lines(report: dict[str, Any], first: int = 1, scene_end: int | None =
     ``first`` is the frame of its first key; ``scene_end``, the scene's last frame, is told where it cuts the take off.
     """
     lines = [(goal_line(goal), bool(goal["reached"])) for goal in report["goals"]]
+    lines += [(warning, False) for warning in report.get("warnings", ())]
     last = first + report["frames"] - 1
     short = "" if scene_end is None or last <= scene_end else f"; the scene ends at {scene_end}, so set its End to {last} to play all"
     lines.append((f"Keys on frames {first} to {last}{short}.", True))

@@ -60,6 +60,7 @@ class GoalResult:
     For carry, ``position_error_cm`` and ``rotation_error_deg`` are the box's, where it was set down.  The hands' errors are
     those at the end of the grasp (carry: mean of both wrists and the turn of their axis; open: the one hand); nan elsewhere.
     ``reason``: why it was given up, a sentence, where in the middle of a take no way led to it; empty where its time ran out.
+    ``place`` and ``facing`` are what the errors were measured to, over the first ``axes`` axes; None where nothing was measured.
     """
 
     object: str
@@ -77,6 +78,9 @@ class GoalResult:
     network_hand_error_cm: float = float("nan")
     network_hand_rotation_deg: float = float("nan")
     reason: str = ""
+    place: Array | None = None
+    facing: float = 0.0
+    axes: int = 3
 
 
 @dataclass

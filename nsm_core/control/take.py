@@ -242,13 +242,14 @@ class TakeRunner:
             return
         hips, rotations, network_hips = self._frames[-1][:3]
         heading = float(root_of(forward_kinematics(hips, rotations)[0])[1])
-        place, facing, axes = d.stage.target()  # type: ignore[union-attr]
+        result.place, result.facing, result.axes = d.stage.target()  # type: ignore[union-attr]
         if isinstance(d.goals[d.index].prop, Box):  # it was not set down where it should be
             pose = d.goals[d.index].prop.pose  # type: ignore[union-attr]
-            result.position_error_cm, result.rotation_error_deg = _errors(place, facing, 3, pose[:3], float(pose[3]))
+            result.axes = 3
+            result.position_error_cm, result.rotation_error_deg = goal_errors(result, pose[:3], float(pose[3]))
             return
-        result.position_error_cm, result.rotation_error_deg = _errors(place, facing, axes, hips, heading)
-        own = _errors(place, facing, axes, network_hips, float(self.state.root[0, 2]))
+        result.position_error_cm, result.rotation_error_deg = goal_errors(result, hips, heading)
+        own = goal_errors(result, network_hips, float(self.state.root[0, 2]))
         result.network_position_error_cm, result.network_rotation_error_deg = own
 
 
@@ -268,11 +269,12 @@ def ground_of(goals: list[Goal], environment: DistanceQuery) -> Terrain:
     return merged(g.terrain or Terrain.probe(environment, g.interaction or around(g.position)) for g in climbs)
 
 
-def _errors(place: Array | None, facing: float, axes: int, position: Array, heading: float) -> tuple[float, float]:
-    """Centimetres, over the first ``axes`` axes, and degrees between a pose and its target; 0 where there is none."""
-    if place is None:
+def goal_errors(result: GoalResult, position: Array, heading: float) -> tuple[float, float]:
+    """Centimetres and degrees between a place (3,) and heading and what a goal's errors are measured to; 0 where there is none."""
+    if result.place is None:
         return 0.0, 0.0
-    return 100 * float(np.linalg.norm(position[:axes] - place[:axes])), rotation_error(heading, facing)
+    away = np.asarray(position)[: result.axes] - np.asarray(result.place)[: result.axes]
+    return 100 * float(np.linalg.norm(away)), rotation_error(heading, result.facing)
 
 
-__all__ = ["Goal", "GoalResult", "TakeRequest", "TakeResult", "TakeRunner", "pose_of"]
+__all__ = ["Goal", "GoalResult", "TakeRequest", "TakeResult", "TakeRunner", "goal_errors", "pose_of"]

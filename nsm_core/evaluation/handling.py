@@ -14,7 +14,7 @@ from ..control.props import Box, Leaf, Prop
 from ..conventions import CARRY, CLIMB, FPS, OPEN, RUN, SIT, STYLES
 from ..rotations import Array, rotate_planar, wrap_angle
 from ..sensors.query import Cuboids, DistanceQuery
-from ..skeleton import ANKLE_HEIGHT, ARMS, TOE_HEIGHT, forward_kinematics
+from ..skeleton import ANKLE_HEIGHT, ARMS, OFFSETS, TOE_HEIGHT, forward_kinematics
 from .metrics import DEEP, SKATE_HEIGHT, body_parts, foot_sliding, over_ground, penetration_depths
 
 WRISTS = [arm[2] for arm in ARMS]  # right, left
@@ -30,12 +30,12 @@ def moving_frames(poses: Array) -> Array:
     return np.concatenate(([False], moved))
 
 
-def prop_depths(hips_position: Array, local_rotations: Array, prop: Prop, poses: Array) -> Array:
+def prop_depths(hips_position: Array, local_rotations: Array, prop: Prop, poses: Array, offsets: Array = OFFSETS) -> Array:
     """Depth (T,) in metres of the deepest point of the body inside a prop that has the pose ``poses`` (T, 4) in each frame.
 
     A hand closes around a handle: hands within 15 cm of a leaf's handle do not count; they are judged by their distance to the grip.
     """
-    centres, radii, hands = body_parts(hips_position, local_rotations)
+    centres, radii, hands = body_parts(hips_position, local_rotations, offsets)
     local = rotate_planar(centres - poses[:, None, :3], -poses[:, None, 3])
     reach = float(radii.max()) + 0.02
     distance = prop.query.signed_distance(local.reshape(-1, 3).astype(np.float32), reach).reshape(centres.shape[:2])
@@ -46,13 +46,18 @@ def prop_depths(hips_position: Array, local_rotations: Array, prop: Prop, poses:
 
 
 def all_depths(
-    hips_position: Array, local_rotations: Array, still: DistanceQuery, props: Mapping[str, Prop], poses: Mapping[str, Array]
+    hips_position: Array,
+    local_rotations: Array,
+    still: DistanceQuery,
+    props: Mapping[str, Prop],
+    poses: Mapping[str, Array],
+    offsets: Array = OFFSETS,
 ) -> Array:
     """Depth (T,) in metres of the deepest point of the body in anything solid: what is ``still``, and props where they are."""
-    depth = penetration_depths(hips_position, local_rotations, still)
+    depth = penetration_depths(hips_position, local_rotations, still, offsets)
     for name, prop in props.items():
         if name in poses:
-            depth = np.maximum(depth, prop_depths(hips_position, local_rotations, prop, poses[name]))
+            depth = np.maximum(depth, prop_depths(hips_position, local_rotations, prop, poses[name], offsets))
     return depth
 
 

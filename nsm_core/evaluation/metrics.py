@@ -15,7 +15,7 @@ import numpy as np
 from ..control.foot_lock import ANKLES, TOES, sole_depth
 from ..conventions import FPS, STYLES
 from ..rotations import Array, quat_conjugate, quat_mul, quat_rotate, quat_to_rotvec
-from ..skeleton import ANKLE_HEIGHT, ARMS, END_SITES, FEET, HIPS, INDEX, TOE_HEIGHT, forward_kinematics
+from ..skeleton import ANKLE_HEIGHT, ARMS, END_SITES, FEET, HIPS, INDEX, OFFSETS, TOE_HEIGHT, forward_kinematics
 
 if TYPE_CHECKING:
     from ..sensors.query import DistanceQuery
@@ -160,7 +160,11 @@ def penetration(hips_position: Array, local_rotations: Array, query: DistanceQue
     The depth of a frame is that of its deepest point; the mean is over all frames, and a frame is deep from 3 cm.  The floor
     is not part of ``query``.  Flesh that a seat presses flat is not counted (see ``CAPSULES``).
     """
-    depth = penetration_depths(hips_position, local_rotations, query)
+    return depth_report(penetration_depths(hips_position, local_rotations, query))
+
+
+def depth_report(depth: Array) -> dict[str, float]:
+    """Figures of ``penetration`` from the depths (T,) of all frames, metres."""
     return {
         "penetration_cm": float(100 * depth.max(initial=0.0)),
         "penetration_mean_cm": float(100 * depth.mean()) if len(depth) else 0.0,
@@ -168,9 +172,9 @@ def penetration(hips_position: Array, local_rotations: Array, query: DistanceQue
     }
 
 
-def penetration_depths(hips_position: Array, local_rotations: Array, query: DistanceQuery) -> Array:
+def penetration_depths(hips_position: Array, local_rotations: Array, query: DistanceQuery, offsets: Array = OFFSETS) -> Array:
     """Depth (T,) in metres of the deepest point of the body in each frame, 0 where it touches nothing."""
-    centres, radii = body_spheres(hips_position, local_rotations)
+    centres, radii, _ = body_parts(hips_position, local_rotations, offsets)
     reach = float(radii.max()) + 0.02
     distance = query.signed_distance(centres.reshape(-1, 3).astype(np.float32), reach).reshape(centres.shape[:2])
     return np.maximum(0, radii - distance).max(axis=1)
@@ -181,9 +185,9 @@ def body_spheres(hips_position: Array, local_rotations: Array) -> tuple[Array, A
     return body_parts(hips_position, local_rotations)[:2]
 
 
-def body_parts(hips_position: Array, local_rotations: Array) -> tuple[Array, Array, Array]:
+def body_parts(hips_position: Array, local_rotations: Array, offsets: Array = OFFSETS) -> tuple[Array, Array, Array]:
     """Centres (T, S, 3) world and radii (S,) of ``body_spheres``, and which of them (S,) are hands."""
-    positions, rotations = forward_kinematics(hips_position.astype(np.float64), local_rotations.astype(np.float64))
+    positions, rotations = forward_kinematics(hips_position.astype(np.float64), local_rotations.astype(np.float64), offsets)
 
     def point(name: str) -> Array:
         joint = name.removesuffix(" end")
@@ -203,9 +207,9 @@ def body_parts(hips_position: Array, local_rotations: Array) -> tuple[Array, Arr
     return np.stack(centres, axis=1), np.array(radii), np.array(hands)
 
 
-def backward_bend(hips_position: Array, local_rotations: Array) -> dict[str, float]:
+def backward_bend(hips_position: Array, local_rotations: Array, offsets: Array = OFFSETS) -> dict[str, float]:
     """Largest angle, degrees, by which a knee or an elbow bends the wrong way; 0 if none does."""
-    positions, rotations = forward_kinematics(hips_position, local_rotations)
+    positions, rotations = forward_kinematics(hips_position, local_rotations, offsets)
     hinges = {"knee": ((1, 0, 0), (1, 0, 0)), "elbow": ((0, 0, 1), (0, 0, -1))}
     out = {}
     for name, chains in (("knee", FEET), ("elbow", ARMS)):
@@ -219,13 +223,13 @@ def backward_bend(hips_position: Array, local_rotations: Array) -> dict[str, flo
     return out
 
 
-def jumps(hips_position: Array, local_rotations: Array) -> dict[str, float]:
+def jumps(hips_position: Array, local_rotations: Array, offsets: Array = OFFSETS) -> dict[str, float]:
     """Largest changes from frame to frame: a joint's turn in degrees, a joint's move in cm, and a joint's change of move in cm."""
     if len(hips_position) < 2:
         return {"turn_per_frame_deg": 0.0, "move_per_frame_cm": 0.0, "jolt_cm": 0.0}
     local = local_rotations.astype(np.float64)
     turn = np.linalg.norm(quat_to_rotvec(quat_mul(quat_conjugate(local[:-1]), local[1:])), axis=-1)
-    move = np.diff(forward_kinematics(hips_position.astype(np.float64), local)[0], axis=0)
+    move = np.diff(forward_kinematics(hips_position.astype(np.float64), local, offsets)[0], axis=0)
     return {
         "turn_per_frame_deg": float(np.degrees(turn.max())),
         "move_per_frame_cm": float(100 * np.linalg.norm(move, axis=-1).max()),
@@ -233,9 +237,11 @@ def jumps(hips_position: Array, local_rotations: Array) -> dict[str, float]:
     }
 
 
-def below_floor(hips_position: Array, local_rotations: Array, ground: Callable[[Array], Array] | None = None) -> dict[str, float]:
+def below_floor(
+    hips_position: Array, local_rotations: Array, ground: Callable[[Array], Array] | None = None, offsets: Array = OFFSETS
+) -> dict[str, float]:
     """Share of frames in which a sole reaches more than 1 cm under the floor (or ``ground``), and the deepest, cm."""
-    positions, rotations = forward_kinematics(hips_position, local_rotations)
+    positions, rotations = forward_kinematics(hips_position, local_rotations, offsets)
     positions = over_ground(positions, ground)
     depth = sole_depth(positions[:, TOES], rotations[:, ANKLES]).max(-1)
     return {"below_floor_share": float((depth > BELOW).mean()), "below_floor_cm": float(100 * depth.max(initial=0.0))}
@@ -256,6 +262,7 @@ def travel_report(
     shortest_path: float | None = None,
     fps: float = FPS,
     ground: Callable[[Array], Array] | None = None,
+    offsets: Array = OFFSETS,
 ) -> dict[str, float]:
     """Measure a whole take; every value is a float that JSON can hold.
 
@@ -265,8 +272,9 @@ def travel_report(
         query: solids of the scene without the floor; adds ``penetration_cm``, ``penetration_mean_cm``, ``penetration_share``.
         shortest_path: metres of the shortest free way, else the straight line, for ``path_ratio``.
         ground: heights of what feet step on, as in ``over_ground``; None is the floor.
+        offsets: (23, 3) of the joints, where the character's are not the skeleton's.
     """
-    positions, _ = forward_kinematics(hips_position, local_rotations)
+    positions, _ = forward_kinematics(hips_position, local_rotations, offsets)
     speed, feet = hips_speed(positions, fps), over_ground(positions, ground)
     report = {
         "seconds": len(positions) / fps,
@@ -278,9 +286,9 @@ def travel_report(
         "top_speed_m_s": float(speed.max(initial=0.0)),
         "path_ratio": path_ratio(positions, shortest_path, fps),
         "jerk_m_s3": jerk(positions, fps),
-        **backward_bend(hips_position, local_rotations),
-        **jumps(hips_position, local_rotations),
-        **below_floor(hips_position, local_rotations, ground),
+        **backward_bend(hips_position, local_rotations, offsets),
+        **jumps(hips_position, local_rotations, offsets),
+        **below_floor(hips_position, local_rotations, ground, offsets),
     }
     if action is not None:
         flips, sits = action_changes(action, fps)
