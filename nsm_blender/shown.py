@@ -1,15 +1,15 @@
 """A keyed take as the scene shows it: evaluated bones and moved objects, frame by frame, beside the motion that was made.
 
-Whatever else plays in a scene, a report must tell of what is seen.  Evaluating costs as much as the scene is heavy, so every
-frame is looked at where that takes less than a tenth of the time the take itself took (``SHARE``), else every n-th that does; the
-first, the last and the frames at which goals were judged always.  Between frames looked at, the difference from the motion made
-is taken as linear.
+Whatever else plays in a scene, a report must tell of what is seen.  Evaluating costs as much as the scene is heavy, so the
+first frame, the last, those at which goals were judged and a dozen between are looked at, then ever more between these, until
+all are seen or a tenth of the time that the take itself took (``SHARE``) is spent.  Between frames looked at, the difference
+from the motion made is taken as linear.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -29,7 +29,7 @@ from .things import Thing, resample_poses
 
 SHARE = 0.1  # of the take's own time that looking at it may cost
 OFF = 0.01  # metres of the character from which what is seen is not what was made
-_FEWEST, _TRIED = 12, 3  # frames looked at however heavy the scene is, and those that tell how heavy
+_FEWEST = 12  # frames looked at however heavy the scene is
 
 
 @dataclass
@@ -66,18 +66,22 @@ def look_at(
     judged = {min(round(goal.end_frame / FPS * keyed.fps), count - 1) for goal in result.goals}
     look = _Look(keyed, frame, things)
     kept = (scene.frame_current, scene.frame_subframe)
+    spent, step = 0.0, max(1, count // _FEWEST)
+    coarse = step
+    rows: Iterable[int] = sorted({*range(0, count, step), count - 1, *judged})
     try:
-        first = sorted({0, count - 1, *judged})
-        begin, rows = time.perf_counter(), [*first, *(r for r in range(1, count - 1) if r not in judged)][: max(len(first), _TRIED)]
-        for row in rows:
-            look.at(row, scene)
-            yield row / count
-        each = (time.perf_counter() - begin) / len(rows)
-        step = max(1, min(int(np.ceil(count * each / budget)), -(-count // _FEWEST)))
-        for row in range(0, count, step):
-            if row not in look.seen:
+        while True:
+            for row in rows:
+                begin = time.perf_counter()
                 look.at(row, scene)
-                yield row / count
+                spent += time.perf_counter() - begin  # what a window does between two slices is not counted
+                yield len(look.seen) / count
+                if spent > budget and step < coarse:
+                    break
+            if step == 1 or spent > budget:
+                break
+            step = (step + 1) // 2
+            rows = [row for row in range(0, count, step) if row not in look.seen]
     finally:
         scene.frame_set(kept[0], subframe=kept[1])
     return look.beside(result)
@@ -103,10 +107,8 @@ class _Look:
         """Compare what was seen with the motion made."""
         rows = np.array(sorted(self.seen))
         joints, local = (np.array([self.seen[r][k] for r in rows]) for k in (0, 1))
-        made_hips, made_local = (
-            a[rows]
-            for a in resample(np.asarray(result.hips_position, float), np.asarray(result.local_rotations, float), FPS, self.keyed.fps)
-        )
+        motion = (np.asarray(m, dtype=np.float64) for m in (result.hips_position, result.local_rotations))
+        made_hips, made_local = (m[rows] for m in resample(*motion, FPS, self.keyed.fps))
         offsets = own_offsets(self.placement)
         own, standard = (forward_kinematics(made_hips, made_local, o.astype(np.float64))[0] for o in (offsets, OFFSETS))
         shown = ShownTake(np.empty(0), np.empty(0), offsets, {}, len(rows))

@@ -101,22 +101,22 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | No
     yield Progress("Keying", 1.0)
     with restored_on_failure(Kept(scene, [spec.character, *(thing.object for thing in things.values())])) as kept:
         begin, title = time.perf_counter(), spec.title()
-        keyed = yield from _told(
+        keyed = yield from _shown(
             "Making keys",
             key_take_steps(
                 spec.character, frame.to_world(result.hips_position), result.local_rotations, spec.start_frame, FPS, title, scene
             ),
         )
         moved = [(things[name], poses) for name, poses in result.props.items()]
-        yield from _told("Making keys", key_things(keyed, moved, FPS, title, scene))
+        yield from _shown("Making keys", key_things(keyed, moved, FPS, title, scene))
         kept.seal()
         keying_ms = (time.perf_counter() - begin) * 1000 / max(len(result.hips_position), 1)
-        shown = yield from _told("Checking", look_at(keyed, result, frame, things, scene))
+        shown = yield from _shown("Checking", look_at(keyed, result, frame, things, scene))
         report = build_report(title, result, shown, keyed, request, keying_ms)
         return Take(keyed, report, result, frame)
 
 
-def _told(stage: str, steps: Generator[float, None, _T]) -> Generator[Progress, None, _T]:
+def _shown(stage: str, steps: Generator[float, None, _T]) -> Generator[Progress, None, _T]:
     """Progress of a stage from the share that its steps yield; their value."""
     while True:
         try:
