@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from . import bvh_retarget
-from .bvh_mapping import Mapping
+from .bvh_mapping import SIDES, Mapping
 from .bvh_names import bodies, guess_mapping
 from .bvh_parse import parse
 from .bvh_source import Bvh
@@ -54,8 +54,22 @@ def _clip(source: Bvh, found: Mapping | None, centimetres: bool, mapping: Mappin
         found = found or guess_mapping(source)
         if mapping is not None:  # what it says besides names
             found = replace(mapping, joints=found.joints, spine=mapping.spine or found.spine)
-        clip = bvh_retarget.retarget(source, found)
+        clip = bvh_retarget.retarget(_needed(source, found), found)
     return replace(clip, notes=(*source.notes, *remark_on_rate(clip, 1 / source.interval)))
+
+
+def _needed(source: Bvh, mapping: Mapping) -> Bvh:
+    """The file without fingers, faces and whatever else a mapping does not name and nothing that it names hangs on."""
+    names = {*mapping.joints.values(), *mapping.spine}
+    if not names <= set(source.joints):
+        return source  # which is told where it is retargeted
+    names |= {f"{mapping.joints[side + 'Ankle']}_End" for side in SIDES}
+    kept: set[int] = set()
+    for j, name in enumerate(source.joints):
+        while name in names and j >= 0 and j not in kept:
+            kept.add(j)
+            j = source.parents[j]
+    return source.only(sorted(kept))
 
 
 def _is_own(source: Bvh, unit: float) -> bool:

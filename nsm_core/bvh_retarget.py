@@ -31,7 +31,7 @@ _MAX_SOLE_TURN = np.radians(25)
 _UPRIGHT, _STANDING = 0.5, 0.7  # rise of the trunk per length, or of the hips over the feet per leg, of who is up
 _SELDOM = 0.05  # share of frames below which nobody is
 _BED = (-0.1, 1.5)  # metres over a floor that the lowest joint of who lies is found at
-_FLESH = 0.08  # metres between a joint and what it lies on
+_FLESH = 0.05  # metres between a joint and what it lies on
 
 
 def retarget(source: Bvh, mapping: Mapping) -> Clip:

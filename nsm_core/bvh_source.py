@@ -11,7 +11,7 @@ from .conventions import FPS
 from .errors import CaptureError
 from .rotations import Array, quat_mul, quat_rotate
 
-MOST_CELLS = 10_000_000  # frames times joints that are held at once: half an hour at 120 Hz of a body without fingers
+MOST_CELLS = 6_000_000  # frames times joints that are held at once: half an hour at 120 Hz of a body without fingers, 3 GB at most
 
 
 @dataclass(frozen=True)
