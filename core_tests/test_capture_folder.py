@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 from captures import walk
@@ -10,6 +12,8 @@ from nsm_core import bvh, bvh_write
 from nsm_core.__main__ import main
 from nsm_core.bvh_mapping import load_mapping
 from nsm_core.dataset.capture_folder import capture_paths, labelled, read_capture
+from nsm_core.errors import CaptureError
+from nsm_core.skeleton import JOINTS
 
 
 def two_bodies(path, shared_root: bool = False):
@@ -79,3 +83,22 @@ def test_a_folder_named_like_a_capture_is_none(tmp_path):
     bvh_write.write(tmp_path / "odd.bvh" / "walk.3.bvh", *walk(1.0, 0.0, 1.1))
     assert [p.name for p in capture_paths(tmp_path)] == ["walk.3.bvh"]
     assert len(read_capture(tmp_path / "odd.bvh" / "walk.3.bvh", tmp_path)) > 30
+
+
+def test_a_mapping_for_all_names_whom_it_reads(tmp_path, capsys):
+    """Who names one of two bodies in --mapping gets that one."""
+    (tmp_path / "clips").mkdir()
+    two_bodies(tmp_path / "clips" / "pair.bvh")
+    (tmp_path / "second.toml").write_text("[joints]\n" + "".join(f'{n} = "Actor1:{n}"\n' for n in JOINTS))
+    assert main(["annotate", str(tmp_path / "clips"), "--no-pictures", "--mapping", str(tmp_path / "second.toml")]) == 0
+    said = capsys.readouterr().out
+    assert "1 clips annotated" in said and "also holds Actor0:Hips" in said
+    second = load_mapping(tmp_path / "second.toml")
+    assert distance(bvh.read(tmp_path / "clips" / "pair.bvh", mapping=second)) == pytest.approx(1.5, abs=0.02)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes with names here")
+def test_what_never_ends_is_no_capture(tmp_path):
+    os.mkfifo(tmp_path / "pipe.bvh")
+    with pytest.raises(CaptureError, match=r"pipe\.bvh cannot be read \(it is no file\); check the path\.$"):
+        bvh.read(tmp_path / "pipe.bvh")

@@ -27,7 +27,9 @@ _MARKS = (
 def read_bytes(path: Path, error: type[NsmError], advice: str = "check the path", most: int = MOST_TEXT) -> bytes:
     """Read a file of at most ``most`` bytes."""
     try:
-        if path.is_file() and path.stat().st_size > most:
+        if path.exists() and not path.is_file():  # a folder, or a pipe that never ends
+            raise error(f"{path.name} cannot be read (it is no file); {advice}.")
+        if path.exists() and path.stat().st_size > most:
             raise error(f"{path.name} holds {path.stat().st_size / 1e6:.0f} MB, more than {most / 1e6:.0f} MB; {advice}.")
         return path.read_bytes()
     except (OSError, ValueError) as problem:  # a null byte in a path is a ValueError

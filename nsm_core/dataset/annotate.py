@@ -54,8 +54,8 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--minutes", type=float, default=2.0, help="time to train the autoencoder")
     parser.add_argument("--no-pictures", action="store_true", help="write the sidecars only")
     options = parser.parse_args(arguments)
-    paths = capture_paths(options.folder)
     mapping = load_mapping(options.mapping) if options.mapping else None
+    paths = capture_paths(options.folder, options.mapping)
     done: list[tuple[Path, Clip, Sheet, dict[int, str], list[str]]] = []
     failed = 0
     for path in paths:

@@ -27,20 +27,21 @@ class Labelled:
     sheet: Sheet
 
 
-def capture_paths(folder: str | Path) -> list[Path]:
+def capture_paths(folder: str | Path, mapping: Path | None = None) -> list[Path]:
     """List the clips of a folder and of those below it, sorted; CaptureError where there are none.
 
     A clip is a BVH file, or of a file with several bodies the second and so on: "two.2.bvh" is the second of "two.bvh".
+    ``mapping`` is a mapping file that holds for all instead of those that lie beside them.
     """
-    paths = _clips(folder)
+    paths = _clips(folder, mapping)
     if not paths:
         raise CaptureError(f"no BVH file lies in {folder}; name the folder with the captures.")
     return paths
 
 
-def _clips(folder: str | Path) -> list[Path]:
+def _clips(folder: str | Path, mapping: Path | None = None) -> list[Path]:
     files = sorted(p for p in Path(folder).rglob("*") if p.suffix.lower() == ".bvh" and not p.is_dir())
-    named = ((p, mapping_path(p, folder)) for p in files)
+    named = ((p, mapping or mapping_path(p, folder)) for p in files)
     found = [_numbered(p, n) for p, m in named for n in range(1, _bodies(p, _stamp(p), m, _stamp(m)) + 1)]
     return sorted(dict.fromkeys(found))
 
