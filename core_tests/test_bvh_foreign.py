@@ -245,6 +245,12 @@ def test_many_joints_times_many_frames_are_refused(tmp_path):
         bvh.read(tmp_path / "a.bvh")
 
 
+def test_legs_without_length_are_refused(tmp_path, plain):
+    (tmp_path / "a.bvh").write_text(re.sub("OFFSET.*", "OFFSET 0 0 0", plain[0]))
+    with pytest.raises(SkeletonError, match=r"legs of the file have no length; .*\.$"):
+        bvh.read(tmp_path / "a.bvh")
+
+
 def pose(kind: str) -> tuple[np.ndarray, np.ndarray]:
     """A motion of 40 frames that lies, crawls or stands on its head: hips (T, 3) and local rotations (T, 23, 4), facing -Y."""
     t = np.arange(40)

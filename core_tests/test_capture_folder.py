@@ -73,9 +73,9 @@ def test_a_wrong_frame_time_is_remarked_and_mended_by_a_mapping_of_one_line(tmp_
     (tmp_path / "mapping.toml").write_bytes(b"\xef\xbb\xbf# Vicon\r\nrate = 120\r\n")
     right = read_capture(tmp_path / "walk.bvh", tmp_path)
     assert len(right) == pytest.approx(len(hips), abs=1) and right.notes == ()
-    text = (tmp_path / "walk.bvh").read_text().replace("Frame Time: 0.0333333", "Frame Time: 1e308")
-    (tmp_path / "walk.bvh").write_text(text)
-    assert len(bvh.read(tmp_path / "walk.bvh", mapping=load_mapping(tmp_path / "mapping.toml"))) == len(right)
+    for wrong in ("1e308", "33.333", "0", "nan", "unknown"):
+        (tmp_path / "odd.bvh").write_text((tmp_path / "walk.bvh").read_text().replace("0.0333333", wrong))
+        assert len(bvh.read(tmp_path / "odd.bvh", mapping=load_mapping(tmp_path / "mapping.toml"))) == len(right)
 
 
 def test_a_folder_named_like_a_capture_is_none(tmp_path):

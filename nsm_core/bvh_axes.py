@@ -9,6 +9,7 @@ from .bvh_rest import Frames, is_rest
 from .bvh_source import Bvh
 from .rotations import Array, quat_to_matrix
 
+_LOOKS = 1000  # frames that are looked at
 _FLOOR = (-0.15, 0.4)  # legs' lengths over the floor that the lower ankle of who stands is found at
 _LYING = (0.04, 0.9)  # and the hips of who lies, crawls or sits
 _LEVEL = 0.5  # legs' lengths that the hips of who does not climb stay within
@@ -43,7 +44,7 @@ def world_up(source: Bvh, joints: dict[str, int]) -> Array:
     where the head is over the ankles.  Where offsets and motion disagree, the file may have a root that turns offsets upright:
     then the ankles walk near zero of the axis of the motion, and the hips do not keep a height of the axis of the offsets.
     """
-    positions, _ = source.world()
+    positions, _ = source[:: max(1, len(source) // _LOOKS)].world()
     moving = _tall(positions, joints)
     first = _tall(positions[:1], joints)
     standing = standing_up(source, joints)

@@ -168,20 +168,18 @@ def _head(
     where = f"{name}, line {min(at, len(lines))}"
     try:
         frames = float(said["frames"]) if "frames" in said else None
-        interval = float(said.get("time", "0").replace(",", "."))
+        interval = float(said.get("time", "0").replace(",", ".")) if rate is None else 1 / rate
         if not said or (frames is not None and frames % 1):
             raise ValueError
     except (ValueError, OverflowError) as error:
         raise CaptureError(f"{where}: expected 'Frames:' and 'Frame Time:', each with a number; the file is damaged.") from error
     if frames is not None and not 0 <= frames < 1e15:
         raise CaptureError(f"{where}: {frames:g} frames are no motion; write how many rows of numbers there are.")
-    return None if frames is None else int(frames), _interval(interval, where, rate, notes), at
+    return None if frames is None else int(frames), _interval(interval, where, notes), at
 
 
-def _interval(interval: float, where: str, rate: float | None, notes: list[str]) -> float:
+def _interval(interval: float, where: str, notes: list[str]) -> float:
     """The time between frames, seconds, that is believed."""
-    if rate is not None:
-        return 1 / rate
     if interval == 0:
         notes.append(f"{where}: no Frame Time is said; it is read at {FPS} frames a second (`rate` in mapping.toml says another).")
         return 1 / FPS
