@@ -19,7 +19,8 @@ from .actions import require_action
 from .bodies import Body, place_of
 from .carrying import carry_goal
 from .climbing import climb_goal
-from .doors import HANDLE_HEIGHT, open_goal
+from .door_handles import HANDLE_HEIGHT, fittings_of
+from .doors import open_goal
 from .parts import is_group, seat_body
 from .places import crossings, require_support, walk_goal, what_stands_at
 from .points import HANDLE, HINGE, POINT_ACTION, POINT_LINK, POINT_NAME, POINT_TO, SWING, goal_point_of, make_point
@@ -51,8 +52,10 @@ class GoalSpec:
 
 
 def moved_by(specs: list[GoalSpec]) -> list[bpy.types.Object]:
-    """The objects that goals move, each once: boxes that are carried and leaves that are opened."""
-    return list(dict.fromkeys(s.object for s in specs if s.object is not None and require_action(s.action).moves))
+    """The objects that goals move, each once: boxes that are carried, and leaves that are opened with what hangs on them."""
+    moved = [s for s in specs if s.object is not None and require_action(s.action).moves]
+    parts = [part for s in moved for part in (s.object, *(fittings_of(s.object) if s.action == "open" else ()))]
+    return list(dict.fromkeys(parts))
 
 
 def resolve(

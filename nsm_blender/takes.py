@@ -32,7 +32,7 @@ from .report import build_report
 from .scene import SceneState, WorldFrame, holds
 from .shown import look_at
 from .surroundings import Surroundings
-from .things import Thing, require_movable
+from .things import Thing, require_movable, rides_along
 
 _T = TypeVar("_T")
 
@@ -95,7 +95,8 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | No
     runner = yield from _shown("Planning the ways", beside(lambda _: TakeRunner(model, request)))
     while _step(runner):
         hips, rotations = runner.pose()
-        moved = [(things[name].object, things[name].world_at(pose)) for name, pose in runner.prop_poses().items()]
+        poses = runner.prop_poses()
+        moved = [(thing.object, thing.world_at(poses[thing.prop])) for thing in things.values()]
         yield Progress("Generating", min(runner.progress, 1.0), frame.to_world(hips), rotations, moved)
     result = runner.result()
     yield Progress("Keying", 1.0)
@@ -107,7 +108,7 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | No
                 spec.character, frame.to_world(result.hips_position), result.local_rotations, spec.start_frame, FPS, title, scene
             ),
         )
-        moved = [(things[name], poses) for name, poses in result.props.items()]
+        moved = [(thing, result.props[thing.prop]) for thing in things.values()]
         yield from _shown("Making keys", key_things(keyed, moved, FPS, title, scene))
         kept.seal()
         keying_ms = (time.perf_counter() - begin) * 1000 / max(len(result.hips_position), 1)
@@ -149,7 +150,7 @@ def prepare(
 ) -> Generator[Progress, None, tuple[TakeRequest, WorldFrame, dict[str, Thing]]]:
     """Gather what a take needs from the scene as it is at the take's first frame, in slices; the current frame is put back.
 
-    The last of the generator's value are the objects that it moves, by the names of their props.
+    The last of the generator's value are the objects that it moves, by their names.
     """
     require_character(spec.character, scene)
     if not spec.goals:
@@ -159,14 +160,15 @@ def prepare(
         _go_to(scene, spec.start_frame)
         frame, start = start_of(spec.character, scene)
         moving = moved_by(spec.goals)
-        for target in moving:
+        moving_alone = [o for o in moving if not rides_along(o, moving)]
+        for target in moving_alone:
             require_movable(target, spec.character)
         around = yield from surroundings_of(spec, scene, frame, moving)
         goals = yield from _shown(
             "Finding the goals", beside(lambda _: resolve_goals(spec.goals, scene, frame, start, around), touches=True)
         )
         _go_to(scene, spec.start_frame)
-        things = {target.name: Thing.of(target, frame, around.left[target.name][0]) for target in moving}
+        things = {target.name: Thing.of(target, frame, around.left[target.name][0]) for target in moving_alone}
         environment, ground = around.query, around.ground
     finally:
         state.restore()

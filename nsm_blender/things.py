@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Quaternion, Vector
+from mathutils import Euler, Matrix, Quaternion, Vector
 
 from nsm_core.control.props import Prop
 from nsm_core.errors import GoalError, NsmError
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 _DELTAS = ("delta_location", "delta_rotation_euler", "delta_rotation_quaternion", "delta_scale")
 _MOVED = 1e-5  # metres and radians between two frames that count as a move
+_SHEAR = 0.01  # by which the axes of a thing may be stretched or skewed while it turns
 
 
 @dataclass
@@ -44,7 +45,7 @@ class Thing:
     """An object that a take moves: where it and its prop are before the first frame.
 
     ``world`` its matrix, ``space`` the one from the world to its own channels, ``turn`` its own rotation; ``pose`` (4,) of the
-    prop, core frame.
+    prop that it moves with, core frame, and the name ``prop`` of that: the object's own, or the leaf's on which it hangs.
     """
 
     object: bpy.types.Object
@@ -53,11 +54,14 @@ class Thing:
     space: Matrix
     turn: Quaternion
     pose: Array
+    prop: str
 
     @classmethod
     def of(cls, target: bpy.types.Object, frame: WorldFrame, prop: Prop) -> Thing:
-        """Note where an object stands now."""
-        return cls(target, frame, target.matrix_world.copy(), _space(target), _delta(target) @ _own_turn(target), prop.pose.copy())
+        """Note where an object stands now; GoalError where its parents would shear it as it turns."""
+        turn = delta_turn(target) @ own_turn(target)
+        _require_unsheared(target)
+        return cls(target, frame, target.matrix_world.copy(), _space(target), turn, prop.pose.copy(), prop.name)
 
     def world_at(self, pose: Array) -> Matrix:
         """World matrix of the object when its prop is at ``pose`` (4,), core frame."""
@@ -92,6 +96,27 @@ def require_movable(target: bpy.types.Object, character: bpy.types.Object | None
     moved = next((c.data_path for c in strip_curves(target) if c.data_path in _DELTAS and varies(c)), None)
     if moved is not None:
         raise GoalError(f"{target.name} is moved by an NLA strip on its {moved.replace('_', ' ')}; mute that track in the NLA editor.")
+
+
+def rides_along(target: bpy.types.Object, others: Sequence[bpy.types.Object]) -> bool:
+    """Whether an object follows one of ``others`` by a constraint, so that it needs no keys of its own."""
+    return any(c.enabled and c.influence > 0 and getattr(c, "target", None) in others for c in target.constraints)
+
+
+def _require_unsheared(target: bpy.types.Object) -> None:
+    """Raise GoalError where location and rotation cannot turn an object about the vertical without distorting it.
+
+    So it is under parents of uneven scale, unless their vertical axis alone is longer or shorter.
+    """
+    to_world = np.array(_space(target).inverted_safe(), dtype=np.float64)[:3, :3]
+    quarter = np.array(((0, -1, 0), (1, 0, 0), (0, 0, 1.0)))
+    own = np.linalg.pinv(to_world) @ quarter @ to_world  # what would turn it so, seen from its own channels
+    if np.abs(own @ own.T - np.eye(3)).max() > _SHEAR:
+        over = target.parent.name if target.parent else "a parent"
+        raise GoalError(
+            f"{target.name} hangs on {over}, whose scale is uneven, so that it would be sheared as it turns; apply that scale "
+            "(Ctrl+A, Scale), or unparent it and keep its transform."
+        )
 
 
 def resample_poses(poses: Array, fps_from: float, fps_to: float) -> Array:
@@ -176,7 +201,7 @@ def _channel_values(thing: Thing, poses: Array, spaces: list[Matrix]) -> tuple[A
     ``spaces``, one for each pose or one for all: from the world to the object's own channels, its parents as they are then.
     """
     target, mode = thing.object, thing.object.rotation_mode
-    undelta, back = _delta(target).inverted(), thing.space.inverted_safe()
+    undelta, back = delta_turn(target).inverted(), thing.space.inverted_safe()
     location, rotation, last = [], [], None
     for pose, space in zip(poses, spaces * len(poses) if len(spaces) == 1 else spaces, strict=True):
         move = space @ thing.move_to(pose)
@@ -201,17 +226,18 @@ def _space(target: bpy.types.Object) -> Matrix:
     return target.matrix_basis @ target.matrix_world.inverted_safe()
 
 
-def _own_turn(target: bpy.types.Object) -> Quaternion:
-    """The rotation channels of an object, in whatever mode, as a quaternion."""
+def own_turn(target: bpy.types.Object, values: Sequence[float] | None = None) -> Quaternion:
+    """The rotation channels of an object, in whatever mode, or these ``values`` of theirs, as a quaternion."""
+    values = getattr(target, rotation_channel(target.rotation_mode)) if values is None else values
     if target.rotation_mode == "QUATERNION":
-        return target.rotation_quaternion.normalized()
+        return Quaternion(values).normalized()
     if target.rotation_mode == "AXIS_ANGLE":
-        angle, *axis = target.rotation_axis_angle
+        angle, *axis = values
         return Quaternion(axis, angle)
-    return target.rotation_euler.to_quaternion()
+    return Euler(values, target.rotation_mode).to_quaternion()
 
 
-def _delta(target: bpy.types.Object) -> Quaternion:
+def delta_turn(target: bpy.types.Object) -> Quaternion:
     """The rotation that an object adds to its own channels."""
     if target.rotation_mode == "QUATERNION":
         return target.delta_rotation_quaternion.normalized()

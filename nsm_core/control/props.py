@@ -63,6 +63,12 @@ class Prop:
         """Distances (N,) float32 of world ``points`` (N, 3) to the prop where it is now; see ``DistanceQuery``."""
         return self.query.signed_distance(self.to_local(points).astype(np.float32), max_distance)
 
+    @property
+    def reach(self) -> float:
+        """Metres on the floor from its place within which all of it lies."""
+        v = self.volume
+        return float(np.linalg.norm(v.centre[:2]) + np.linalg.norm(v.size[:2]) / 2)
+
     def sensed(self) -> InteractionVolume:
         """The interaction sensor's reading where the prop is now: it moves with the prop."""
         v = self.volume

@@ -19,14 +19,15 @@ from ...sensors.query import Union
 from ..course import Course
 from ..goals import Moment
 from ..planning import FloorPlan, path_length
-from ..props import Box, Prop
+from ..props import Leaf, Prop
 from ..scene import Scene
 
 REACH = 3.6  # metres from which goal-driven mode takes over
 BESIDE = 0.3  # metres at the end of the straight way that may touch the goal's surroundings
 ELBOW_ROOM = 0.33  # metres to keep from things on the straight way: the network cuts corners a little
 STALL, LED = 60, 120  # frames of standing still short of a goal before one is led on, and for how long at most
-_STIRRED = 0.02  # metres or radians by which a box may have moved before the floor is looked at again
+_STIRRED = 0.02  # metres or radians by which a thing may have moved before the floor is looked at again
+STANDS_OPEN = np.radians(20)  # a leaf that is open by more stands in the way
 LEAST_RUN = 2.5  # metres: a shorter way is walked
 
 
@@ -67,32 +68,35 @@ RUNNING = Gait("run", (2.6, 3.0), 2.2, 1.7, 1.0)
 
 
 class Ground:
-    """What a stage plans with: the free floor (None: all of it is), boxes that stand about on it, and the source of chance."""
+    """What a stage plans with: the free floor (None: all of it is), what moves and stands about on it, and the source of chance.
+
+    Boxes stand about, and leaves that are open; a shut one stands where no way leads.
+    """
 
     def __init__(self, plan: FloorPlan | None, rng: np.random.Generator, scene: Scene | None = None) -> None:
         self.plan, self.rng = plan, rng
-        self._boxes = [] if scene is None else [p for p in scene.props if isinstance(p, Box)]
-        self._seen: tuple[list[Box], Array, FloorPlan] | None = None
+        self._props = [] if scene is None else list(scene.props)
+        self._seen: tuple[list[Prop], Array, FloorPlan] | None = None
 
     def floor(self, but: Prop | None = None) -> FloorPlan | None:
-        """The free floor with all boxes where they are now ``but`` the one in hand."""
-        boxes = [b for b in self._boxes if b is not but]
-        if self.plan is None or not boxes:
+        """The free floor with all that stands about where it is now, ``but`` what is in hand."""
+        about = [p for p in self._props if p is not but and (not isinstance(p, Leaf) or abs(p.angle) > STANDS_OPEN)]
+        if self.plan is None or not about:
             return self.plan
-        poses = np.array([b.pose for b in boxes])
-        if self._seen is None or self._seen[0] != boxes or np.abs(self._seen[1] - poses).max() > _STIRRED:
-            reach = max(float(np.linalg.norm(b.size)) / 2 for b in boxes)
-            self._seen = boxes, poses, self.plan.besides(Union(boxes), poses[:, :2], reach)
+        poses = np.array([p.pose for p in about])
+        if self._seen is None or self._seen[0] != about or np.abs(self._seen[1] - poses).max() > _STIRRED:
+            reach = max(p.reach for p in about)
+            self._seen = about, poses, self.plan.besides(Union(about), poses[:, :2], reach)
         return self._seen[2]
 
     def way(self, a: Array, b: Array, but: Prop | None = None) -> Array:
-        """Way (N, 2) from ``a`` to ``b`` (2,), around boxes where there is one; GoalError where there is none at all."""
+        """Way (N, 2) from ``a`` to ``b`` (2,), around what stands about where there is one; GoalError where there is none at all."""
         if self.plan is None:
             return np.stack((a, b)).astype(np.float64)
         try:
             return np.asarray(self.floor(but).find(a, b), dtype=np.float64)  # type: ignore[union-attr]
         except GoalError:
-            if not self._boxes:
+            if self.floor(but) is self.plan:
                 raise
             return np.asarray(self.plan.find(a, b), dtype=np.float64)
 
