@@ -172,7 +172,8 @@ with quiet():
     print("said"); print("told", file=sys.stderr)
 """
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120, check=True)
-    assert done.stdout == "said\n" and sorted(done.stderr.splitlines()) == ["out of memory", "told"]
+    assert "said\n" in done.stdout and "Fra:1" not in done.stdout
+    assert "EGL" not in done.stderr and {"out of memory", "told"} <= set(done.stderr.splitlines())
 
 
 def test_labels_are_written_dark_on_the_picture():
