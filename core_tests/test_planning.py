@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nsm_core.control.planning import BODY_RADIUS, HEIGHTS, FloorPlan, line_is_free, path_length, plan_path, resample
+from nsm_core.control.clearance_map import HEIGHTS
+from nsm_core.control.planning import BODY_RADIUS, FloorPlan, line_is_free, path_length, plan_path, resample
 from nsm_core.errors import GoalError, NsmError
 from nsm_core.sensors.query import Cuboids
 

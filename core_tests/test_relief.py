@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from nsm_core import furniture
+from nsm_core.control.clearance_map import HEIGHTS
 from nsm_core.control.goals import Goal
-from nsm_core.control.planning import HEIGHTS
 from nsm_core.control.relief import Relief
 from nsm_core.control.take import TakeRequest, TakeRunner
 from nsm_core.control.terrain import FLOOR_TOP, HeightMap, Terrain

@@ -5,55 +5,33 @@ Plain planning for a walking body, not a part of the paper; it leads locomotion 
 
 from __future__ import annotations
 
-import heapq
-from copy import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import GoalError
 from ..rotations import Array
+from .cheapest_way import cheapest
+from .clearance_map import BODY_RADIUS, COMFORT, ClearanceMap, body_at
 
 if TYPE_CHECKING:
     from ..sensors.query import DistanceQuery
 
-BODY_RADIUS = 0.28
-# Heights at which a body would touch something, metres; closer together than the body is wide, so no board slips between.
-HEIGHTS = (0.15, 0.45, 0.75, 1.05, 1.35, 1.65)
-_COMFORT = 0.17  # metres of room beyond the radius that a walker likes to keep
-_FAR = BODY_RADIUS + _COMFORT + 0.25  # clearance beyond which more does not matter
 _ESCAPE = 1.2  # metres around a start or goal that is hemmed in, within which the way may squeeze through
 _BRUSH = 0.03  # metres of room that squeezing through needs
 _LEAVE = 0.7  # metres to get off a thing that one stands or sits on; further from deeper ones that a way starts on:
 _BEYOND = (0.3, 1.0)  # metres past the nearest free floor, tried one after the other
+_FARTHEST = 1000.0  # metres between the ends of a way
+# Cells that are searched at once, and the times that they may be doubled in size for it; metres around the ends of a way that is
+# looked for in a part of a large floor.
+_MOST_CELLS, _COARSER, _AROUND = 400_000, 2, 8.0
+# On ways that are too long for that: metres before and behind a thing in the way between which a way around it is looked for,
+# metres aside, and points of the straight way of which one is kept.
+_BEFORE, _WIDE, _SPARSE = 3.0, 50.0, 10
 
 
-class FloorPlan:
-    """Free floor of a scene for a body of some radius, sampled once and asked many times.
-
-    Args:
-        query: solids of the scene, without the floor.
-        bounds: minimum and maximum corner ((x, y), (x, y)) of the floor to look at, metres.
-        radius: of the body, metres.
-        cell: size of the cells that are searched, metres.
-    """
-
-    def __init__(self, query: DistanceQuery, bounds: tuple[Array, Array] | Array, radius: float = BODY_RADIUS, cell: float = 0.05) -> None:
-        low, high = (np.asarray(b, dtype=np.float64)[:2] for b in bounds)
-        if not (np.isfinite(low).all() and np.isfinite(high).all() and (high > low).all()):
-            raise GoalError("The floor to plan on has no size; give its lower left and upper right corner in metres.")
-        self.radius, self.cell, self._low = float(radius), float(cell), low
-        self._far = max(_FAR, radius + _COMFORT + 0.25)
-        # Distances change by at most a metre a metre, so every second cell is enough and the rest is interpolated.
-        self._spacing = 2 * self.cell
-        shape = np.maximum(2, np.ceil((high - low) / self._spacing).astype(int) + 1)
-        room = self._sample(query, shape)
-        self._nodes = np.stack((room, *np.gradient(room, self._spacing)), axis=-1)  # clearance and the way it grows
-        self.bounds = (low, low + (shape - 1) * self._spacing)
-
-    def clearance(self, points: Array) -> Array:
-        """Distance (N,) in metres from floor points (N, 2) to the nearest solid at body height, capped near 0.7 m, negative inside."""
-        return self._at(np.asarray(points, dtype=np.float64), slice(0, 1))[..., 0]
+class FloorPlan(ClearanceMap):
+    """Free floor of a scene for a body of some radius, and ways over it; see ``ClearanceMap``."""
 
     def line_is_free(self, a: Array, b: Array, radius: float | None = None) -> bool:
         """Whether the body can go straight from ``a`` to ``b``, (2,) metres."""
@@ -71,15 +49,20 @@ class FloorPlan:
         for end, name in zip(ends, ("start", "goal"), strict=True):
             if not np.isfinite(end).all() or (end < self.bounds[0]).any() or (end > self.bounds[1]).any():
                 raise GoalError(f"The {name} at ({end[0]:.2f}, {end[1]:.2f}) m lies off the planned floor; move it or plan a larger floor.")
+        if np.linalg.norm(ends[1] - ends[0]) > _FARTHEST:
+            raise GoalError(
+                f"It is {np.linalg.norm(ends[1] - ends[0]):.0f} m to ({ends[1][0]:.0f}, {ends[1][1]:.0f}) m, and a way may be up to "
+                f"{_FARTHEST:.0f} m long; choose a nearer goal, or one on the way there first."
+            )
         if self.line_is_free(*ends):
             return resample(np.stack(ends), step)
-        cells = self._search(*ends)
+        cells = self._search_near(*ends)
         if cells is None and float(self.clearance(ends[0][None])[0]) <= _BRUSH:
             cells = self._leave_deep(*ends)
         if cells is None:
             raise GoalError(
                 f"There is no free way to ({ends[1][0]:.2f}, {ends[1][1]:.2f}) m for a body {2 * self.radius:.2f} m wide; "
-                "move the furniture apart or choose another goal."
+                + self._advice(*ends)
             )
         cells[0], cells[-1] = ends
         free = np.flatnonzero(self.clearance(cells) >= self.radius)
@@ -87,59 +70,84 @@ class FloorPlan:
         pulled = np.concatenate((cells[:first], self._pull(cells[first : last + 1]), cells[last + 1 :]))
         return resample(self._relax(resample(pulled, step)), step)
 
-    def _sample(self, query: DistanceQuery, shape: Array) -> Array:
-        """Clearance (nx, ny) at the nodes: a coarse look first, then every node that could be near something."""
-        x, y = (self._low[k] + self._spacing * np.arange(shape[k]) for k in (0, 1))
+    def _advice(self, start: Array, goal: Array) -> str:
+        """What to do where no way leads to ``goal`` (2,): name what stands in it, where that can be known."""
+        nearest = getattr(self._query if self._base is None else self._base._query, "nearest", None)
+        line = start + np.linspace(0, 1, 2 + int(np.linalg.norm(goal - start) / self.cell))[:, None] * (goal - start)
+        blocked = np.flatnonzero(self.clearance(line) < self.radius)
+        if nearest is not None and len(blocked):
+            # What stands nearest to the goal keeps one out, unless one starts in something.
+            at = line[blocked[-1] if self.clearance(start[None])[0] >= self.radius else blocked[0]]
+            for reach in (self.radius, self.radius + 0.5):
+                names = [n for n in nearest(body_at(at[None]), reach) if n is not None]
+                if names:
+                    name = max(set(names), key=names.count)
+                    return (
+                        f"'{name}' stands in it: move it, or set its custom property nsm_collider to False where one may walk through it, "
+                        "or choose another goal."
+                    )
+        return "move the furniture apart or choose another goal."
 
-        every = 4
-        coarse_x, coarse_y = x[::every], y[::every]
-        half_diagonal = every * self._spacing * np.sqrt(0.5)
-        centres = np.stack(np.meshgrid(coarse_x, coarse_y, indexing="ij"), -1).reshape(-1, 2) + every * self._spacing / 2
-        reach = self._far + half_diagonal + self._spacing
-        near = (_look(query, centres, reach + 1e-3) < reach).reshape(len(coarse_x), len(coarse_y))
-        near = near.repeat(every, 0).repeat(every, 1)[: shape[0], : shape[1]]
-        out = np.full(tuple(shape), self._far)
-        nodes = np.stack(np.meshgrid(x, y, indexing="ij"), -1)[near]
-        if len(nodes):
-            out[near] = _look(query, nodes, self._far)
-        return out
+    def _search_near(self, start: Array, goal: Array, leave: float = _LEAVE) -> Array | None:
+        """``_search`` on the whole floor; where that is large, near the ends first, and in larger cells."""
+        whole = self.bounds
+        ends = np.stack((start, goal))
+        near = np.maximum(ends.min(0) - _AROUND, whole[0]), np.minimum(ends.max(0) + _AROUND, whole[1])
+        small = np.prod((whole[1] - whole[0]) / self.cell) <= _MOST_CELLS
+        fitted = False
+        for low, high in [whole] if small else [near, whole]:
+            coarser = next((k for k in range(_COARSER + 1) if np.prod((high - low) / (self.cell * 2**k)) <= _MOST_CELLS), None)
+            if coarser is not None:
+                fitted, way = True, self._search(start, goal, leave, low, high, self.cell * 2**coarser)
+                if way is not None:
+                    return way
+        return None if fitted else self._detours(start, goal, leave)
 
-    def besides(self, query: DistanceQuery, places: Array, reach: float) -> FloorPlan:
-        """This plan with more solids in it: ``query``, which lies within ``reach`` metres of ``places`` (N, 2)."""
-        other = copy(self)
-        room = self._nodes[..., 0].copy()
-        x, y = (self._low[k] + self._spacing * np.arange(room.shape[k]) for k in (0, 1))
-        nodes = np.stack(np.meshgrid(x, y, indexing="ij"), -1)
-        near = (np.abs(nodes[:, :, None] - places).max(-1) < reach + self._far).any(-1)
-        if near.any():
-            room[near] = np.minimum(room[near], _look(query, nodes[near], self._far))
-        other._nodes = np.stack((room, *np.gradient(room, self._spacing)), axis=-1)
-        return other
+    def _detours(self, start: Array, goal: Array, leave: float) -> Array | None:
+        """A way too long for one search: straight on, and around each thing in the way by a search of its own."""
+        line = start + np.linspace(0, 1, 2 + int(np.linalg.norm(goal - start) / self.cell))[:, None] * (goal - start)
+        blocked = np.flatnonzero(self.clearance(line) < self.radius)
+        before = round(_BEFORE / self.cell)
+        runs = np.split(blocked, np.flatnonzero(np.diff(blocked) > 3 * before) + 1)
+        way, here = [], 0
+        for first, last in ((max(int(r[0]) - before, 0), min(int(r[-1]) + before, len(line) - 1)) for r in runs if len(r)):
+            ends = line[[first, last]]
+            low, high = np.maximum(ends.min(0) - _WIDE, self.bounds[0]), np.minimum(ends.max(0) + _WIDE, self.bounds[1])
+            size = self.cell * 2**_COARSER
+            if np.prod((high - low) / size) > 2 * _MOST_CELLS:
+                return None
+            around = self._search(ends[0], ends[1], leave, low, high, size)
+            if around is None:
+                return None
+            way += [line[here:first:_SPARSE], around]
+            here = last
+        return np.concatenate((*way, line[here::_SPARSE], line[-1:]))
 
-    def _cells(self) -> Array:
-        """Floor points (nx, ny, 2) of the cells that are searched, metres."""
-        shape = np.round((self.bounds[1] - self._low) / self.cell).astype(int) + 1
-        x, y = (self._low[k] + self.cell * np.arange(shape[k]) for k in (0, 1))
+    def _cells(self, low: Array, high: Array, cell: float) -> Array:
+        """Floor points (nx, ny, 2) of the cells between two corners (2,), metres."""
+        shape = np.round((high - low) / cell).astype(int) + 1
+        x, y = (low[k] + cell * np.arange(shape[k]) for k in (0, 1))
         return np.stack(np.meshgrid(x, y, indexing="ij"), -1)
 
     def _leave_deep(self, start: Array, goal: Array) -> Array | None:
         """As ``_search`` for a start so deep on a thing that free floor lies further away than usual."""
-        points = self._cells()
+        low, high = np.maximum(start - _AROUND, self.bounds[0]), np.minimum(start + _AROUND, self.bounds[1])
+        points = self._cells(low, high, self.cell)
         free = self.clearance(points) >= self.radius
         if not free.any():
             return None
         nearest = float(np.linalg.norm(points[free] - start, axis=-1).min())
-        ways = (self._search(start, goal, nearest + more) for more in _BEYOND if nearest + more > _LEAVE)
+        ways = (self._search_near(start, goal, nearest + more) for more in _BEYOND if nearest + more > _LEAVE)
         return next((way for way in ways if way is not None), None)
 
-    def _search(self, start: Array, goal: Array, leave: float = _LEAVE) -> Array | None:
-        """A* over the cells with 8 neighbours; the way as points (N, 2), or None.
+    def _search(self, start: Array, goal: Array, leave: float, low: Array, high: Array, size: float) -> Array | None:
+        """A* over cells of ``size`` metres between two corners (2,) with 8 neighbours; the way as points (N, 2), or None.
 
         ``leave``: metres within which a start on top of a thing gets off it.
         """
-        points = self._cells()
+        points = self._cells(low, high, size)
         room = self.clearance(points)
-        price = 1 + 1.5 * np.clip((self.radius + _COMFORT - room) / _COMFORT, 0, 1)
+        price = 1 + 1.5 * np.clip((self.radius + COMFORT - room) / COMFORT, 0, 1)
         blocked = room < self.radius
         squeeze = np.zeros_like(blocked)
         for end, far in ((start, leave), (goal, _LEAVE)):
@@ -149,44 +157,9 @@ class FloorPlan:
                 squeeze |= blocked & (((room > _BRUSH) & (away < _ESCAPE)) if own > _BRUSH else (away < far))
         # Flesh gives way before wood does: inside a solid costs much more than close to one.
         price = np.where(squeeze, 6 + 60 * np.clip((0.15 - room) / 0.15, 0, 2), np.where(blocked, np.inf, price))
-        price = np.pad(price, 1, constant_values=np.inf)
-        width = price.shape[1]
-        to_cell = [tuple(np.round((p - self._low) / self.cell).astype(int)) for p in (start, goal)]
-        first, last = ((i + 1) * width + j + 1 for i, j in to_cell)
-        prices = price.ravel().tolist()
-        if prices[first] == np.inf or prices[last] == np.inf:
-            return None
-        gi, gj = divmod(last, width)
-        diagonal = 2**0.5
-        steps = [(di * width + dj, diagonal if di and dj else 1.0) for di in (-1, 0, 1) for dj in (-1, 0, 1) if di or dj]
-        cost, parent, done = {first: 0.0}, {first: first}, set()
-        queue = [(0.0, first)]
-        while queue:
-            _, here = heapq.heappop(queue)
-            if here in done:
-                continue
-            if here == last:
-                break
-            done.add(here)
-            base, own = cost[here], prices[here]
-            for offset, length in steps:
-                there = here + offset
-                p = prices[there]
-                if p == np.inf or there in done:
-                    continue
-                new = base + length * 0.5 * (own + p)
-                if new < cost.get(there, np.inf):
-                    cost[there], parent[there] = new, here
-                    i, j = divmod(there, width)
-                    di, dj = abs(i - gi), abs(j - gj)
-                    heapq.heappush(queue, (new + max(di, dj) + (diagonal - 1) * min(di, dj), there))
-        else:
-            return None
-        way = [last]
-        while way[-1] != first:
-            way.append(parent[way[-1]])
-        i, j = np.divmod(np.array(way[::-1]), width)
-        return self._low + self.cell * np.stack((i - 1, j - 1), -1)
+        to_cell = [tuple(np.clip(np.round((p - low) / size).astype(int), 0, np.array(room.shape) - 1)) for p in (start, goal)]
+        way = cheapest(price, *to_cell)
+        return None if way is None else low + size * way
 
     def _pull(self, way: Array) -> Array:
         """Drop the points of ``way`` that a straight line with as much room, up to some comfort, can skip."""
@@ -209,7 +182,7 @@ class FloorPlan:
             return way
         start = self.clearance(way)
         need = np.minimum(start, self.radius)  # where it squeezes out it may stay as close, not closer
-        wish = np.minimum(np.maximum(start, self.radius) + 0.06, self.radius + _COMFORT)
+        wish = np.minimum(np.maximum(start, self.radius) + 0.06, self.radius + COMFORT)
         held = start < self.radius
         held[[0, -1]] = True
         reach = max(1, min(6, (len(way) - 1) // 2))
@@ -230,22 +203,6 @@ class FloorPlan:
         lack = np.maximum(0, room - here[:, 0]) * share / np.maximum(size, 1e-6) * (size > 1e-3)
         return points + lack[:, None] * here[:, 1:]
 
-    def _at(self, points: Array, what: slice) -> Array:
-        """Interpolate ``what`` of the nodes (clearance, its two slopes) at floor points (..., 2)."""
-        nodes = self._nodes[..., what]
-        grid = np.clip((points - self._low) / self._spacing, 0, np.array(nodes.shape[:2]) - 1.000001)
-        cell = grid.astype(int)
-        i, j = cell[..., 0], cell[..., 1]
-        u, v = np.moveaxis(grid - cell, -1, 0)[..., None]
-        return (1 - u) * ((1 - v) * nodes[i, j] + v * nodes[i, j + 1]) + u * ((1 - v) * nodes[i + 1, j] + v * nodes[i + 1, j + 1])
-
-
-def _look(query: DistanceQuery, points: Array, reach: float) -> Array:
-    """Clearance (N,) of a body at floor points (N, 2), metres, at most ``reach``."""
-    body = np.concatenate([np.insert(points, 2, z, axis=1) for z in HEIGHTS]).astype(np.float32)
-    return np.asarray(query.signed_distance(body, reach), dtype=np.float64).reshape(len(HEIGHTS), -1).min(0)
-
-
 def plan_path(
     query: DistanceQuery, start: Array, goal: Array, radius: float = BODY_RADIUS, margin: float = 2.0, step: float = 0.05
 ) -> Array:
@@ -265,8 +222,7 @@ def line_is_free(query: FloorPlan | DistanceQuery, a: Array, b: Array, radius: f
         return query.line_is_free(a, b, radius)
     a, b = (np.asarray(p, dtype=np.float64)[:2] for p in (a, b))
     line = a + np.linspace(0, 1, 2 + int(np.linalg.norm(b - a) / 0.05))[:, None] * (b - a)
-    body = np.concatenate([np.insert(line, 2, z, axis=1) for z in HEIGHTS]).astype(np.float32)
-    return bool((query.signed_distance(body, radius + 0.01) >= radius).all())
+    return bool((query.signed_distance(body_at(line), radius + 0.01) >= radius).all())
 
 
 def path_length(path: Array) -> float:

@@ -14,7 +14,7 @@ from ..sensors.query import DistanceQuery
 
 CELL = 0.02  # metres between the places that are probed
 # What ends lower over the floor, metres, is ground that one walks over: rugs, mats, thresholds, kerbs; what is higher stands in
-# the way or is climbed.  No body is looked for below it (``planning.HEIGHTS``).
+# the way or is climbed.  No body is looked for below it (``clearance_map.HEIGHTS``).
 FLOOR_TOP = 0.12
 _TOUCH, _STEPS = 0.002, 80  # metres over a surface that count as on it; steps of a probe at most
 _HIGHEST = 0.8  # metres: what is higher is no ground
