@@ -15,20 +15,56 @@ from .channels import assign, transform_of
 LOST = (ReferenceError, AttributeError, KeyError, TypeError, ValueError, RuntimeError)
 
 
+class FrameState:
+    """The current frame, and what animators have moved there without a key: going to another frame and back loses it."""
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        self.scene, self.frame = scene, (scene.frame_current, scene.frame_subframe)
+        self._moved = [(one, transform_of(one)) for target in scene.objects if target.animation_data for one in _with_bones(target)]
+
+    def restore(self, always: bool = False) -> None:
+        """Go back to the frame, where the scene is at another one, and put back what was moved there; what is gone is passed over.
+
+        ``always``: what was moved is put back at the same frame too.
+        """
+        if (self.scene.frame_current, self.scene.frame_subframe) != self.frame:
+            self.scene.frame_set(self.frame[0], subframe=self.frame[1])
+        elif not always:
+            return
+        for moving, transform in self._moved:
+            with suppress(*LOST):
+                if transform_of(moving) != transform:
+                    _set(moving, transform)
+
+
+@contextmanager
+def frame_kept(scene: bpy.types.Scene) -> Iterator[None]:
+    """Go to other frames inside; the present one is put back at the end, with what was moved there without a key."""
+    state = FrameState(scene)
+    try:
+        yield
+    finally:
+        with suppress(*LOST):
+            state.restore()
+            bpy.context.view_layer.update()
+
+
 class SceneState:
     """What a take may disturb before its keys are made: the current frame, the character's pose and the places of ``moved`` objects."""
 
     def __init__(self, scene: bpy.types.Scene, armature: bpy.types.Object | None, moved: Iterable[bpy.types.Object] = ()) -> None:
         self.scene, self.armature = scene, armature
+        self._frame = FrameState(scene)
         self.places = [(moving, transform_of(moving)) for moving in moved]
-        self.frame = (scene.frame_current, scene.frame_subframe)
         self.pose = [(bone.name, transform_of(bone)) for bone in armature.pose.bones] if armature is not None else []
 
-    def restore(self) -> None:
-        """Put frame, pose and places back exactly; what no longer exists, or can no longer be written, is passed over."""
+    def restore(self, always: bool = False) -> None:
+        """Put frame, pose and places back exactly; what no longer exists, or can no longer be written, is passed over.
+
+        ``always`` as in ``FrameState.restore``.
+        """
         with suppress(*LOST):
-            if (self.scene.frame_current, self.scene.frame_subframe) != self.frame:
-                self.scene.frame_set(self.frame[0], subframe=self.frame[1])
+            self._frame.restore(always)
         with suppress(*LOST):
             for bone, transform in self._bones():
                 _set(bone, transform)
@@ -104,7 +140,7 @@ class Kept:
         for action in made:
             _try(lambda action=action: bpy.data.actions.remove(action))
         _try(bpy.context.view_layer.update)  # the old actions play once more, before the poses that were not keyed
-        _try(self._state.restore)
+        _try(lambda: self._state.restore(always=True))
 
 
 @contextmanager
@@ -115,6 +151,12 @@ def restored_on_failure(kept: Kept) -> Iterator[Kept]:
     except BaseException:
         kept.restore()
         raise
+
+
+def _with_bones(target: bpy.types.Object) -> Iterator[bpy.types.Object | bpy.types.PoseBone]:
+    yield target
+    if target.type == "ARMATURE" and target.pose is not None:
+        yield from target.pose.bones
 
 
 def _set(moving: bpy.types.Object | bpy.types.PoseBone, transform: dict[str, Any]) -> None:

@@ -13,6 +13,8 @@ from mathutils import Matrix
 from nsm_core.errors import SkeletonError
 from nsm_core.rotations import Array
 
+from .kept import frame_kept
+
 
 @dataclass(frozen=True)
 class Mount:
@@ -79,14 +81,12 @@ def go_to(scene: bpy.types.Scene, frame: float) -> None:
 
 def along(scene: bpy.types.Scene, frames: Sequence[float], read: Callable[[], Any]) -> Generator[float, None, list[Any]]:
     """Go through ``frames`` and collect what ``read`` returns at each; yields the share done, and puts the frame back at the end."""
-    kept, found = (scene.frame_current, scene.frame_subframe), []
-    try:
+    found = []
+    with frame_kept(scene):
         for i, frame in enumerate(frames):
             go_to(scene, frame)
             found.append(read())
             yield (i + 1) / len(frames)
-    finally:
-        scene.frame_set(kept[0], subframe=kept[1])
     return found
 
 

@@ -22,6 +22,7 @@ from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_normalize, 
 from nsm_core.skeleton import HIPS, JOINTS, OFFSETS, PARENTS, forward_kinematics
 
 from .armature import Placement, read_world_pose
+from .kept import frame_kept
 from .keying import KeyedTake, resample
 from .mount import go_to
 from .scene import WorldFrame
@@ -59,17 +60,16 @@ def look_at(
 ) -> Generator[float, None, ShownTake]:
     """Evaluate a keyed take; yields the share done after every frame, and puts the scene's frame back at the end.
 
-    ``result`` is the motion made, in the ``frame`` of the character; ``things`` are what it moves, by the names of their props.
+    ``result`` is the motion made, in the ``frame`` of the character; ``things`` are what it moves, by their names.
     """
     count = keyed.frame_end - keyed.frame_start + 1
     budget = max(SHARE * sum(result.stage_ms.values()) / 1000 * len(result.hips_position), 0.2)
     judged = {min(round(goal.end_frame / FPS * keyed.fps), count - 1) for goal in result.goals}
     look = _Look(keyed, frame, things)
-    kept = (scene.frame_current, scene.frame_subframe)
     spent, step = 0.0, max(1, count // _FEWEST)
     coarse = step
     rows: Iterable[int] = sorted({*range(0, count, step), count - 1, *judged})
-    try:
+    with frame_kept(scene):
         while True:
             for row in rows:
                 begin = time.perf_counter()
@@ -82,8 +82,6 @@ def look_at(
                 break
             step = (step + 1) // 2
             rows = [row for row in range(0, count, step) if row not in look.seen]
-    finally:
-        scene.frame_set(kept[0], subframe=kept[1])
     return look.beside(result)
 
 
@@ -124,20 +122,23 @@ class _Look:
         turn = quat_normalize(_between(at, turn.reshape(len(rows), -1), len(result.hips_position)).reshape(-1, len(JOINTS), 4))
         shown.local = quat_mul(turn, np.asarray(result.local_rotations, dtype=np.float64))
         for name, poses in result.props.items():
-            shown.poses[name] = self._prop(name, np.asarray(poses, dtype=np.float64), rows, at, shown)
+            shown.poses[name] = np.asarray(poses, dtype=np.float64)
+        for name, thing in self.things.items():
+            self._thing(name, thing, rows, at, shown, result)
         return shown
 
-    def _prop(self, name: str, poses: Array, rows: Array, at: Array, shown: ShownTake) -> Array:
-        """Poses (T, 4) of a prop as its object is seen."""
-        thing, made = self.things[name], resample_poses(poses, FPS, self.keyed.fps)[rows]
-        change = np.zeros((len(rows), 4))
+    def _thing(self, name: str, thing: Thing, rows: Array, at: Array, shown: ShownTake, result: TakeResult) -> None:
+        """Note where a moved object is seen; its prop, where it has its name, is then there too."""
+        poses = np.asarray(result.props[thing.prop], dtype=np.float64)
+        made, change = resample_poses(poses, FPS, self.keyed.fps)[rows], np.zeros((len(rows), 4))
         for i, row in enumerate(rows):
             move = self.seen[row][2][name] @ thing.world_at(made[i]).inverted_safe()
             place = np.array(move @ Matrix.Translation(self.frame.to_world(made[i, :3])))[:3, 3]
             change[i, :3] = self.frame.to_core(place) - made[i, :3]
             change[i, 3] = wrap_angle(np.float64(move.to_euler().z))
         self._note(shown, np.linalg.norm(change[:, :3], axis=1), rows, [thing.object.name] * len(rows))
-        return poses + _between(at, change, len(poses))
+        if thing.prop == name:
+            shown.poses[thing.prop] = poses + _between(at, change, len(poses))
 
     def _note(self, shown: ShownTake, gaps: Array, rows: Array, names: Sequence[str]) -> None:
         worst = int(gaps.argmax())

@@ -100,14 +100,17 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | No
         yield Progress("Generating", min(runner.progress, 1.0), frame.to_world(hips), rotations, moved)
     result = runner.result()
     yield Progress("Keying", 1.0)
+    return (yield from key_and_check(spec, scene, request, result, frame, things))
+
+
+def key_and_check(
+    spec: TakeSpec, scene: bpy.types.Scene, request: TakeRequest, result: TakeResult, frame: WorldFrame, things: dict[str, Thing]
+) -> Generator[Progress, None, Take]:
+    """Key a finished motion, look at what the scene shows of it, and report: all or nothing, whatever is raised or closed."""
     with restored_on_failure(Kept(scene, [spec.character, *(thing.object for thing in things.values())])) as kept:
-        begin, title = time.perf_counter(), spec.title()
-        keyed = yield from _shown(
-            "Making keys",
-            key_take_steps(
-                spec.character, frame.to_world(result.hips_position), result.local_rotations, spec.start_frame, FPS, title, scene
-            ),
-        )
+        begin, title, hips = time.perf_counter(), spec.title(), frame.to_world(result.hips_position)
+        steps = key_take_steps(spec.character, hips, result.local_rotations, spec.start_frame, FPS, title, scene)
+        keyed = yield from _shown("Making keys", steps)
         moved = [(thing, result.props[thing.prop]) for thing in things.values()]
         yield from _shown("Making keys", key_things(keyed, moved, FPS, title, scene))
         kept.seal()
