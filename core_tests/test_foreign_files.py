@@ -162,6 +162,13 @@ def test_clip_names_of_any_letters_come_back(tmp_path, sheet_text, name):
     assert again.clip == name.replace("\udc80", "?") and again.goals == sheet.goals and again.edited() == []
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_sidecars_as_windows_saves_them(tmp_path, sheet_text, encoding):
+    (tmp_path / "a.nsm.toml").write_bytes(sheet_text)
+    (tmp_path / "b.nsm.toml").write_bytes(sheet_text.decode().replace("\n", "\r\n").encode(encoding))
+    assert sidecar.read(tmp_path / "b.nsm.toml") == sidecar.read(tmp_path / "a.nsm.toml")
+
+
 def one_triangle() -> bytes:
     """A GLB of one triangle, written by hand."""
     corners = np.array(((0, 0, 0), (0.5, 0, 0), (0, 0.5, 0.5)), np.float32).tobytes() + np.array((0, 1, 2, 0), np.uint16).tobytes()
