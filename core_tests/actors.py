@@ -114,7 +114,7 @@ class Actor:
         box = grasp.prop
         local = box.grasps(grasp.facing)
         if hot == {"carry"}:
-            wanted = self._missed(grasp.grasps() + (*box.shown, 0.0))
+            wanted = self._missed(grasp.grasps() + box.shown - box.raised)
             near = self.distance < 0.1
             return (wanted if near else self._world(HANGING)), np.linalg.norm(self.wrists - wanted, axis=1) < 0.03
         held = np.array((0.0, -(box.stand_off(grasp.facing) + 0.05), 1.0))

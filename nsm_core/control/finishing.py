@@ -44,7 +44,9 @@ class Finishing:
         kept_hips, kept = hips, rotations
         if self.ik:
             kept_hips, kept = self._contact.apply(hips, rotations, moment.contacts, seat, moment.heading, level)
-            kept_hips, kept = self._legs.apply(kept_hips, kept, float(moment.style[CLIMB]), self._contact.locked)
+            low = any(isinstance(g, Carrying) and g.low for g in grasps)
+            self._legs.query = self.scene.but() if low else self.scene.environment
+            kept_hips, kept = self._legs.apply(kept_hips, kept, max(float(moment.style[CLIMB]), float(low)), self._contact.locked)
             carries = self._toes.back.any() or any(isinstance(g, Carrying) for g in grasps)
             kept = self._toes.apply(kept_hips, kept, self.scene.but() if carries else None)
             kept = self._heels.apply(kept_hips, kept, float(moment.style[SIT]), seat[0] if seat else None)

@@ -10,7 +10,7 @@ from ..sensors.query import DistanceQuery
 from .berth import Berth, kept_out
 from .elbows import Elbows
 from .foot_lock import smooth_step
-from .props import WRIST_BEHIND, WRIST_BELOW, Box
+from .props import WRIST_BEHIND, Box
 from .reaching import Hold, Pose
 
 # Seconds at least in which the box leaves its resting pose for the one that the hands give it; metres a second at most.
@@ -24,6 +24,8 @@ BENDS, BENT, DRAW_FURTHER, LEAST_HELD = 0.15, 0.2, 0.4, 0.8
 # Hands have let go where their labels are lower and the place is this near (metres); or where they are further apart than the
 # box is wide by so much: for more than so many frames.
 LOOSE, LOOSE_FROM, APART, LOOSE_FRAMES = 0.3, 0.5, 0.5, 6
+HELD_OFF = 0.23  # metres from the root to the near face of a box that is carried, at least
+LOW = 0.5  # metres over the floor of the underside of a box at which knees may meet it
 _AVERAGED = 3  # frames over which the box's place in the hands is smoothed
 _RISE, _SINK = 1.5, 1.0  # m/s by which a box gives way to what is under it
 _GRAVITY = 9.81
@@ -66,13 +68,19 @@ class Carrying:
         self._leaving, self._settling = True, SETTLING
         self._late = np.zeros(4)  # how far the box stays behind the hands, lest it goes into something
         self._seen = box.pose.copy()  # the box as the network has it in its hands
-        box.shown = -self._from
+        self._show(self._from)
 
     @property
     def active(self) -> bool:
         """Whether it still has to be called."""
         returning = self.hold.busy or bool(self._elbows.swivel.any())
         return self.state in ("reach", "held", "falling") or (self.state == "placed" and returning)
+
+    @property
+    def low(self) -> bool:
+        """Whether one bends to the box or with it, so that knees may meet it."""
+        at_work = self.hold.weight > 0 or self.state in ("held", "placed")
+        return at_work and float(self.prop.pose[2] - self.prop.size[2] / 2) < LOW
 
     def holds(self, hand: int) -> float:
         """How far a hand is led by it, 0..1."""
@@ -81,6 +89,10 @@ class Carrying:
     def touches(self, hand: int) -> bool:
         """Whether a hand is meant to touch the prop, and so is not kept off it."""
         return True
+
+    def _show(self, lean: Array) -> None:
+        """Show the network the box where its hands are, ``lean`` (2,) metres nearer than it is."""
+        self.prop.shown = self.prop.raised - np.append(lean, 0.0)
 
     def grasps(self) -> Array:
         """World places (2, 3) of the wrists on the box as it is now."""
@@ -94,7 +106,7 @@ class Carrying:
 
     def let_go(self) -> None:
         """End it at any time: hands return, and a box in the air falls onto what is under it."""
-        self.prop.shown = np.zeros(2)
+        self._show(np.zeros(2))
         if self.state == "held":
             self.hold.release()
             self.state, self._fall = "falling", 0.0
@@ -111,7 +123,7 @@ class Carrying:
         """Move the box by one frame and correct ``pose`` in place; ``root`` (3,), network ``contacts`` (5,)."""
         grasping = False
         if self.state == "reach":
-            self.prop.shown = -self._from
+            self._show(self._from)
             distances = np.linalg.norm(pose.wrists + np.append(self._from, 0.0) - self.grasps(), axis=1)
             self.hold.approach(distances, contacts[HAND_CONTACTS])
             if self.hold.complete(self.ik):
@@ -137,7 +149,7 @@ class Carrying:
         """Pose (4,) of the box between two wrists (2, 3)."""
         axis = wrists[1] - wrists[0]
         heading = float(np.arctan2(axis[1], axis[0])) if np.hypot(axis[0], axis[1]) > 0.05 else float(self.prop.pose[3] + self.facing)
-        centre = wrists.mean(0) - rotate_planar(np.array((0.0, WRIST_BEHIND, -WRIST_BELOW * float(self.prop.size[2]))), np.float64(heading))
+        centre = wrists.mean(0) - rotate_planar(np.array((0.0, WRIST_BEHIND, self.prop.grip_height)), np.float64(heading))
         return np.append(centre, heading - self.facing)
 
     def _in_hands(self, wrists: Array, root: Array) -> Array:
@@ -149,6 +161,9 @@ class Carrying:
             seen[3] = self._recent[-1][3] + wrap_angle(seen[3] - self._recent[-1][3])
         self._recent = [*self._recent[1 - _AVERAGED :], seen]
         mean = np.mean(self._recent, axis=0)
+        # Bodies of the data held smaller boxes: what the network would press to itself is held off.
+        ahead = heading_to_direction(np.float64(mean[3] + self.facing))
+        mean[:2] += max(0.0, self.prop.across(self.facing)[1] / 2 + HELD_OFF - float(mean[:2] @ ahead)) * ahead
         return np.concatenate((rotate_planar(mean[:2], place[2]) + place[:2], mean[2:3], [mean[3] + place[2]]))
 
     def _follow(self, wrists: Array, root: Array, labels: Array) -> None:
@@ -180,7 +195,7 @@ class Carrying:
         self._stay_above(carried)
         self.prop.pose[:] = kept_out(self.prop, before, carried, self._late, self.solids)
         self._late = self.prop.pose - carried
-        self.prop.shown = -lean
+        self._show(lean)
         width = self.prop.across(self.facing)[0]
         self._apart = self._apart + 1 if float(np.linalg.norm(wrists[1] - wrists[0])) > width + APART else 0
         if self._apart > LOOSE_FRAMES and not self._draw:
@@ -232,7 +247,7 @@ class Carrying:
             "network_rotation_error_deg": turn(raw),
         }
         self.prop.pose[3] = wrap_angle(self.prop.pose[3])
-        self.prop.shown = -self._to
+        self._show(self._to)
         self.hold.release()
         self.state = "placed"
 

@@ -18,6 +18,8 @@ from ..sensors.query import DistanceQuery
 # height, under its centre; and how far its near face is from the root of who lifts or holds it, metres.
 WRIST_OFF_SIDE, WRIST_BEHIND, WRIST_BELOW = 0.03, 0.085, 0.1
 BODY_TO_BOX = 0.24
+# Of a box too tall or deep for that: how far the wrists are under its top and behind its near face at most, metres.
+GRIP_UNDER_TOP, GRIP_IN = 0.22, 0.15
 WIDEST_BOX, HEAVIEST_SIDE = 0.6, 0.6  # metres across and in depth that two hands hold
 
 # Doors: places on the floor seen from the handle and the opening, metres.
@@ -85,17 +87,17 @@ def sense(query: DistanceQuery, low: Array, high: Array) -> InteractionVolume:
 class Box(Prop):
     """A thing to carry; its frame lies at the centre of its bounding box of ``size`` (3,), metres.
 
-    ``shown`` (2,) metres by which it is shown to the network beside its place: a box that one leans to is shown as far off as
+    ``shown`` (3,) metres by which it is shown to the network beside its place: a box that one leans to is shown as far off as
     one that is not leant to, and lean and arms do the rest.
     """
 
     size: Array = None  # type: ignore[assignment]
-    shown: Array = field(default_factory=lambda: np.zeros(2))
+    shown: Array = field(default_factory=lambda: np.zeros(3))
 
     def sensed(self) -> InteractionVolume:
         """The interaction sensor's reading: hands hold the bounding box, so a bin or a basket reads as one that is full."""
         read = super().sensed()
-        centre = (read.centre + np.append(self.shown, 0.0)).astype(np.float32)
+        centre = (read.centre + self.shown).astype(np.float32)
         return replace(read, centre=centre, occupancy=np.ones_like(self.volume.occupancy))
 
     def across(self, facing: float) -> tuple[float, float]:
@@ -105,10 +107,20 @@ class Box(Prop):
 
     def grasps(self, facing: float) -> Array:
         """Places (2, 3) of the right and the left wrist, box frame, for a carrier of heading ``facing`` in that frame."""
-        width, _ = self.across(facing)
-        z = -WRIST_BELOW * float(self.size[2])
-        places = [(sign * (width / 2 + WRIST_OFF_SIDE), WRIST_BEHIND, z) for sign in (-1.0, 1.0)]
+        width, depth = self.across(facing)
+        behind = max(WRIST_BEHIND, depth / 2 - GRIP_IN)
+        places = [(sign * (width / 2 + WRIST_OFF_SIDE), behind, self.grip_height) for sign in (-1.0, 1.0)]
         return rotate_planar(np.array(places), np.float64(facing))
+
+    @property
+    def grip_height(self) -> float:
+        """Metres from its centre up to where wrists hold it."""
+        return max(-WRIST_BELOW * float(self.size[2]), float(self.size[2]) / 2 - GRIP_UNDER_TOP)
+
+    @property
+    def raised(self) -> Array:
+        """How much (3,) higher it is shown, so that the network's hands come to where a tall box is held."""
+        return np.array((0.0, 0.0, self.grip_height + WRIST_BELOW * float(self.size[2])))
 
     def stand_off(self, facing: float) -> float:
         """Metres from the box's centre to the root of a carrier of heading ``facing`` in its frame."""

@@ -48,7 +48,7 @@ class Carry(Stage):
     def _box_as_shown(self) -> Array:
         """Where (3,) the network is told that the box is."""
         box = self.goal.prop
-        return (box.pose[:3] + np.append(box.shown, 0.0)).astype(np.float32)  # type: ignore[union-attr]
+        return (box.pose[:3] + box.shown).astype(np.float32)  # type: ignore[union-attr]
 
     def _bring(self) -> None:
         box, heading = self.goal.prop, self.goal.heading
@@ -58,7 +58,7 @@ class Carry(Stage):
         stand = standing_place(box, self.grasp.facing, self.goal.position, heading, further)
         # Told to set it down a little nearer, the body stands a little further off: toes stay out of a box on the floor.
         nearer = self.goal.position[:2] - max(TOES_CLEAR, further) * heading_to_direction(np.array(heading))
-        final = Command("idle+carry", np.append(nearer, self.goal.position[2]).astype(np.float32), heading, thing=box)
+        final = Command("idle+carry", np.append(nearer, self.goal.position[2] + box.raised[2]).astype(np.float32), heading, thing=box)
         self.approach = Approach(self.ground, stand, heading, final, BRING, CARRYING, thing=box, anyway=True)
 
     def update(self, moment: Moment) -> Command:
