@@ -9,7 +9,7 @@ import numpy as np
 
 from nsm_core.control.goals import Goal
 from nsm_core.control.props import BODY_TO_BOX, HEAVIEST_SIDE, WIDEST_BOX, Box, sense
-from nsm_core.control.standing import BODY_TO_EDGE, choose_side, further_off
+from nsm_core.control.standing import BODY_TO_EDGE, choose_side, further_off, require_room
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 
@@ -65,7 +65,9 @@ def carry_goal(
     else:
         spot = spot_on_top(target, to, box, box.across(facing_in_box), pose[:2], around)
     centre = spot.base + (0, 0, box.size[2] / 2)
-    further_off(box, facing_in_box, centre, spot.facing, around.query)
+    where = f"The place on {to.name}" if to.type != "EMPTY" else f"The place at {to.name}"
+    require_room(box, np.append(centre, spot.facing - facing_in_box), around.query, where)
+    further_off(box, facing_in_box, centre, spot.facing, around.query, where, frame.scale)
     around.left[target.name] = box, np.append(centre, wrap_angle(spot.facing - facing_in_box))
     return Goal("carry", name, centre, spot.facing, hold, prop=box)
 
@@ -83,7 +85,7 @@ def read_box(target: bpy.types.Object, around: Surroundings) -> Box:
 def _side(target: bpy.types.Object, box: Box, pose: Array, here: Array, around: Surroundings) -> float:
     """Heading in the box's frame of who lifts it, coming from ``here`` (2,)."""
     try:
-        return choose_side(box, around.plan(here, pose[:2]), np.asarray(here, dtype=np.float64), pose, around.query)[0]
+        return choose_side(box, around.plan(here, pose[:2]), np.asarray(here, dtype=np.float64), pose, around.query, around.frame.scale)[0]
     except GoalError as error:
         raise GoalError(f"{target.name} cannot be reached. {error}") from error
 

@@ -7,7 +7,7 @@ import numpy as np
 from ..errors import GoalError
 from ..rotations import Array, heading_to_direction, rotate_planar
 from ..sensors.query import DistanceQuery
-from .berth import room_over
+from .berth import ROOFED, depth, room_over
 from .planning import FloorPlan
 from .props import BODY_TO_BOX, WIDEST_BOX, Box
 
@@ -15,12 +15,23 @@ BODY_TO_EDGE = 0.21  # metres from the root of who reaches over an edge to that 
 FURTHEST = 0.32  # metres that a body leans over an edge beyond where it stands before a box at the edge
 TOES_CLEAR = 0.06  # metres that one stands further from a box on the floor: toes are longer than knees
 HEADROOM = 0.25  # metres over a box without which nobody turns with it, as between the boards of a shelf
+BENDING = 0.7  # metres over the floor of the wrists below which one bends over a box, and into what is over it
+GIVE, LEAST_ROOM = 0.02, 0.05  # metres by which a place may touch other things; over a box that is moved in under something
 FLOOR = 0.12  # metres under a box from which on toes go under what it stands on
 ROOM = 0.2  # metres of room that a standing place should have
 FACINGS = (0.0, np.pi / 2, np.pi, -np.pi / 2)
 _ASIDE = (-0.15, 0.0, 0.15)  # metres to both sides in which an edge stops a body
 _HEIGHTS = np.arange(0.2, 1.45, 0.1)
-_STEP, _TOUCH, _FREE, _LOOK = 0.04, 0.05, 0.2, 1.0  # metres between samples, that count as touching, of free floor, and looked at
+LOOK = 0.8  # metres from a box in which its edge is looked for
+_STEP, _TOUCH, _FREE = 0.04, 0.05, 0.2  # metres between samples, that count as touching, and of free floor before an edge
+
+
+class TooFar(GoalError):
+    """What is to be reached lies ``edge`` metres behind the edge before it."""
+
+    def __init__(self, edge: float, message: str) -> None:
+        super().__init__(message)
+        self.edge = edge
 
 
 def standing_place(box: Box, facing: float, centre: Array, heading: float, further: float = 0.0) -> Array:
@@ -32,11 +43,11 @@ def standing_place(box: Box, facing: float, centre: Array, heading: float, furth
 
 
 def edge_before(box: Box, facing: float, centre: Array, heading: float, solids: DistanceQuery) -> float:
-    """Metres from the near face of a box at ``centre`` (3,) to the edge of what lies between it and its carrier; infinite over a metre."""
+    """Metres from the near face of a box at ``centre`` (3,) to the edge of what lies between it and its carrier; infinite over ``LOOK``."""
     centre = np.asarray(centre, dtype=np.float64)
     under = centre[2] - box.size[2] / 2 - 0.02
     heights = np.append(_HEIGHTS, under) if under > _HEIGHTS[0] else _HEIGHTS
-    back = np.arange(0.0, _LOOK, _STEP)
+    back = np.arange(0.0, LOOK + _FREE, _STEP)
     own = np.stack(np.meshgrid(back + box.across(facing)[1] / 2, _ASIDE, heights, indexing="ij"), -1).reshape(-1, 3)
     points = rotate_planar(own[:, [1, 0, 2]], np.float64(heading)) + (*centre[:2], 0.0)  # heading 0 faces -Y: +Y is behind
     room = solids.signed_distance(points.astype(np.float32), 2 * _TOUCH).reshape(len(back), -1).min(1).astype(np.float64)
@@ -48,40 +59,59 @@ def edge_before(box: Box, facing: float, centre: Array, heading: float, solids: 
     return np.inf
 
 
-def further_off(box: Box, facing: float, centre: Array, heading: float, solids: DistanceQuery | None) -> float:
+def further_off(
+    box: Box, facing: float, centre: Array, heading: float, solids: DistanceQuery | None, of: str | None = None, scale: float = 1.0
+) -> float:
     """Metres by which the carrier of a box at ``centre`` (3,) stands further from it than one before a free box.
 
-    Raises GoalError where arms do not reach as far.
+    Raises GoalError where arms do not reach as far, or where one would have to bend in between things; its sentence begins with
+    ``of`` and tells lengths in units of ``scale`` metres.
     """
-    toes = TOES_CLEAR if float(centre[2]) - box.size[2] / 2 < FLOOR else 0.0
+    low = float(centre[2]) - float(box.size[2]) / 2
+    toes = TOES_CLEAR if low < FLOOR else 0.0
     if solids is None:
         return toes
-    edge = edge_before(box, facing, centre, heading, solids)
+    what, edge = of or box.name, edge_before(box, facing, centre, heading, solids)
     further = max(toes, edge + BODY_TO_EDGE - BODY_TO_BOX)
     if further > FURTHEST:
-        how = f"{edge:.2f} m behind the edge of what is before it" if np.isfinite(edge) else "over a metre behind what is before it"
-        most = FURTHEST - BODY_TO_EDGE + BODY_TO_BOX
-        raise GoalError(f"{box.name} lies {how}, and a body leans {most:.2f} m over an edge; move it nearer to one.")
+        # Rounded apart, so that the two never read alike.
+        how = f"{np.ceil(100 * edge * scale) / 100:.2f} m" if np.isfinite(edge) else f"over {LOOK * scale:.2f} m"
+        most = np.floor(100 * (FURTHEST - BODY_TO_EDGE + BODY_TO_BOX) * scale) / 100
+        raise TooFar(edge, f"{what} lies {how} behind the edge before it; a body leans {most:.2f} m over one: move it nearer to an edge.")
+    pose = np.append(centre, heading - facing)
+    if float(pose[2]) + box.grip_height < BENDING and room_over(box, pose, solids) < ROOFED:
+        raise GoalError(f"{what} lies low under something that nobody bends into; choose one that is open above, or higher.")
     return further
 
 
+def require_room(box: Box, pose: Array, solids: DistanceQuery | None, of: str) -> None:
+    """Raise GoalError, in a sentence that begins with ``of``, where a box at ``pose`` (4,) would stand in things or cannot be moved in."""
+    if solids is None:
+        return
+    if depth(box, pose + (0, 0, GIVE, 0), solids) > GIVE:
+        raise GoalError(f"{of} is taken by something that stands there; clear it, or choose another.")
+    if room_over(box, pose, solids) < LEAST_ROOM:
+        raise GoalError(f"{of} has too little room above to move it in; choose one that is open above, or a lower box.")
+
+
 def choose_side(
-    box: Box, plan: FloorPlan | None, start: Array, pose: Array | None = None, solids: DistanceQuery | None = None
+    box: Box, plan: FloorPlan | None, start: Array, pose: Array | None = None, solids: DistanceQuery | None = None, scale: float = 1.0
 ) -> tuple[float, Array, float]:
     """Choose from which side a box is taken: the carrier's heading in its frame, the standing place (2,) and how much further off it is.
 
     The nearest side with room to stand to which a way leads and from which hands reach the box; GoalError where there is none.
-    ``solids`` are what may lie between; None: nothing does.
+    ``solids`` are what may lie between; None: nothing does.  Sentences tell lengths in units of ``scale`` metres.
     """
     pose = box.pose if pose is None else pose
     if solids is not None and (over := room_over(box, pose, solids)) < HEADROOM:
-        raise GoalError(f"There is {over:.2f} m of room over {box.name}, too little to lift it out; set it where it is open above.")
+        raise GoalError(f"There is {over * scale:.2f} m of room over {box.name}, too little to lift it out; set it where it is open above.")
     sides, problem = [], None
     for facing in FACINGS:
         try:
-            further = further_off(box, facing, pose[:3], float(pose[3] + facing), solids)
+            further = further_off(box, facing, pose[:3], float(pose[3] + facing), solids, scale=scale)
         except GoalError as error:
-            problem = problem or error
+            nearer = isinstance(error, TooFar) and isinstance(problem, TooFar) and error.edge < problem.edge
+            problem = error if problem is None or nearer else problem
             continue
         stand = standing_place(box, facing, pose, float(pose[3] + facing), further)
         room = ROOM if plan is None else float(plan.clearance(stand[None])[0])
@@ -99,4 +129,4 @@ def choose_side(
     raise refused or problem or GoalError("The box has no side to stand at.")
 
 
-__all__ = ["FURTHEST", "TOES_CLEAR", "choose_side", "edge_before", "further_off", "standing_place"]
+__all__ = ["BODY_TO_EDGE", "FURTHEST", "TOES_CLEAR", "choose_side", "edge_before", "further_off", "require_room", "standing_place"]

@@ -13,7 +13,7 @@ from ..opening import Opening
 from ..planning import FloorPlan
 from ..props import Box
 from ..scene import Scene
-from ..standing import choose_side, further_off, standing_place
+from ..standing import choose_side, further_off, require_room, standing_place
 from .approach import Command, Ground
 from .carrying import Carry
 from .climbing import Climb, foot_of
@@ -69,7 +69,9 @@ def standing_places(
         box = goal.prop
         assert isinstance(box, Box)
         facing, stand, _ = choose_side(box, plan, here, poses.get(box.name, box.pose), solids)
-        further = further_off(box, facing, goal.position, goal.heading, solids)
+        where = f"The place of {box.name}"
+        require_room(box, np.append(goal.position, goal.heading - facing), solids, where)
+        further = further_off(box, facing, goal.position, goal.heading, solids, where)
         poses[box.name] = np.append(goal.position, wrap_angle(goal.heading - facing))
         return [stand, standing_place(box, facing, goal.position, goal.heading, further)]
     return [goal.position[:2].astype(np.float64)]
