@@ -116,6 +116,9 @@ def places_near_edge(level: Level, width: float, depth: float, margin: float, re
         return
     total = np.pad(np.cumsum(np.cumsum(level.free, 0), 1), ((1, 0), (1, 0)))
     fits = total[nx:, ny:] - total[:-nx, ny:] - total[nx:, :-ny] + total[:-nx, :-ny] == nx * ny
+    # Things before a place shut it off: it is reached from the near edge.
+    taken = np.pad(np.cumsum(np.cumsum(level.top & ~level.free, 0), 1), ((1, 0), (1, 0)))
+    fits &= (taken[nx:] - taken[:-nx])[:, ny:] == 0
     for i in range(0, fits.shape[0], 2):
         middle = level.top[i + nx // 2]
         if not middle.any():

@@ -7,7 +7,7 @@ import numpy as np
 from ..errors import GoalError
 from ..rotations import Array, heading_to_direction, rotate_planar
 from ..sensors.query import DistanceQuery
-from .berth import ROOFED, depth, room_over
+from .berth import ROOFED, Berth, depth, room_over
 from .planning import FloorPlan
 from .props import BODY_TO_BOX, WIDEST_BOX, Box
 
@@ -23,6 +23,7 @@ FACINGS = (0.0, np.pi / 2, np.pi, -np.pi / 2)
 _ASIDE = (-0.15, 0.0, 0.15)  # metres to both sides in which an edge stops a body
 _HEIGHTS = np.arange(0.2, 1.45, 0.1)
 LOOK = 0.8  # metres from a box in which its edge is looked for
+_LANE, _GRID, _MEETS = 0.015, 0.06, 0.003  # metres between places of a box on its way, and on its face; that count as meeting something
 _STEP, _TOUCH, _FREE = 0.04, 0.05, 0.2  # metres between samples, that count as touching, and of free floor before an edge
 
 
@@ -81,7 +82,20 @@ def further_off(
     pose = np.append(centre, heading - facing)
     if float(pose[2]) + box.grip_height < BENDING and room_over(box, pose, solids) < ROOFED:
         raise GoalError(f"{what} lies low under something that nobody bends into; choose one that is open above, or higher.")
+    if _shut_off(box, pose, facing, edge, solids):
+        raise GoalError(f"{what} is shut off by something between it and who carries; clear the way, or choose another side.")
     return further
+
+
+def _shut_off(box: Box, pose: Array, facing: float, edge: float, solids: DistanceQuery) -> bool:
+    """Whether a box at ``pose`` (4,), lifted as high as it can be, meets something on its way to an edge ``edge`` metres before it."""
+    lift, (width, depth_) = Berth(box, pose, solids).lift, box.across(facing)
+    back = np.arange(_LANE, edge + 2 * _LANE, _LANE)
+    across = np.linspace(-width / 2, width / 2, 2 + int(width / _GRID))
+    heights = np.linspace(-box.size[2] / 2, box.size[2] / 2, 2 + int(box.size[2] / _GRID)) + lift
+    own = np.stack(np.meshgrid(across, depth_ / 2 + back, heights, indexing="ij"), -1).reshape(-1, 3)
+    points = rotate_planar(own, np.float64(pose[3] + facing)) + pose[:3]  # heading 0 faces -Y: +Y is behind
+    return bool(solids.signed_distance(points.astype(np.float32), 0.02).min() < -_MEETS)
 
 
 def require_room(box: Box, pose: Array, solids: DistanceQuery | None, of: str) -> None:
