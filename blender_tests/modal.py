@@ -12,10 +12,15 @@ from nsm_blender.operators.generate import NSM_OT_generate
 class Window:
     """Takes the place of a window's context, which background mode has not: notes what the modal operator asks of it."""
 
-    def __init__(self, scene: bpy.types.Scene) -> None:
-        self.scene, self.window, self.workspace, self.window_manager = scene, self, self, self
+    def __init__(self, _scene: bpy.types.Scene | None = None) -> None:
+        self.window, self.workspace, self.window_manager = self, self, self
         self.windows: list[object] = []
         self.timers, self.handlers, self.status = 0, 0, None
+
+    @property
+    def scene(self) -> bpy.types.Scene:
+        """The scene that the window shows now."""
+        return bpy.context.scene
 
     def event_timer_add(self, _step, window):
         assert window is self

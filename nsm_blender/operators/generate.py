@@ -16,9 +16,10 @@ from ..report import result_lines
 from ..reviews import remember
 from ..session import Session
 from ..takes import Take, TakeSpec, finish, generate
+from ..watch import exists
 
-_BUDGET = 0.04  # seconds of stepping between two redraws of the sidebar: clicks and ESC are heard that often
-_SLOWEST_PREVIEW = 0.5  # seconds between two redraws of the viewport, at most, where a redraw takes long
+_BUDGET = 0.04  # seconds of stepping at a time: clicks and ESC are heard that often
+_SLOWEST_PREVIEW = 0.5  # seconds of stepping between two redraws, at most, where a redraw itself takes long
 _TICK = 0.02
 # The view may be turned and zoomed while a take runs; everything else would change what it reads.
 _VIEW_EVENTS = {
@@ -55,26 +56,23 @@ class _Signs:
         self._context, self._workspaces = context, []
         self._timer = context.window_manager.event_timer_add(_TICK, window=context.window)
         context.window_manager.progress_begin(0, 100)
-        self._drawn = self._left = time.perf_counter()
-        self._pause = 0.0
+        self._tagged, self._resumed, self._redraw = 0.0, 0.0, 0.0
 
     def due(self) -> bool:
-        """Whether the viewport should show the newest frame: it may take half of the time, however long its redraw takes."""
+        """Whether the window should show the newest frame: redraws may take half of the time, however long each one takes."""
         now = time.perf_counter()
-        if self._left == self._drawn:  # it was tagged in the tick before this one
-            self._pause = min(now - self._left - _TICK, _SLOWEST_PREVIEW)
-        return now - self._drawn >= 2 * self._pause
+        if self._tagged > self._resumed:  # what has passed since is the redraw's, and the timer's
+            self._redraw, self._resumed = min(max(now - self._tagged - _TICK, 0.0), _SLOWEST_PREVIEW), now
+        return now - self._resumed >= self._redraw
 
-    def show(self, context: bpy.types.Context, session: Session, preview: bool) -> None:
-        """Have sidebar, status bar and, with ``preview``, viewports drawn anew."""
+    def show(self, context: bpy.types.Context, session: Session) -> None:
+        """Have sidebar, status bar and viewports drawn anew."""
         context.window_manager.progress_update(round(100 * session.fraction))
         if context.workspace not in self._workspaces:
             self._workspaces.append(context.workspace)
         context.workspace.status_text_set(f"NSM: {session.text}   ESC: cancel and restore")
-        _redraw(context, preview)
-        self._left = time.perf_counter()
-        if preview:
-            self._drawn = self._left
+        _redraw(context)
+        self._tagged = time.perf_counter()
 
     def remove(self) -> None:
         """Take everything away; a second call does nothing."""
@@ -148,14 +146,15 @@ class NSM_OT_generate(bpy.types.Operator):
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"} if event.type in _VIEW_EVENTS else {"RUNNING_MODAL"}
-        preview = signs.due()
+        due = signs.due()
         try:
-            take = session.tick(_BUDGET, preview)
+            take = session.tick(_BUDGET, due)
         except NsmError as error:
             return self._fail(context.scene, str(error))
         if take is not None:
             return self._keep(session.scene, take)
-        signs.show(context, session, preview)
+        if due:
+            signs.show(context, session)
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
@@ -175,18 +174,17 @@ class NSM_OT_generate(bpy.types.Operator):
         return {"FINISHED"}
 
     def _fail(self, scene: bpy.types.Scene, sentence: str) -> set[str]:
+        scene = scene if exists(scene) else bpy.context.scene
         show_results(settings_of(scene), [(sentence, False)])
         self.report({"ERROR"}, sentence)
         return {"CANCELLED"}
 
 
-def _redraw(context: bpy.types.Context, viewports: bool = True) -> None:
-    """Have the sidebars drawn anew, or the whole of each viewport."""
+def _redraw(context: bpy.types.Context) -> None:
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
-                for part in (area,) if viewports else (r for r in area.regions if r.type == "UI"):
-                    part.tag_redraw()
+                area.tag_redraw()
 
 
 CLASSES = (NSM_OT_generate,)

@@ -1,0 +1,97 @@
+#!/usr/bin/env python3
+"""Measure how long the add-on keeps the window of the real, graphical Blender from answering; no part of the test suites.
+
+  python3 blender_tests/gui/measure.py [--zip dist/nsm_blender-0.1.0.zip] [--out out/gui] [--rooms room,centimetres]
+
+It needs Blender 4.5 or newer ($BLENDER or `blender` on the path), and without a screen Xvfb; screenshots need ImageMagick.
+Where there is none it says so and ends with 0.  For each room it installs the zip into a profile of its own, opens the NSM tab,
+fills the queue, presses Generate, and once more with ESC in the middle; `measured.json` and pictures land in the output folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+ROOMS = ("room", "centimetres", "dense", "scatter")
+LONGEST = 50.0  # milliseconds that the add-on may keep the window
+
+
+def main() -> int:
+    """Run all rooms; 0 where the window always answered in time or where there is nothing to measure with."""
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("--zip", type=Path, default=newest_zip())
+    options.add_argument("--out", type=Path, default=ROOT / "out" / "gui")
+    options.add_argument("--rooms", default=",".join(ROOMS))
+    options.add_argument("--timeout", type=int, default=600, help="seconds for a room")
+    asked = options.parse_args()
+    blender = os.environ.get("BLENDER") or shutil.which("blender")
+    if not blender:
+        print("skipped: there is no Blender on the path; set BLENDER to one with a window")
+        return 0
+    if not os.environ.get("DISPLAY") and not shutil.which("xvfb-run"):
+        print("skipped: there is no screen and no xvfb-run")
+        return 0
+    if asked.zip is None:
+        print("There is no dist/nsm_blender-*.zip; run `python3 dev.py build` first.", file=sys.stderr)
+        return 2
+    asked.out.mkdir(parents=True, exist_ok=True)
+    measured = {}
+    for room in asked.rooms.split(","):
+        measured[room] = measure(blender, asked.zip, room, asked.out, asked.timeout)
+        print(line(room, measured[room]), flush=True)
+    (asked.out / "measured.json").write_text(json.dumps(measured, indent=1) + "\n", encoding="utf-8")
+    return 0 if all("error" not in m and m["longest_block_cpu_ms"] <= LONGEST for m in measured.values()) else 1
+
+
+def newest_zip() -> Path | None:
+    """The extension that was built last."""
+    return max((ROOT / "dist").glob("nsm_blender-*.zip"), key=lambda p: p.stat().st_mtime, default=None)
+
+
+def measure(blender: str, extension: Path, room: str, out: Path, timeout: int) -> dict:
+    """Figures of one room, from a fresh profile."""
+    with tempfile.TemporaryDirectory() as profile:
+        environment = {**os.environ, "BLENDER_USER_RESOURCES": profile, "LIBGL_ALWAYS_SOFTWARE": "1"}
+        install = [blender, "--command", "extension", "install-file", "-r", "user_default", "-e", str(extension)]
+        done = subprocess.run(install, env=environment, capture_output=True, text=True)
+        if done.returncode:
+            return {"error": f"the extension could not be installed: {done.stdout[-300:]}{done.stderr[-300:]}"}
+        figures = out.resolve() / f"{room}.json"
+        figures.unlink(missing_ok=True)
+        command = [blender, "--enable-event-simulate", "--window-geometry", "0", "0", "1280", "720"]
+        command += ["--python", str(HERE / "in_window.py"), "--", room, str(figures)]
+        if not os.environ.get("DISPLAY"):
+            command = ["xvfb-run", "-a", "-s", "-screen 0 1280x720x24", *command]
+        try:
+            done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=timeout)
+        except subprocess.TimeoutExpired:
+            return {"error": f"not done after {timeout} s"}
+        (out / f"{room}.log").write_text(done.stdout + done.stderr, encoding="utf-8")
+        if not figures.exists():
+            return {"error": f"Blender ended with {done.returncode}; see {room}.log"}
+        return json.loads(figures.read_text(encoding="utf-8"))
+
+
+def line(room: str, m: dict) -> str:
+    """One row for a person."""
+    if "error" in m:
+        return f"{room:12} {m['error']}"
+    return (
+        f"{room:12} {m['objects']:5} objects {m['triangles']:8} triangles: first motion {m['first_motion_s']:.1f} s after the click, "
+        f"again {m['first_motion_again_s']:.1f} s; keys after {m['keys_s']:.1f} s; longest block {m['longest_block_cpu_ms']:.0f} ms "
+        f"({m['longest_block_ms']:.0f} ms by the clock, in {m['longest_block_in']}); ESC heard after {m['escape_ms']:.0f} ms, "
+        f"{'all put back' if m['put_back'] else 'NOT PUT BACK'}"
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
