@@ -89,7 +89,7 @@ def key_take_steps(
     name: str = "Take",
     scene: bpy.types.Scene | None = None,
 ) -> Generator[float, None, KeyedTake]:
-    """``key_take`` in slices: yields the share done after every frame that had to be looked at."""
+    """``key_take`` in slices: yields the share done after every frame that had to be looked at, and every bone keyed."""
     scene = scene or bpy.context.scene
     bpy.context.view_layer.update()
     placement = Placement.of(armature)
@@ -119,6 +119,7 @@ def key_take_steps(
         location, basis = bone_channels(armature, placement, mount, hips, local)
         others = channels_of_strips(armature)
         for j, joint in enumerate(JOINTS):
+            yield j / J
             _key_bone(channels, armature.pose.bones[joint], frames, basis[:, j], location if j == HIPS else None, others)
         for between in posed_bones(armature)[J:]:
             _key_still(channels, armature.pose.bones[between], frames, others)

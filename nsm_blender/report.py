@@ -33,7 +33,7 @@ def build_report(name: str, result: TakeResult, shown: ShownTake, keyed: KeyedTa
     They are measured on the bones and objects that the scene shows (``shown``); what the network alone did is told beside.
     ``frames`` and ``fps`` are those of the keys; ``ms_per_frame`` is per frame of the 30 Hz network clock, its ``keying`` being
     ``keying_ms``.  Lengths are in metres of the character: a scaled one is measured at its own size.  ``warnings`` are sentences
-    on what is seen and is not what was made.
+    on what is seen and is not what was made.  It touches none of Blender's data, so that a thread may do it.
     """
     ground = asked.ground
     heights = ground.height if ground else None
@@ -48,7 +48,7 @@ def build_report(name: str, result: TakeResult, shown: ShownTake, keyed: KeyedTa
         "frames": keyed.frame_end - keyed.frame_start + 1,
         "fps": round(keyed.fps, 4),
         "goals": [_goal_report(goal, shown, asked.goals[i].prop) for i, goal in enumerate(result.goals)],
-        "warnings": _warnings(shown, keyed),
+        "warnings": _warnings(shown),
         "frames_looked_at": shown.looked_at,
         "shown_off_cm": _number(100 * shown.off),
         **{key: _number(value) for key, value in travel.items()},
@@ -84,13 +84,13 @@ def _what_is_off(shown: ShownTake) -> str:
     return f"{shown.off_name} is {100 * shown.off:.1f} cm from its keys at frame {shown.off_frame}, so that something else moves it."
 
 
-def _warnings(shown: ShownTake, keyed: KeyedTake) -> list[str]:
+def _warnings(shown: ShownTake) -> list[str]:
     """What an animator would see and no other figure tells."""
     if shown.off > OFF:
         return [f"On screen {_what_is_off(shown)} Mute what moves it and generate again."]
     if shown.unlike > OFF:
         return [
-            f"{keyed.armature.name} is built unlike the network's skeleton: its {shown.unlike_name} is up to "
+            f"{shown.character} is built unlike the network's skeleton: its {shown.unlike_name} is up to "
             f"{100 * shown.unlike:.1f} cm from the motion made. Look at its hands and feet."
         ]
     return []

@@ -94,7 +94,7 @@ class Session:
                 self._keying = True  # the pose kept with the keys must be the animator's, not the preview's
                 self._put_back()
                 return progress
-            if end + self._longest > deadline:
+            if progress.waits or end + self._longest > deadline:
                 return progress
 
     def _show(self, progress: Progress) -> None:

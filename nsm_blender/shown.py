@@ -53,6 +53,7 @@ class ShownTake:
     off_frame: int = 0
     unlike: float = 0.0
     unlike_name: str = ""
+    character: str = ""  # name of the armature
 
 
 def look_at(
@@ -109,7 +110,7 @@ class _Look:
         made_hips, made_local = (m[rows] for m in resample(*motion, FPS, self.keyed.fps))
         offsets = own_offsets(self.placement)
         own, standard = (forward_kinematics(made_hips, made_local, o.astype(np.float64))[0] for o in (offsets, OFFSETS))
-        shown = ShownTake(np.empty(0), np.empty(0), offsets, {}, len(rows))
+        shown = ShownTake(np.empty(0), np.empty(0), offsets, {}, len(rows), character=self.keyed.armature.name)
         gap = np.linalg.norm(joints - own, axis=-1)
         self._note(shown, gap.max(1), rows, [JOINTS[j] for j in gap.argmax(1)])
         gap = np.linalg.norm(joints - standard, axis=-1)

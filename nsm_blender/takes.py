@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Generator
+from collections import deque
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, TypeVar
@@ -62,6 +63,7 @@ class Progress:
     hips_world: Array | None = None  # (3,) Blender units
     local_rotations: Array | None = None  # (23, 4)
     moved: list[tuple[bpy.types.Object, Matrix]] = field(default_factory=list)  # objects and their world matrices
+    waits: bool = False  # a thread does the work: asking again at once only waits for it
 
 
 @dataclass
@@ -81,7 +83,7 @@ def shipped_model(path: str | None = None) -> inference.Model:
 
 
 def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | None = None) -> Generator[Progress, None, Take]:
-    """Generate and key one take, yielding after every frame; the generator's value is the Take.
+    """Generate and key one take, yielding every few milliseconds; the generator's value is the Take.
 
     Nothing in the file changes before the keys are made, but for the current frame, which is put back.
     Raises SkeletonError, GoalError, GeometryError and WeightsError with a sentence for the animator.
@@ -90,15 +92,10 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | No
     require_keyable(spec.character)
     request, frame, things = yield from prepare(spec, scene)
     if model is None:
-        model = yield from _shown("Loading the network", beside(lambda _: shipped_model()))
+        model = yield from _waited("Loading the network", lambda _: shipped_model())
     require_learned((goal.action for goal in request.goals), model.metadata)
-    runner = yield from _shown("Planning the ways", beside(lambda _: TakeRunner(model, request)))
-    while _step(runner):
-        hips, rotations = runner.pose()
-        poses = runner.prop_poses()
-        moved = [(thing.object, thing.world_at(poses[thing.prop])) for thing in things.values()]
-        yield Progress("Generating", min(runner.progress, 1.0), frame.to_world(hips), rotations, moved)
-    result = runner.result()
+    runner = yield from _waited("Planning the ways", lambda _: TakeRunner(model, request))
+    result = yield from _growing(runner, frame, things)
     yield Progress("Keying", 1.0)
     return (yield from key_and_check(spec, scene, request, result, frame, things))
 
@@ -116,18 +113,46 @@ def key_and_check(
         kept.seal()
         keying_ms = (time.perf_counter() - begin) * 1000 / max(len(result.hips_position), 1)
         shown = yield from _shown("Checking", look_at(keyed, result, frame, things, scene))
-        report = build_report(title, result, shown, keyed, request, keying_ms)
+        report = yield from _waited("Checking", lambda _: build_report(title, result, shown, keyed, request, keying_ms))
         return Take(keyed, report, result, frame)
 
 
-def _shown(stage: str, steps: Generator[float, None, _T]) -> Generator[Progress, None, _T]:
+def _shown(stage: str, steps: Generator[float, None, _T], waits: bool = False) -> Generator[Progress, None, _T]:
     """Progress of a stage from the share that its steps yield; their value."""
     while True:
         try:
             share = next(steps)
         except StopIteration as stop:
             return stop.value
-        yield Progress(stage, share)
+        yield Progress(stage, share, waits=waits)
+
+
+def _waited(stage: str, work: Callable[[Callable[[float], None]], _T]) -> Generator[Progress, None, _T]:
+    """Progress of ``work`` that a thread does; its result."""
+    return _shown(stage, beside(work), waits=True)
+
+
+def _growing(runner: TakeRunner, frame: WorldFrame, things: dict[str, Thing]) -> Generator[Progress, None, TakeResult]:
+    """Progress of a motion that grows in a thread, as fast as it can, however long the window takes to draw; its result."""
+    newest: deque[tuple[float, Array, Array, dict[str, Array]]] = deque(maxlen=1)
+
+    def grow(tell: Callable[[float], None]) -> TakeResult:
+        while _step(runner):
+            newest.append((min(runner.progress, 1.0), *runner.pose(), runner.prop_poses()))
+            tell(runner.progress)
+        return runner.result()
+
+    steps, progress = beside(grow), Progress("Generating", 0.0, waits=True)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as stop:
+            return stop.value
+        if newest:
+            fraction, hips, rotations, poses = newest.pop()
+            moved = [(thing.object, thing.world_at(poses[thing.prop])) for thing in things.values()]
+            progress = Progress("Generating", fraction, frame.to_world(hips), rotations, moved, waits=True)
+        yield progress
 
 
 def _step(runner: TakeRunner) -> bool:
@@ -205,7 +230,7 @@ def surroundings_of(
             break
         yield Progress("Reading the scene", 0.0)
     goals = [o for g in spec.goals for o in (g.object, g.to) if o is not None and o.name in scene.objects]
-    yield from _shown("Reading the scene", beside(around.reading(*goals)))
+    yield from _waited("Reading the scene", around.reading(*goals))
     _go_to(scene, spec.start_frame)
     return around
 

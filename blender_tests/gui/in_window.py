@@ -284,4 +284,5 @@ def drive(run) -> None:
 
 
 bpy.context.preferences.view.show_splash = False
+bpy.context.preferences.system.viewport_aa = "OFF"  # which draws every picture eight times over: too slow without a graphics card
 drive(steps(Log()))
