@@ -11,7 +11,7 @@ from ..skeleton import FEET, OFFSETS, TOE_HEIGHT
 from .foot_lock import LEGS, TOE_OFFSET, detect_foot_contacts, foot_heading, lock_feet, smooth_step, sole_depth
 from .footing import Footing
 from .goals import Seat
-from .planted_foot import EDGE_UP, GATHER, LOCK, UNLOCK, Foot
+from .planted_foot import BEARS, EDGE_UP, GATHER, LOCK, UNLOCK, Foot
 from .terrain import Terrain
 
 __all__ = ["ContactIK", "detect_foot_contacts", "lock_feet"]
@@ -84,7 +84,9 @@ class ContactIK:
             over, stay, high = float(self._footing.over[side]), float(self._footing.stay[side]), bool(climbed[side])
             seen = toes[side] - (0, 0, ground[side])
             label, ankle = float(contacts[FOOT_CONTACTS[side]]), float(ankle_heights[side] - ground[side])
-            foot.update(seen, ankle, float(foot_headings[side]), label, self.dt, high, over, stay)
+            other, fellow = toes[1 - side, 2] - ground[1 - side], self._feet[1 - side]
+            bears = self._footing.climbs and not fellow.locked and other + fellow.shift[2] + fellow.lift > BEARS + TOE_HEIGHT
+            foot.update(seen, ankle, float(foot_headings[side]), label, self.dt, high, over, stay, bears)
         self._draw_hips(hips, local, float(contacts[HIP_CONTACT]), hip_goal, heading)
         turn = np.array([foot.turn for foot in self._feet])
         if turn.any():
@@ -125,7 +127,7 @@ class ContactIK:
         return position, rotation
 
     def _look(self, toes: Array, headings: Array, ankle_heights: Array) -> Array:
-        """Heights (2,) of the ground under the feet; feet that stand against a riser are brought back from it."""
+        """Heights (2,) of the ground under the feet; feet that stand against a riser are brought off it."""
         footing = self._footing
         if not footing.terrain:
             return footing.ground
@@ -134,14 +136,14 @@ class ContactIK:
         footing.look(toes + shifts * (1, 1, 0), headings, ankle_heights, raised, self.locked, self.dt)
         for side, foot in enumerate(self._feet):
             if foot.locked:
-                back = footing.back_off(side, foot.anchor, foot.anchor_heading)
+                off = footing.off_risers(side, foot.anchor, foot.anchor_heading)
                 heading = foot.anchor_heading
             else:
                 heading = float(headings[side]) + foot.turn
                 # A foot that slows down will come down.
                 sole = toes[side, 2] - TOE_HEIGHT + raised[side] - (1 - foot.swing) * foot.lift
-                back = footing.back_off(side, toes[side, :2] + shifts[side, :2] - foot.back, heading, sole, footing.pace[side])
-            foot.hold_off(-back * heading_to_direction(np.array(heading)), self.dt)
+                off = footing.off_risers(side, toes[side, :2] + shifts[side, :2] - foot.back, heading, sole, footing.pace[side])
+            foot.hold_off(off * heading_to_direction(np.array(heading)), self.dt)
         return footing.ground
 
     def _out_of_ground(self, toes: Array, feet: Array, ground: Array) -> Array:

@@ -60,9 +60,10 @@ class Footing:
         for side in (0, 1):
             h, sole = heights[:, side], toes[side, 2] - TOE_HEIGHT
             if not locked[side]:
-                below = h[:3][h[:3] < sole + raised[side] + STEP_IN]
-                self.ground[side] = below.max() if len(below) else h[:3].min()
-                self.under[side] = min(lows[:3, side].max(), self.ground[side])
+                # What is under the heel alone does not bear: such a foot is brought on until its heel is off it.
+                below = h[:2][h[:2] < sole + raised[side] + STEP_IN]
+                self.ground[side] = below.max() if len(below) else h[:2].min()
+                self.under[side] = min(lows[:2, side].max(), self.ground[side])
             self.heel[side] = min(self.ground[side], h[2])
             low = lows[:, side]
             edge = h.max() > min(self.ground[side], min(h)) + _TOUCHING or low.max() > min(self.under[side], min(low)) + _LOW_EDGE
@@ -71,6 +72,11 @@ class Footing:
             step = under > self.ground[side] + _TOUCHING or max(low[0], low[3]) > self.under[side] + _LOW_EDGE
             self.stay[side] = under - sole + CLEAR if step else -np.inf
             self.over[side] = max(front, rear) + CLEAR if edge else -np.inf
+
+    @property
+    def climbs(self) -> bool:
+        """Whether there is ground that is climbed."""
+        return len(self.terrain.maps) > len(self.low.maps)
 
     def raise_to_low(self, level: float, dt: float) -> Array:
         """Metres (2,) by which the feet of a pose that stands on a floor ``level`` metres high are raised to their own low ground."""
@@ -84,17 +90,23 @@ class Footing:
         self.raised = self.raised + np.clip(self._pace * dt, -np.abs(gap), np.abs(gap))
         return self.raised - level
 
-    def back_off(self, side: int, toe: Array, heading: float, sole: float = -np.inf, pace: Array | None = None) -> float:
-        """Metres by which a foot whose toe joint is at ``toe`` (2,) must come back so that its tip is not in a riser.
+    def off_risers(self, side: int, toe: Array, heading: float, sole: float = -np.inf, pace: Array | None = None) -> float:
+        """Metres by which a foot whose toe joint is at ``toe`` (2,) must go along ``heading`` so that it is in no riser.
 
-        ``sole`` is how high its sole is, world: what is lower is no riser to it; the foot of a leg that moves by ``pace`` (2,),
-        m/s, is seen where it is and where it will soon be.
+        Back (less than 0) from one before its tip, on from one behind its heel.  ``sole`` is how high its sole is, world: what
+        is lower is no riser to it; the foot of a leg that moves by ``pace`` (2,), m/s, is seen where it is and where it will
+        soon be.
         """
         if not self.terrain:
             return 0.0
         ahead = heading_to_direction(np.array(heading))
+        back = self._way_off(side, toe + (TIP + BEFORE) * ahead, -ahead, sole, pace)
+        return -back if back else self._way_off(side, toe + (HEEL - BEFORE) * ahead, ahead, sole, None)
+
+    def _way_off(self, side: int, end: Array, way: Array, sole: float, pace: Array | None) -> float:
+        """Metres along ``way`` (2,) after which an ``end`` (2,) of a foot is over no riser; 0 where none is near enough."""
         limit = max(self.ground[side] + _TOUCHING, sole + CLEAR)
-        places = toe + (TIP + BEFORE - _BACK)[:, None] * ahead
+        places = end + _BACK[:, None] * way
         if pace is not None:
             places = np.concatenate((places, places + SOON * pace))
         free = self.terrain.height(places) < limit

@@ -19,7 +19,10 @@ CLEARANCE, SLOW_FOOT, FAST_FOOT, LIFT_UP, LIFT_DOWN, LIFT_EASE = 0.028, 0.15, 0.
 STEP_LIFT, STEP_DOWN, STEP_PLAY, STEP_OVER = 0.045, 0.7, 0.12, 0.015
 SETTLE, SETTLE_SPEED = 0.015, 0.15  # metres by which a foot that stands is raised or lowered onto the floor, m/s
 # The same on top of things, where a network knows the height less well; the rise of a foot over an edge.
-HIGH_TOE, HIGH_SETTLE, HIGH_SETTLE_SPEED, EDGE_UP, EDGE_DOWN, EDGE_EASE = 0.14, 0.1, 0.4, 2.2, 1.0, 0.6
+HIGH_TOE, HIGH_SETTLE, HIGH_SETTLE_SPEED, EDGE_UP, EDGE_DOWN, EDGE_EASE = 0.14, 0.1, 0.4, 2.2, 2.2, 0.6
+# A foot that stands stays while the other is this high over its ground, up to where the pose has it, metres: one of them must
+# bear a climber; and how fast it is drawn down, m/s.
+BEARS, BEAR_TOE, BEAR_SPEED = 0.12, 0.3, 1.0
 # A foot that nears a riser too low is held off it, and one that stands in it is drawn out: share of the way a frame, m/s, m/s2.
 BACK_EASE, BACK_SPEED, BACK_LOCKED, BACK_GATHER = 0.5, 1.0, 0.3, 15.0
 GATHER = 15.0  # m/s2 by which a foot gathers that speed, and loses it twice as fast: in one frame knees snap
@@ -69,13 +72,17 @@ class Foot:
         high: bool = False,
         over: float = -np.inf,
         stay: float = -np.inf,
+        bears: bool = False,
     ) -> None:
         """Choose ``shift``, ``turn`` and ``lift`` for a pose whose toe joint is at ``toe`` (3,), the foot turned to ``heading``.
 
         Heights are over the ground under the foot; ``high`` tells that this is not the floor, ``over`` by how much a
-        swinging foot must be raised to clear an edge, and ``stay`` by how much one that is raised must stay so, metres.
+        swinging foot must be raised to clear an edge, and ``stay`` by how much one that is raised must stay so, metres;
+        ``bears`` that the other foot is high up now.
         """
         low, play, speed = (HIGH_TOE, HIGH_SETTLE, HIGH_SETTLE_SPEED) if high else (LOW_TOE, SETTLE, SETTLE_SPEED)
+        if bears and self.locked:
+            label, low, play, speed = 1.0, BEAR_TOE, BEAR_TOE, BEAR_SPEED
         if label < UNLOCK:
             self.refused = False
         glide = 0.0 if self.came is None else float(np.hypot(*(toe[:2] - self.came))) / dt
