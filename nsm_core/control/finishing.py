@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from .grasp import Carrying
 from .hands import HandClearance
 from .heels import Heels
 from .leg_clearance import LegClearance
+from .leg_paths import LegPaths
 from .reaching import Pose
 from .scene import Scene
 from .stages import Grasp
@@ -28,8 +29,9 @@ class Finishing:
     def __init__(self, scene: Scene, ik: bool = True, terrain: Terrain | None = None, low: Terrain | None = None) -> None:
         """``terrain`` and ``low`` as in ``ContactIK``."""
         self.scene, self.ik = scene, ik
+        self._terrain, self._locked = terrain, []
         self._contact = ContactIK(terrain=terrain, low=low)
-        self._heels, self._legs = Heels(), LegClearance(scene.environment)
+        self._heels, self._legs = Heels(), LegClearance(scene.environment, terrain)
         self._toes = ToeClearance()
         self._trunk, self._hands = TrunkClearance(scene.environment), HandClearance(scene.environment)
 
@@ -61,4 +63,14 @@ class Finishing:
             held = tuple(max((g.holds(side) for g in grasps), default=0.0) for side in (0, 1))
             right, left = (self.scene.but(*(g.prop for g in grasps if g.touches(side))) for side in (0, 1))
             kept = self._hands.apply(kept_hips, kept, held, (right, left) if grasps else (right, right))
+        self._locked.append(self._contact.locked)
         return kept_hips, kept
+
+    def clear_legs(self, hips: Array, rotations: Array, climbing: Array) -> Iterator[None]:
+        """Bend the ways of the legs of the newest T frames, in place, where a climber's still are in something; see ``LegPaths``.
+
+        ``hips`` (T, 3) and ``rotations`` (T, 23, 4) as ``apply`` has returned them, ``climbing`` (T,) the climb label.
+        """
+        if self.ik:
+            locked = np.array(self._locked[-len(hips) :])
+            yield from LegPaths(self.scene.environment, self._terrain).clear(hips, rotations, locked, climbing)

@@ -19,7 +19,7 @@ CLEARANCE, SLOW_FOOT, FAST_FOOT, LIFT_UP, LIFT_DOWN, LIFT_EASE = 0.028, 0.15, 0.
 STEP_LIFT, STEP_DOWN, STEP_PLAY, STEP_OVER = 0.045, 0.7, 0.12, 0.015
 SETTLE, SETTLE_SPEED = 0.015, 0.15  # metres by which a foot that stands is raised or lowered onto the floor, m/s
 # The same on top of things, where a network knows the height less well; the rise of a foot over an edge.
-HIGH_TOE, HIGH_SETTLE, HIGH_SETTLE_SPEED, EDGE_UP, EDGE_DOWN, EDGE_EASE = 0.14, 0.1, 0.4, 2.2, 2.2, 0.6
+HIGH_TOE, HIGH_SETTLE, HIGH_SETTLE_SPEED, EDGE_UP, EDGE_DOWN, EDGE_EASE = 0.14, 0.1, 0.4, 2.2, 1.8, 0.6
 # A foot that stands stays while the other is this high over its ground, up to where the pose has it, metres: one of them must
 # bear a climber; and how fast it is drawn down, m/s.
 BEARS, BEAR_TOE, BEAR_SPEED = 0.12, 0.3, 1.0

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..conventions import CONTACTS, FOOT_CONTACTS, FPS
+from ..conventions import CLIMB, CONTACTS, FOOT_CONTACTS, FPS
 from ..errors import GoalError
 from ..features import Surroundings, build_inputs, no_object, read_outputs
 from ..inference import Model
@@ -104,6 +104,7 @@ class TakeRunner:
         self._ms = dict.fromkeys(STAGES, 0.0)
         self._frames: list[tuple[Array, ...]] = []
         self._poses: dict[str, list[Array]] = {name: [] for name in self.props}
+        self._mended, self._mending = 0, None  # frames that are as they stay, and the work on those that follow
         contact = np.zeros(len(CONTACTS), np.float32)
         contact[FOOT_CONTACTS] = 1
         self._keep(contact, np.zeros(int(model.metadata.get("config", {}).get("experts", 8)), np.float32))
@@ -134,9 +135,13 @@ class TakeRunner:
         return {name: prop.pose.copy() for name, prop in self.props.items()}
 
     def step(self) -> bool:
-        """Make one frame; False when the take is over (no frame was made then)."""
+        """Make one frame; False when the take is over (no frame was made then).
+
+        Once the last frame is made, what only whole takes show is mended, a little at a call.
+        """
         if self.director.done:
-            return False
+            return self._mend()
+        self._mending = None
         state = self.state
         t0 = time.perf_counter()
         position, heading, action, sensed = self.director.update(self._moment(self._frames[-1][4]))
@@ -167,6 +172,22 @@ class TakeRunner:
         if not np.isfinite(self.state.joint_position).all():
             raise GoalError("The motion broke down; use another seed or another start, and report the scene.")
         return True
+
+    def _mend(self) -> bool:
+        """Go on bending legs that are in what is climbed; False when they are clear, and at once in a take without a climb."""
+        if self._mended == self.frames:
+            return False
+        if self._mending is None:
+            columns = zip(*self._frames[self._mended :], strict=True)
+            hips, local, *_, style, _ = (np.stack(c) for c in columns)
+            self._mending = self._finishing.clear_legs(hips, local, style[:, CLIMB]), hips, local
+        steps, hips, local = self._mending
+        if next(steps, True) is None:
+            return True
+        for t, frame in enumerate(self._frames[self._mended :]):
+            self._frames[self._mended + t] = (hips[t], local[t], *frame[2:])
+        self._mended = self.frames
+        return False
 
     def interrupt(self, goals: list[Goal]) -> None:
         """Drop the goal in hand and those that wait, and do ``goals`` from the next frame on.
