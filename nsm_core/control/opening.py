@@ -8,6 +8,7 @@ from ..conventions import DT, HAND_CONTACTS
 from ..rotations import Array, heading_to_direction, wrap_angle
 from ..sensors.query import DistanceQuery
 from .foot_lock import smooth_step
+from .leaf_room import NEARLY, LeafRoom, Spheres, body_spheres
 from .props import WIDE_OPEN, Leaf, Passage
 from .reaching import Hold, Pose
 
@@ -23,8 +24,10 @@ COAST = np.radians(15)  # how far a pulled leaf swings on by itself, unless it h
 CLEARS = np.radians(82)  # how far a pulled leaf is open at least when it rests: who passes hardly has to move it further
 SLIP_FRAMES, PAST_EDGE = 5, 0.08  # in which a hand slides off a pulled leaf, and metres beyond its free edge where it is off
 WIDEST = np.radians(125)
+SHOVED = 5.0  # radians a second at which a body shoves a leaf that it would else go through
 NARROW = 0.2  # metres: half a body that faces the edge of a leaf swinging past it
 PULLING, AT_PLACE = 0.6, 0.3  # radians a second at which a leaf comes at least once the body stands back, within so many metres
+CROUCH = 0.25  # metres that hips sink for a low handle, before the trunk leans towards the leaf
 _CLEAR = 0.02  # metres between an open leaf and what stands behind it
 
 
@@ -38,10 +41,13 @@ class Opening:
         """Prepare to open ``leaf``, which is moved in place, among ``solids`` (its own wall may be part of them)."""
         self.prop, self.way, self.ik = leaf, way, ik
         self.state = "reach"
-        self.hold = Hold([way.hand])
+        self.hold = Hold([way.hand], crouch=CROUCH)
         self.errors: dict[str, float] = {}
         self.widest = _widest(leaf, solids)
         self._rest, self._slip = WIDE_OPEN, 0
+        self._room = LeafRoom(leaf)
+        self._last: tuple[Spheres, Spheres] | None = None  # the body and its trunk in the last frame, as they were kept
+        self._least, self._soft, self._most = -np.inf, -np.inf, np.inf  # angles that the body leaves to the leaf
         self._own = SWING_SPEED  # radians a second of the leaf by itself: one that was pulled gains no speed
         self._speed, self._pace, self._since, self._offset, self._out = 0.0, 0.0, 0, 0.0, 0
         handle = np.asarray(leaf.handle, dtype=np.float64)
@@ -78,6 +84,10 @@ class Opening:
         if self.hold.weight > 0:
             self.hold.release()
 
+    def yield_only(self) -> None:
+        """Take no hand to a leaf that stands open: it only gives way to the body that passes it."""
+        self.state, self._rest = "released", self.angle
+
     def give_way(self) -> None:
         """Leave the leaf to another hold of it: this hand only returns."""
         self.let_go()
@@ -88,6 +98,7 @@ class Opening:
         hand = self.way.hand
         wrist = pose.wrists[hand]
         grasping = False
+        self._feel(pose)
         if self.state == "reach":
             self.hold.approach(np.array([np.linalg.norm(wrist - self.grip())]), contacts[[HAND_CONTACTS[hand]]])
             if self.hold.complete(self.ik):
@@ -111,9 +122,25 @@ class Opening:
         if self.state == "released" and self.hold.weight > 0:
             place = self._slipped()
         self.hold.apply(pose if self.ik else Pose(pose.hips, pose.local, pose.wrists), place[None])
+        self._last = body_spheres(pose, self._arm)  # it may have leant to the handle
         if grasping:
             self.errors["hand_error_cm"] = 100 * float(np.linalg.norm(pose.arms()[1][hand] - self.grip()))
             self.errors["network_hand_error_cm"] = 100 * float(np.linalg.norm(wrist - self.grip()))
+
+    @property
+    def _arm(self) -> int | None:
+        """The arm that touches the leaf on purpose."""
+        return self.way.hand if self.state in ("reach", "held") or self.hold.busy else None
+
+    def _feel(self, pose: Pose) -> None:
+        """See how far the body, as it is and as it was last when it had leant to the handle, lets the leaf turn."""
+        whole, trunk = body_spheres(pose, self._arm)
+        bodies = [whole, self._last[0]] if self._last is not None else [whole]
+        self.hold.lean_share = self._room.share_to_lean(self._last[1] if self._last is not None else trunk)
+        if self.state in ("held", "released"):
+            limits = [self._room.limits(*b) for b in bodies]
+            self._least, self._most = max(least for least, _ in limits), min(most for _, most in limits)
+            self._soft = max(self._room.limits(*b, NEARLY)[0] for b in bodies)
 
     def passed(self, root: Array) -> bool:
         """Whether the body is through the opening."""
@@ -147,9 +174,8 @@ class Opening:
     def _turn(self, wanted: float) -> None:
         """Turn the leaf towards an angle: never back, never too fast."""
         fastest = FASTEST if self.way.push else min(FASTEST, self._speed + SWING_BRAKES * DT)  # who pulls does not run into it
-        step = float(np.clip(EASE * (min(wanted, self.widest) - self.angle), 0, fastest * DT))
-        self._speed = step / DT
-        self._set(self.angle + step)
+        step = float(np.clip(EASE * (min(max(wanted, self._soft), self.widest) - self.angle), 0, fastest * DT))
+        self._move(step)
 
     def _swing(self, root: Array) -> None:
         """Let the leaf swing on by itself, damped, to where it rests or to where the body is in its way."""
@@ -158,11 +184,19 @@ class Opening:
         pushed = self._pushed(root) > self.angle
         wanted = min(float(np.sqrt(2 * SWING_SLOWS * max(goal - self.angle, 0.0))), FASTEST if pushed else self._own)
         self._speed += float(np.clip(wanted - self._speed, -SWING_BRAKES * DT, SWING_GAINS * DT))
-        self._set(min(self.angle + self._speed * DT, max(goal, self.angle)))
+        self._move(min(self._speed * DT, max(goal - self.angle, 0.0)))
         if self._pushed(root) <= self.angle and goal - self.angle < 1e-3 and goal >= min(self._rest, self.widest) - 1e-3:
             self._speed = 0.0
-            if self.passed(root):
+            if self.passed(root) and not np.isfinite(self._soft):
                 self.state = "free"
+
+    def _move(self, step: float) -> None:
+        """Turn the leaf by ``step`` radians, less where the body is in its way and more where the body shoves it."""
+        angle = self.angle
+        step = min(step, max(self._most - angle, 0.0))
+        step = max(step, min(self._least - angle, SHOVED * DT, self.widest - angle))
+        self._speed = step / DT
+        self._set(angle + step)
 
     def _stands_back(self, root: Array) -> bool:
         """Whether a leaf is pulled and the body has come to where it waits for it: what lacks is the arm's to do."""
@@ -180,15 +214,15 @@ class Opening:
         """How far the leaf is open so that a body on its closing side has room; 0 where that asks for nothing."""
         away, beside = self._body(root)
         if away > self.prop.width + BODY or away < 1e-3 or beside > self.angle:
-            return 0.0
-        return beside + float(np.arcsin(min(1.0, AHEAD / away)))
+            return max(self._soft, 0.0)
+        return max(beside + float(np.arcsin(min(1.0, AHEAD / away))), self._soft)
 
     def _blocked(self, root: Array) -> float:
         """How far the leaf may swing until it meets a body that stands in its way."""
         away, beside = self._body(root)
         if away > self.prop.width + NARROW or away < 1e-3 or beside <= self.angle:
-            return WIDEST
-        return max(self.angle, beside - float(np.arcsin(min(1.0, NARROW / away))))
+            return max(self.angle, min(WIDEST, self._most))
+        return max(self.angle, min(beside - float(np.arcsin(min(1.0, NARROW / away))), self._most))
 
 
 def _widest(leaf: Leaf, solids: DistanceQuery) -> float:

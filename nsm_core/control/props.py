@@ -28,6 +28,7 @@ WRIST_OFF_HANDLE = 0.03  # from where a hand holds it to the wrist
 HANDLE_ASIDE = 0.25  # from the handle towards the hinge: from here straight on the way leads through the opening
 PULL_BACK = 0.55  # how much further off one stands once a leaf is pulled open
 PASS_BEYOND = 1.0  # from the opening to where one stands on the far side
+TAKEN_AJAR = np.radians(40)  # angle of a leaf that is ajar up to which who pulls it goes round with it
 OPENED = np.radians(75)  # from this angle on a pulled leaf lets a body pass
 WIDE_OPEN = np.radians(95)  # where a leaf comes to rest
 
@@ -162,8 +163,9 @@ class Passage:
     """The way through a door from one side: planar places (2,), metres, and headings, world.
 
     ``heading`` the way to pass; ``push`` whether the leaf swings away; ``side`` +1 or -1, the leaf's side on which the handle is
-    reached; ``hand`` 0 right, 1 left; ``reach`` where one stands to take the handle; ``back`` where one stands once a leaf is
-    pulled open (the same as ``reach`` for a push); ``middle`` of the opening; ``beyond`` where one stands at the end.
+    reached; ``hand`` 0 right, 1 left; ``reach`` where one stands to take the handle and ``facing`` the heading there; ``back``
+    where one stands once a leaf is pulled open (the same as ``reach`` for a push); ``middle`` of the opening; ``beyond`` where
+    one stands at the end.
     """
 
     heading: float
@@ -171,6 +173,7 @@ class Passage:
     side: float
     hand: int
     reach: Array
+    facing: float
     back: Array
     middle: Array
     beyond: Array
@@ -197,4 +200,7 @@ def passage(leaf: Leaf, coming_from: Array, beyond: float = PASS_BEYOND) -> Pass
     reach = handle - HANDLE_ASIDE * along - HANDLE_STAND * go
     middle = hinge + along * leaf.width / 2
     back = reach if push else reach - PULL_BACK * go
-    return Passage(heading, push, side, hand, reach, back, middle, middle + beyond * go)
+    # A leaf that stands ajar towards one is taken where it stands.
+    turn = 0.0 if push else leaf.swing * float(np.clip(leaf.angle, 0.0, TAKEN_AJAR))
+    reach = hinge + rotate_planar(reach - hinge, np.float64(turn))
+    return Passage(heading, push, side, hand, reach, float(wrap_angle(heading + turn)), back, middle, middle + beyond * go)

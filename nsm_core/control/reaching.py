@@ -24,6 +24,7 @@ LED_SPEED, LEAN_FURTHER = 0.6, np.radians(100)  # m/s at which hands are led fur
 ARC, ARC_SHARE = 0.08, 0.5  # metres at most, and a metre that they are led further, by which hands go over an edge
 LEANT_REACH = 0.96  # of its length to which an arm is stretched by who leans: a straight one snaps as it bends
 MOST_SHIFT, SHIFT_SPEED = 0.08, 0.3  # of the hips, metres; m/s
+_DOWNWARDS = 0.35  # share of the way to a place that leads down, from which bent knees help
 _CHEST = INDEX["Chest"]
 _LEGS = tuple(leg[:3] for leg in FEET)
 
@@ -49,13 +50,18 @@ class Pose:
 class Hold:
     """How far hands (n,) are led onto their places: 0 free, 1 there; what is left of it when let go fades."""
 
-    def __init__(self, hands: list[int], further: float = 0.0) -> None:
-        """``further`` metres that hands are led on from where the network has them: that takes longer, and a body leans more for it."""
+    def __init__(self, hands: list[int], further: float = 0.0, crouch: float = 0.0) -> None:
+        """``further`` metres that hands are led on from where the network has them: that takes longer, and a body leans more for it.
+
+        ``crouch`` metres that knees bend for what is low, before the trunk leans.
+        """
         self.hands = hands
         self._slower = 1 + further / LED_SPEED / TAKE_TIME
         self._stretched = LEANT_REACH if further else SOFT_REACH
         self._arc = min(ARC, ARC_SHARE * further)
         self._most_lean = MOST_LEAN + LEAN_FURTHER * further
+        self._crouch, self._sunk = crouch, 0.0
+        self.lean_share = 1.0  # 0..1 of that, as far as there is room to lean
         self.weight = 0.0
         self.near = 0  # frames that the hands have been near their places
         self._far, self._closing = np.inf, 0.0  # metres to the places in the last frame, and how much that fell
@@ -68,7 +74,7 @@ class Hold:
     @property
     def busy(self) -> bool:
         """Whether anything is still added to the pose."""
-        return self.weight > 0 or self._fade > 0 or bool(self._lean.any() or self._shift.any())
+        return self.weight > 0 or self._fade > 0 or bool(self._lean.any() or self._shift.any() or self._sunk)
 
     @property
     def lacking(self) -> float:
@@ -124,11 +130,15 @@ class Hold:
         """
         active = self.weight > 0 or self._fade > 0
         lack = _lack(targets - shoulders, self._stretched) if active else np.zeros(3)
+        if self._crouch and (lack.any() or self._sunk):
+            self._sink(pose, targets - shoulders, lack)
+            shoulders = shoulders - (0.0, 0.0, self._sunk)
+            lack = _lack(targets - shoulders, self._stretched) if active else lack
         if lack.any() or self._lean.any():
             pivot, parent = (a[0] for a in chain_frames(pose.hips, pose.local, (_CHEST,)))
             lever = shoulders.mean(0) - pivot
             wanted = np.cross(lever, lack) / (lever @ lever)
-            wanted *= min(1.0, self._most_lean / max(float(np.linalg.norm(wanted)), 1e-9))
+            wanted *= min(1.0, self.lean_share * self._most_lean / max(float(np.linalg.norm(wanted)), 1e-9))
             self._lean = _follow(self._lean, wanted, LEAN_SPEED * DT)
             turn = quat_from_rotvec(self._lean)
             pose.local = pose.local.copy()
@@ -139,11 +149,17 @@ class Hold:
             lack = lack * min(1.0, MOST_SHIFT / max(float(np.linalg.norm(lack)), 1e-9))
             lack[2] = min(lack[2], 0.0)  # legs can bend, not grow
             self._shift = _follow(self._shift, lack, SHIFT_SPEED * DT)
-            ankles, feet = _ankles(pose)
-            pose.hips = pose.hips + self._shift
-            pose.local = place_limbs(pose.hips, pose.local, _LEGS, ankles, feet)
+            _move_hips(pose, self._shift)
             shoulders = shoulders + self._shift
         return shoulders
+
+    def _sink(self, pose: Pose, ways: Array, lack: Array) -> None:
+        """Bend the knees as far as that takes the shoulders of the ways (n, 3), which ``lack`` (3,), within reach of what is low."""
+        way = ways[int(np.linalg.norm(ways, axis=1).argmax())]
+        down = float(-way[2] / max(np.linalg.norm(way), 1e-9))
+        wanted = min(float(np.linalg.norm(lack)) / down, self._crouch) if down > _DOWNWARDS else 0.0
+        self._sunk = float(_follow(np.array((self._sunk,)), np.array((wanted,)), SHIFT_SPEED * DT)[0])
+        _move_hips(pose, np.array((0.0, 0.0, -self._sunk)))
 
 
 def _lack(ways: Array, stretched: float) -> Array:
@@ -151,6 +167,13 @@ def _lack(ways: Array, stretched: float) -> Array:
     length = np.linalg.norm(ways, axis=1)
     worst = int(length.argmax())
     return ways[worst] * (max(0.0, length[worst] - stretched * ARM) / max(length[worst], 1e-9))
+
+
+def _move_hips(pose: Pose, shift: Array) -> None:
+    """Move the hips of a pose by ``shift`` (3,) in place; the feet stay."""
+    ankles, feet = _ankles(pose)
+    pose.hips = pose.hips + shift
+    pose.local = place_limbs(pose.hips, pose.local, _LEGS, ankles, feet)
 
 
 def _follow(now: Array, wanted: Array, step: float) -> Array:

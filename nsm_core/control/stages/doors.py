@@ -16,11 +16,12 @@ HANDLE = 2.5  # metres from which the handle itself is commanded
 # A leaf half open that turns by less than this a frame, before a body that stands, is let go after so many frames.
 STILL, STUCK = np.radians(0.3), 30
 FURTHER = 0.3  # metres that one steps back from a leaf that does not clear the body
+PUSHED_ON = np.radians(40)  # a leaf that stands open by more, away from one, is pushed on in walking through
 ARRIVED = 0.35  # metres to the place beyond that count as there
 
 
 class Pass(Stage):
-    """Reach, pull (only where the leaf comes towards one), pass; an open door is walked through."""
+    """Reach, pull (only where the leaf comes towards one), pass; an open door is walked through and gives way where it is touched."""
 
     def __init__(self, goal: Goal, ground: Ground, moment: Moment, solids: DistanceQuery, ik: bool = True) -> None:
         super().__init__(goal)
@@ -31,13 +32,14 @@ class Pass(Stage):
         self.grasp = Opening(leaf, self.way, solids, ik)
         heading = self.way.heading
         beyond = np.append(self.way.beyond, 0).astype(np.float32)
-        if leaf.angle > OPENED - 0.2:
-            self.grasp.state = "free"
+        if leaf.angle > (PUSHED_ON if self.way.push else OPENED - 0.2):
+            self.grasp.yield_only()
             self.part = 2
             self.approach = Approach(ground, self.way.beyond, heading, Command("idle", beyond, heading), REACH, anyway=True)
             return
-        final = Command("open", leaf.grip(self.way.side).astype(np.float32), heading, thing=leaf)
-        self.approach = Approach(ground, self.way.reach, heading, final, HANDLE)
+        facing = self.way.facing
+        final = Command("open", leaf.grip(self.way.side).astype(np.float32), facing, thing=leaf)
+        self.approach = Approach(ground, self.way.reach, facing, final, HANDLE)
 
     def update(self, moment: Moment) -> Command:
         leaf, way, grasp = self.goal.prop, self.way, self.grasp
