@@ -7,7 +7,7 @@ import math
 import bpy
 import numpy as np
 import pytest
-from door_trials import loose_handle, low_handle, pair, shut_at_an_angle, standing_open, stray_hinge
+from door_trials import TRIALS, loose_handle, low_handle, pair, run, shut_at_an_angle, standing_open, stray_hinge
 from mathutils import Matrix
 from scenes import LEAF, box, door, empty, mesh_of_boxes
 
@@ -172,3 +172,25 @@ def test_a_low_handle_is_found():
     )
     assert opening(leaf).handle[2] == pytest.approx(0.655, abs=1e-3)
     assert opening(low_handle(0.7).leaf).handle[2] == pytest.approx(0.7, abs=1e-3)
+
+
+class TestTakes:
+    @pytest.mark.parametrize("name", ["handle at 0.65 m, pulled", "ajar 55, pushed"])
+    def test_the_body_is_clear_of_the_leaf(self, name):
+        _, figures = run(TRIALS[name]())
+        assert figures["reached"] and figures["leaf_cm"] < 3 and figures["step_deg"] < 10
+
+    def test_one_that_stands_open_is_walked_through_and_stays(self):
+        _, figures = run(TRIALS["stands open, coming back"]())
+        assert figures["reached"] and figures["leaf_cm"] < 1 and figures["open_deg"] == pytest.approx(85, abs=3)
+
+    def test_the_loose_handle_is_keyed_with_the_leaf(self):
+        trial = loose_handle()
+        take, figures = run(trial)
+        assert figures["reached"] and {thing.object for thing in take.keyed.things} == {trial.leaf, *trial.follow}
+        seen = []
+        for frame in (take.keyed.frame_start, take.keyed.frame_end):
+            bpy.context.scene.frame_set(frame)
+            seen.append(np.array(trial.leaf.matrix_world.inverted() @ trial.follow[0].matrix_world))
+        np.testing.assert_allclose(seen[0], seen[1], atol=1e-4)
+        assert figures["open_deg"] > 60
