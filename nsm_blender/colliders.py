@@ -131,7 +131,7 @@ class BVHQuery:
         low, high = self._low.min(0).astype(np.float64) - _REACH, self._high.max(0).astype(np.float64) + _REACH
         voxel = max(float((s.size * s.reading.cell).max()) for s in self.solids)
         cell = max(_COARSE_CELL, voxel, float(np.cbrt(np.prod(high - low) / _MOST_CELLS)))
-        margin = int(np.ceil((_REACH + voxel * np.sqrt(0.75)) / cell))
+        margin = int(np.ceil((_REACH + 2 * voxel * np.sqrt(0.75)) / cell))
         shape = np.ceil((high - low) / cell).astype(int) + 2 * margin + 1
         self._near_low, self._near_cell = (low - margin * cell).astype(np.float32), np.float32(cell)
         near = np.zeros(tuple(shape), dtype=bool)
@@ -139,7 +139,7 @@ class BVHQuery:
         for solid in self.solids:
             reading = solid.reading
             if id(reading) not in middles:
-                middles[id(reading)] = reading.low + (np.argwhere(reading.code > 0) + 0.5) * reading.cell
+                middles[id(reading)] = _blocks(reading)
             places = middles[id(reading)] @ (solid.size * solid.turn.T) + solid.origin
             if floor and _is_wide(solid):
                 places = places[places[:, 2] > FLOOR_TOP]
@@ -259,6 +259,15 @@ def _nearest(
             owners[i] = chunk.owners[face] if only is None else only
 
 
+def _blocks(reading: Reading) -> Array:
+    """Middles (K, 3), own frame, of the blocks of two by two by two voxels in which something is solid."""
+    code = reading.code > 0
+    code = np.pad(code, [(0, n % 2) for n in code.shape])
+    for axis in range(3):
+        code = np.moveaxis(np.moveaxis(code, axis, 0)[::2] | np.moveaxis(code, axis, 0)[1::2], 0, axis)
+    return reading.low + (2 * np.argwhere(code) + 1) * reading.cell
+
+
 def _is_wide(solid: Solid) -> bool:
     low, high = solid.bounds
     return bool((high - low)[:2].min() > ROOM_WIDTH)
@@ -333,6 +342,12 @@ def query_of(solids: Sequence[Solid]) -> BVHQuery:
 
 
 _last: tuple[tuple[bytes, list[str]], BVHQuery] | None = None
+
+
+def forget() -> None:
+    """Keep no query."""
+    global _last
+    _last = None
 
 
 def _belongs_to(candidate: bpy.types.Object, owners: set[str]) -> bool:

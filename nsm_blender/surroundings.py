@@ -80,7 +80,8 @@ class Surroundings:
             solids_of(objects, self.frame)
             self.solids = scene_solids(seen, self.frame, said)
             self.standing = [s for s in self.solids if still(s)]
-            self.query = query_of(obstacles(self.standing))
+            self.obstacles = obstacles(self.solids)
+            self.query = query_of([s for s in self.obstacles if still(s)])
             self.ground = ground_of(self.standing)
 
         return read
@@ -97,11 +98,19 @@ class Surroundings:
         return [s for s in self.solids if still(s)]
 
     @cached_property
+    def obstacles(self) -> list[Solid]:
+        """Of all that is solid but the character what is not walked over."""
+        solids = self.solids
+        with freely():
+            return obstacles(solids)
+
+    @cached_property
     def query(self) -> DistanceQuery:
         """Everything solid but the character and what its goals move."""
-        solids = self.standing
+        still = self._but(self.moving)
+        solids = [s for s in self.obstacles if still(s)]
         with freely():
-            return query_of(obstacles(solids))
+            return query_of(solids)
 
     def _but(self, left_out: Iterable[bpy.types.Object]) -> Callable[[Solid], bool]:
         """Whether a solid is none of ``left_out`` and does not belong to one."""
@@ -144,4 +153,4 @@ class Surroundings:
     def meshes_but(self, *left_out: bpy.types.Object) -> list[tuple[Array, Array]]:
         """Vertices (V, 3), core frame, and triangles (F, 3) of each solid but ``left_out``, the character and what was moved by now."""
         still = self._but([*(o for o in self.moving if o.name in self.left), *left_out])
-        return [(s.vertices, s.triangles) for s in obstacles(self.solids) if still(s)]
+        return [(s.vertices, s.triangles) for s in self.obstacles if still(s)]
