@@ -85,6 +85,8 @@ class BVHQuery:
     open and broken meshes are solid where their gaps are narrower than a voxel, and thin shells elsewhere.
     """
 
+    still = True  # what it has answered once it will answer again
+
     def __init__(self, solids: Sequence[Solid], floor: bool = False) -> None:
         """Take what is solid, all of it in one frame.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from copy import copy
 from typing import TYPE_CHECKING, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -20,6 +21,10 @@ BODY_RADIUS = 0.28
 HEIGHTS = (0.15, 0.45, 0.75, 1.05, 1.35, 1.65)
 COMFORT = 0.17  # metres of room beyond the radius that a walker likes to keep
 _TILE = 32  # nodes along the sides of a tile
+_ROWS = 1 << 30  # tiles along either axis of the world
+# What was looked at of each set of solids that says that it stands ``still``, by radius and cell, as long as it is there: the
+# next take needs the same.
+_seen: WeakKeyDictionary[DistanceQuery, dict[tuple[float, float], dict[int, Array]]] = WeakKeyDictionary()
 
 
 class ClearanceMap:
@@ -36,19 +41,22 @@ class ClearanceMap:
         low, high = (np.asarray(b, dtype=np.float64)[:2] for b in bounds)
         if not (np.isfinite(low).all() and np.isfinite(high).all() and (high > low).all()):
             raise GoalError("The floor to plan on has no size; give its lower left and upper right corner in metres.")
-        self.radius, self.cell, self._low, self._query = float(radius), float(cell), low, query
+        self.radius, self.cell, self._query = float(radius), float(cell), query
         self._far = max(BODY_RADIUS, radius) + COMFORT + 0.25  # clearance beyond which more does not matter
         # Distances change by at most a metre a metre, so every second cell is enough and the rest is interpolated.
         self._spacing = 2 * self.cell
-        self._shape = np.maximum(2, np.ceil((high - low) / self._spacing).astype(np.int64) + 1)
-        self.bounds = (low, low + (self._shape - 1) * self._spacing)
+        # Nodes lie on one grid for all maps, so that they share what was looked at.
+        self._first = np.floor(low / self._spacing + 1e-9).astype(np.int64)
+        self._last = np.maximum(np.ceil(high / self._spacing - 1e-9).astype(np.int64), self._first + 1)
+        self.bounds = (self._first * self._spacing, self._last * self._spacing)
         self._base: ClearanceMap | None = None
         self._places = np.zeros((0, 2))
         self._reach = 0.0
-        self._forget()
+        still = getattr(query, "still", False)
+        self._forget(_seen.setdefault(query, {}).setdefault((self.radius, self.cell), {}) if still else {})
 
-    def _forget(self) -> None:
-        self._rooms: dict[int, Array] = {}  # clearance (n + 3, n + 3) of the nodes of a tile and of those around it
+    def _forget(self, rooms: dict[int, Array]) -> None:
+        self._rooms = rooms  # clearance (n + 3, n + 3) of the nodes of a tile and of those around it
         self._slots: dict[int, int] = {}
         self._nodes = np.zeros((0, _TILE + 1, _TILE + 1, 3))  # clearance and the way it grows, by slot
 
@@ -60,16 +68,16 @@ class ClearanceMap:
         """This map with more solids in it: ``query``, which lies within ``reach`` metres of ``places`` (N, 2)."""
         other = copy(self)
         other._base, other._query, other._places, other._reach = self, query, np.asarray(places, dtype=np.float64), reach
-        other._forget()
+        other._forget({})
         return other
 
     def _tiles(self, numbers: Array) -> Array:
         """Clearance (K, n + 3, n + 3) at the nodes of tiles and around them, looked at where that has not been done."""
         missing = [int(k) for k in numbers if int(k) not in self._rooms]
         if missing:
-            corner = np.stack(np.divmod(np.array(missing), self._columns), -1) * _TILE - 1
+            corner = (np.stack(np.divmod(np.array(missing), _ROWS), -1) - _ROWS // 2) * _TILE - 1
             node = np.stack(np.meshgrid(*[np.arange(_TILE + 3)] * 2, indexing="ij"), -1)
-            nodes = self._low + self._spacing * (corner[:, None, None] + node)
+            nodes = self._spacing * (corner[:, None, None] + node)
             if self._base is None:
                 rooms = self._sample(nodes)
             else:
@@ -93,17 +101,13 @@ class ClearanceMap:
             out[near] = look(self._query, nodes[near], self._far)
         return out
 
-    @property
-    def _columns(self) -> int:
-        """Tiles along Y."""
-        return int(-(-self._shape[1] // _TILE))
-
     def _at(self, points: Array, what: slice) -> Array:
         """Interpolate ``what`` of the nodes (clearance, its two slopes) at floor points (..., 2)."""
-        grid = np.clip((points - self._low) / self._spacing, 0, self._shape - 1.000001)
-        cell = grid.astype(np.int64)
+        grid = np.clip(points / self._spacing, self._first, self._last - 1e-6)
+        cell = np.floor(grid).astype(np.int64)
         tile, within = np.divmod(cell, _TILE)
-        slot = self._slot(tile[..., 0] * self._columns + tile[..., 1])
+        tile += _ROWS // 2
+        slot = self._slot(tile[..., 0] * _ROWS + tile[..., 1])
         i, j = within[..., 0], within[..., 1]
         u, v = np.moveaxis(grid - cell, -1, 0)[..., None]
         nodes = self._nodes[..., what]

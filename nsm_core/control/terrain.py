@@ -10,6 +10,7 @@ import numpy as np
 
 from ..rotations import Array, heading_to_direction, rotate_planar
 from ..sensors.cuboid import InteractionVolume
+from ..sensors.pieces import expanded
 from ..sensors.query import DistanceQuery
 
 CELL = 0.02  # metres between the places that are probed
@@ -19,7 +20,7 @@ FLOOR_TOP = 0.12
 _TOUCH, _STEPS = 0.002, 80  # metres over a surface that count as on it; steps of a probe at most
 _HIGHEST = 0.8  # metres: what is higher is no ground
 _LEAST_HEIGHT = 0.004  # metres: what is lower is as good as painted on the floor
-_MOST_CELLS, _AT_ONCE = 400_000, 1_000_000  # cells of one map of a mesh, and pairs of a triangle and a cell compared at once
+_MOST_CELLS = 400_000  # cells of one map of a mesh
 
 
 @dataclass(frozen=True)
@@ -57,20 +58,17 @@ class HeightMap:
         # Triangles that cover no cell's middle count by their corners, the others by every middle in their bounding box.
         corner_cells = np.clip(np.rint(places.reshape(-1, 2)).astype(int), 0, shape - 1)
         np.maximum.at(heights, corner_cells[:, 0] * shape[1] + corner_cells[:, 1], corners[..., 2].reshape(-1))
-        first = np.ceil(places.min(1) - 1e-6).astype(int)
-        size = np.floor(places.max(1) + 1e-6).astype(int) - first + 1
-        size = np.where((size > 0).all(1), size.max(1), 0)
-        width = 1
-        while (size > width // 2).any():
-            rows = np.flatnonzero((size > width // 2) & (size <= width))
-            offsets = np.stack(np.meshgrid(*[np.arange(width)] * 2, indexing="ij"), -1).reshape(-1, 2)
-            for some in np.array_split(rows, max(1, -(-len(rows) * width * width // _AT_ONCE))):
-                cells = first[some, None] + offsets
-                share = _barycentric(cells, places[some])
-                hit = (share >= -1e-6).all(-1) & (cells >= 0).all(-1) & (cells < shape).all(-1)
-                z = (share * corners[some, None, :, 2]).sum(-1)
-                np.maximum.at(heights, (cells[..., 0] * shape[1] + cells[..., 1])[hit], z[hit])
-            width *= 2
+        first = np.maximum(np.ceil(places.min(1) - 1e-6).astype(int), 0)
+        size = np.maximum(np.minimum(np.floor(places.max(1) + 1e-6).astype(int), shape - 1) - first + 1, 0)
+        a, b, c = np.moveaxis(places, 1, 0)
+        double = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+        size[np.abs(double) < 1e-9] = 0  # upright ones cover nothing
+        for face, step in expanded(size[:, 0] * size[:, 1]):
+            i, j = first[face, 0] + step // size[face, 1], first[face, 1] + step % size[face, 1]
+            shares = [_double(i, j, p[face], q[face]) / double[face] for p, q in ((b, c), (c, a), (a, b))]
+            hit = np.minimum(np.minimum(*shares[:2]), shares[2]) >= -1e-6
+            z = sum(share[hit] * corners[face[hit], k, 2] for k, share in enumerate(shares))
+            np.maximum.at(heights, i[hit] * shape[1] + j[hit], z)
         return cls(origin, 0.0, heights.reshape(tuple(shape)), cell)
 
     def near(self, low: Array, high: Array) -> bool:
@@ -85,17 +83,9 @@ class HeightMap:
         return self.origin + rotate_planar(half, np.float64(self.heading)), float(np.linalg.norm(half)) + self.cell
 
 
-def _barycentric(points: Array, triangles: Array) -> Array:
-    """Shares (F, N, 3) of the corners of triangles (F, 3, 2) in points (F, N, 2); all negative where a triangle has no area."""
-    a, b, c = (triangles[:, None, k] for k in range(3))
-    def cross(p: Array, q: Array) -> Array:
-        return p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
-
-    double = cross(b - a, c - a)
-    safe = np.where(np.abs(double) < 1e-9, 1.0, double)
-    u, v = cross(b - points, c - points) / safe, cross(c - points, a - points) / safe
-    share = np.stack((u, v, 1 - u - v), -1)
-    return np.where(np.abs(double)[..., None] < 1e-9, -1.0, share)
+def _double(i: Array, j: Array, p: Array, q: Array) -> Array:
+    """Twice the areas (N,) of triangles between points ``i``, ``j`` (N,), ``p`` and ``q`` (N, 2), counter-clockwise ones positive."""
+    return (p[:, 0] - i) * (q[:, 1] - j) - (p[:, 1] - j) * (q[:, 0] - i)
 
 
 class Terrain:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..errors import GeometryError
 from ..rotations import Array
+
+_AT_ONCE = 1 << 16
 
 
 def check_mesh(vertices: Array, triangles: Array) -> tuple[Array, Array]:
@@ -67,3 +71,12 @@ def cut_triangles(corners: Array, longest: float) -> Array:
         middle = (a + b) / 2
         corners = np.concatenate((np.stack((a, middle, c), 1), np.stack((middle, b, c), 1)))
     return np.concatenate(done) if done else np.zeros((0, 3, 3))
+
+
+def expanded(count: Array) -> Iterator[tuple[Array, Array]]:
+    """Go through rows ``count`` (N,) times each, so many at once as the caches hold: rows (M,) and times (M,)."""
+    ends = np.cumsum(count)
+    for start in range(0, int(ends[-1]) if len(ends) else 0, _AT_ONCE):
+        flat = np.arange(start, min(start + _AT_ONCE, int(ends[-1])))
+        row = np.searchsorted(ends, flat, side="right")
+        yield row, flat - (ends[row] - count[row])

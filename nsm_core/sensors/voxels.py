@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
 
 from ..rotations import Array
-from .pieces import check_mesh
+from .pieces import check_mesh, expanded
 
 RESOLUTION = 0.04
 # A grid never grows beyond this many cells; larger meshes get larger cells.
@@ -75,7 +74,7 @@ def _touched(corners: Array, shape: tuple[int, int, int]) -> Array:
         wide = (high > low).sum(1)
         # In a single row of cells, or a single one, a triangle touches all of them from end to end.
         rows = np.flatnonzero(wide < 2)
-        for at, step in _expanded((high[rows] - low[rows]).sum(1) + 1):
+        for at, step in expanded((high[rows] - low[rows]).sum(1) + 1):
             cells = low[rows[at]] + step[:, None] * (high[rows[at]] > low[rows[at]])
             flat[np.ravel_multi_index(cells.T, shape)] = True
         rows = np.flatnonzero(wide >= 2)
@@ -103,14 +102,14 @@ def _mark(corners: Array, normal: Array, low: Array, high: Array, axis: int, fla
     reach = np.where(plain, half * (1 + np.abs(slope).sum(1)) + 1e-9, np.inf)
     level = plain & (np.abs(normal[:, (u, v)]).max(1) <= 1e-12 * steepness)  # along the grid: no more to be looked at
     size = high - low + 1
-    for face, step in _expanded(size[:, u] * size[:, v]):
+    for face, step in expanded(size[:, u] * size[:, v]):
         a, b = low[face, u] + step // size[face, v] + 0.5, low[face, v] + step % size[face, v] + 0.5
         met = _meets(shadows[0], face, a, b)
         face, a, b = face[met], a[met], b[met]
         middle = corners[face, 0, w] + slope[face, 0] * (a - corners[face, 0, u]) + slope[face, 1] * (b - corners[face, 0, v])
         first = np.maximum(np.ceil(np.maximum(middle - reach[face], -1) - 0.5).astype(np.int64), low[face, w])
         last = np.minimum(np.floor(np.minimum(middle + reach[face], shape[w]) - 0.5).astype(np.int64), high[face, w])
-        for at, rise in _expanded(np.maximum(last - first + 1, 0)):
+        for at, rise in expanded(np.maximum(last - first + 1, 0)):
             cells = np.empty((len(at), 3), np.int64)
             cells[:, u], cells[:, v], cells[:, w] = a[at], b[at], first[at] + rise
             c, its = cells[:, w] + 0.5, face[at]
@@ -139,15 +138,6 @@ def _meets(shadow: tuple[Array, Array, Array, Array], face: Array, x: Array, y: 
         along = a[face] * x + b[face] * y
         met &= (along >= low[face]) & (along <= high[face])
     return met
-
-
-def _expanded(count: Array) -> Iterator[tuple[Array, Array]]:
-    """Go through rows ``count`` (N,) times each, so many at once as the caches hold: rows (M,) and times (M,)."""
-    ends = np.cumsum(count)
-    for start in range(0, int(ends[-1]) if len(ends) else 0, _PAIRS_AT_ONCE):
-        flat = np.arange(start, min(start + _PAIRS_AT_ONCE, int(ends[-1])))
-        row = np.searchsorted(ends, flat, side="right")
-        yield row, flat - (ends[row] - count[row])
 
 
 def _border(shape: tuple[int, ...]) -> Array:
