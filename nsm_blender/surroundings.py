@@ -30,10 +30,10 @@ _MARGIN = 2.0  # metres of floor looked at around the places asked about
 class _Plan(FloorPlan):
     """A plan that is searched while Blender goes on."""
 
-    def find(self, start: Array, goal: Array, step: float = 0.05) -> Array:
-        """See ``FloorPlan.find``."""
+    def require_way(self, start: Array, goal: Array) -> Array:
+        """See ``FloorPlan.require_way``."""
         with freely():
-            return super().find(start, goal, step)
+            return super().require_way(start, goal)
 
 
 class Surroundings:
@@ -145,7 +145,7 @@ class Surroundings:
     def can_walk(self, start: Array, goal: Array) -> bool:
         """Whether a way over the floor leads from ``start`` to ``goal``, (2,)."""
         try:
-            self.plan(start, goal).find(start, goal)
+            self.plan(start, goal).require_way(start, goal)
         except GoalError:
             return False
         return True

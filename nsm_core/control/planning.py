@@ -45,6 +45,16 @@ class FloorPlan(ClearanceMap):
         A start or goal between furniture, such as one on a seat, is left or reached by squeezing out the cheapest way.
         Raises GoalError if there is no way or if an end lies off the plan.
         """
+        cells = self.require_way(start, goal)
+        if len(cells) == 2:
+            return resample(cells, step)
+        free = np.flatnonzero(self.clearance(cells) >= self.radius)
+        first, last = (int(free[0]), int(free[-1])) if len(free) else (0, 0)
+        pulled = np.concatenate((cells[:first], self._pull(cells[first : last + 1]), cells[last + 1 :]))
+        return resample(self._relax(resample(pulled, step)), step)
+
+    def require_way(self, start: Array, goal: Array) -> Array:
+        """A rough way (N, 2) from ``start`` to ``goal`` (2,), its two ends alone where it is straight; raises as ``find``."""
         ends = [np.asarray(p, dtype=np.float64)[:2] for p in (start, goal)]
         for end, name in zip(ends, ("start", "goal"), strict=True):
             if not np.isfinite(end).all() or (end < self.bounds[0]).any() or (end > self.bounds[1]).any():
@@ -55,7 +65,7 @@ class FloorPlan(ClearanceMap):
                 f"{_FARTHEST:.0f} m long; choose a nearer goal, or one on the way there first."
             )
         if self.line_is_free(*ends):
-            return resample(np.stack(ends), step)
+            return np.stack(ends)
         cells = self._search_near(*ends)
         if cells is None and float(self.clearance(ends[0][None])[0]) <= _BRUSH:
             cells = self._leave_deep(*ends)
@@ -64,11 +74,10 @@ class FloorPlan(ClearanceMap):
                 f"There is no free way to ({ends[1][0]:.2f}, {ends[1][1]:.2f}) m for a body {2 * self.radius:.2f} m wide; "
                 + self._advice(*ends)
             )
+        if len(cells) < 3:  # the ends lie in neighbouring cells
+            cells = np.stack((ends[0], (ends[0] + ends[1]) / 2, ends[1]))
         cells[0], cells[-1] = ends
-        free = np.flatnonzero(self.clearance(cells) >= self.radius)
-        first, last = (int(free[0]), int(free[-1])) if len(free) else (0, 0)
-        pulled = np.concatenate((cells[:first], self._pull(cells[first : last + 1]), cells[last + 1 :]))
-        return resample(self._relax(resample(pulled, step)), step)
+        return cells
 
     def _advice(self, start: Array, goal: Array) -> str:
         """What to do where no way leads to ``goal`` (2,): name what stands in it, where that can be known."""

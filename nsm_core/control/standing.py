@@ -136,7 +136,7 @@ def choose_side(
     for _, facing, stand, further in sorted(sides, key=lambda s: s[0]):
         try:
             if plan is not None and np.linalg.norm(stand - start) > 0.3:
-                plan.find(start, stand)
+                plan.require_way(start, stand)
             return facing, stand, further
         except GoalError as error:
             refused = refused or error

@@ -88,7 +88,7 @@ def check_reachable(goals: list[Goal], plan: FloorPlan, start: Array, solids: Di
             asked = True
             for place in standing_places(goal, here, plan, poses, solids):
                 if place is not None and asked and np.linalg.norm(place - here) > 0.3:
-                    plan.find(here, place)
+                    plan.require_way(here, place)
                 asked = place is not None
                 here = here if place is None else place
         except GoalError as error:
