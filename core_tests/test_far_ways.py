@@ -16,12 +16,16 @@ class Named(Cuboids):
 
     def __init__(self, boxes):
         super().__init__([((0, 0, 0), 0.0, [low], [high]) for low, high in boxes.values()])
+        self.boxes = boxes
         self.names, self.asked = list(boxes), 0
         self.each = [Cuboids([((0, 0, 0), 0.0, [low], [high])]) for low, high in boxes.values()]
 
     def signed_distance(self, points, max_distance):
         self.asked += len(points)
         return super().signed_distance(points, max_distance)
+
+    def without(self, name):
+        return Named({n: b for n, b in self.boxes.items() if n != name})
 
     def nearest(self, points, max_distance):
         distances = np.stack([q.signed_distance(np.asarray(points, np.float32), max_distance) for q in self.each])

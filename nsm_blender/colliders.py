@@ -92,7 +92,7 @@ class BVHQuery:
 
         With a ``floor``, which lies at zero, faces of room-sized meshes at its height are part of it and are left out.
         """
-        self.solids = list(solids)
+        self.solids, self._floor = list(solids), floor
         self._chunks: list[_Chunk] = []
         self._copies: list[tuple[Solid, int]] = []
         if not self.solids:
@@ -171,6 +171,10 @@ class BVHQuery:
         of = np.full(len(points), -1)
         self._ask(points, max_distance, of)
         return [None if k < 0 else self.solids[k].owner for k in of.tolist()]
+
+    def without(self, name: str) -> BVHQuery:
+        """The same without what belongs to one object."""
+        return BVHQuery([s for s in self.solids if s.owner != name], self._floor)
 
     def _ask(self, points: Array, max_distance: float, of: Array | None) -> Array:
         """Distances (N,) of points (N, 3); the numbers of the solids nearest to them go to ``of`` (N,)."""

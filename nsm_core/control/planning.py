@@ -5,6 +5,7 @@ Plain planning for a walking body, not a part of the paper; it leads locomotion 
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +29,7 @@ _MOST_CELLS, _COARSER, _AROUND = 400_000, 2, 8.0
 # On ways that are too long for that: metres before and behind a thing in the way between which a way around it is looked for,
 # metres aside, and points of the straight way of which one is kept.
 _BEFORE, _WIDE, _SPARSE = 3.0, 50.0, 10
+_SUSPECTS = 5  # things of which it is tried whether one would get through without them
 
 
 class FloorPlan(ClearanceMap):
@@ -64,36 +66,41 @@ class FloorPlan(ClearanceMap):
                 f"It is {np.linalg.norm(ends[1] - ends[0]):.0f} m to ({ends[1][0]:.0f}, {ends[1][1]:.0f}) m, and a way may be up to "
                 f"{_FARTHEST:.0f} m long; choose a nearer goal, or one on the way there first."
             )
-        if self.line_is_free(*ends):
-            return np.stack(ends)
-        cells = self._search_near(*ends)
-        if cells is None and float(self.clearance(ends[0][None])[0]) <= _BRUSH:
-            cells = self._leave_deep(*ends)
+        cells = self._way(*ends)
         if cells is None:
             raise GoalError(
                 f"There is no free way to ({ends[1][0]:.2f}, {ends[1][1]:.2f}) m for a body {2 * self.radius:.2f} m wide; "
                 + self._advice(*ends)
             )
+        return cells
+
+    def _way(self, start: Array, goal: Array) -> Array | None:
+        """The same, or None where there is no way."""
+        ends = [start, goal]
+        if self.line_is_free(start, goal):
+            return np.stack(ends)
+        cells = self._search_near(start, goal)
+        if cells is None and float(self.clearance(start[None])[0]) <= _BRUSH:
+            cells = self._leave_deep(start, goal)
+        if cells is None:
+            return None
         if len(cells) < 3:  # the ends lie in neighbouring cells
-            cells = np.stack((ends[0], (ends[0] + ends[1]) / 2, ends[1]))
+            cells = np.stack((start, (start + goal) / 2, goal))
         cells[0], cells[-1] = ends
         return cells
 
     def _advice(self, start: Array, goal: Array) -> str:
-        """What to do where no way leads to ``goal`` (2,): name what stands in it, where that can be known."""
-        nearest = getattr(self._query if self._base is None else self._base._query, "nearest", None)
+        """What to do where no way leads to ``goal`` (2,): name what stands in it, where there is one thing without which one would."""
+        query = self._query if self._base is None else self._base._query
         line = start + np.linspace(0, 1, 2 + int(np.linalg.norm(goal - start) / self.cell))[:, None] * (goal - start)
-        blocked = np.flatnonzero(self.clearance(line) < self.radius)
-        if nearest is not None and len(blocked):
-            # What stands nearest to the goal keeps one out, unless one starts in something.
-            at = line[blocked[-1] if self.clearance(start[None])[0] >= self.radius else blocked[0]]
-            for reach in (self.radius, self.radius + 0.5):
-                names = [n for n in nearest(body_at(at[None]), reach) if n is not None]
-                if names:
-                    name = max(set(names), key=names.count)
+        blocked = line[self.clearance(line) < self.radius]
+        if hasattr(query, "nearest") and hasattr(query, "without") and len(blocked):
+            near = query.nearest(body_at(blocked[:: max(1, len(blocked) // 100)]), self.radius)
+            for name, _ in Counter(n for n in near if n is not None).most_common(_SUSPECTS):
+                if FloorPlan(query.without(name), self.bounds, self.radius, self.cell)._way(start, goal) is not None:
                     return (
-                        f"'{name}' stands in it: move it, or set its custom property nsm_collider to False where one may walk through it, "
-                        "or choose another goal."
+                        f"'{name}' stands in it: move it, or set its custom property nsm_collider to False where one may walk "
+                        "through it, or choose another goal."
                     )
         return "move the furniture apart or choose another goal."
 
