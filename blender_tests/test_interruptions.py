@@ -133,6 +133,37 @@ def test_a_take_that_loses_what_it_needs_ends_in_a_sentence(modal, what, moment)
         assert bpy.data.scenes["Scene"].frame_current == 7
 
 
+@pytest.mark.parametrize("stage", ["Making keys"])
+@pytest.mark.parametrize("what", [what for what in STOPPING if "box" not in what and "table" not in what] + ["undo", "window closed"])
+def test_a_take_that_loses_what_it_needs_while_it_is_keyed_leaves_no_half(modal, what, stage):
+    row = bpy.context.scene.nsm.goals[0]
+    row.action, row.hold = "idle", 0.0
+    bpy.ops.ed.undo_push(message="laid out")
+    bpy.data.objects["Bystander"].location.x = 6
+    bpy.ops.ed.undo_push(message="moved")
+    before = as_it_is()
+    grow(modal, "reading")
+    steps = modal._session._steps
+    while next(steps).stage != stage:  # finer than ticks
+        pass
+    assert bpy.data.objects["Character"].animation_data.action is not None
+    if what == "window closed":
+        modal.cancel(modal.window)
+    elif what == "undo":
+        bpy.ops.ed.undo()
+    else:
+        STOPPING[what][0]()
+        assert modal.event("TIMER") == {"CANCELLED"}
+        settled(modal, STOPPING[what][1])
+    assert running.current() is None and modal.window.timers == 0 and modal.window.status is None
+    after = as_it_is()
+    assert after["actions"] == [] and bpy.data.scenes[0].name in ("Scene", "Other")
+    if what != "bone deleted":
+        assert after["poses"] == before["poses"][: len(after["poses"])]
+    if what != "undo":
+        assert all(before["places"][name] == place for name, place in after["places"].items())
+
+
 @pytest.mark.parametrize("what", HARMLESS)
 def test_what_a_take_does_not_need_may_go_meanwhile(modal, what):
     before = as_it_is()

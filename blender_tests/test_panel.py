@@ -9,11 +9,12 @@ import pytest
 from scenes import door, empty, furnish
 
 import nsm_blender
-from nsm_blender import panels, running
+from nsm_blender import operators, panels, running
 from nsm_blender.actions import BY_KEY
 from nsm_blender.operators.generate import spec_of
 from nsm_blender.properties import show_results
 from nsm_blender.report import goal_line, result_lines
+from nsm_core.errors import GoalError
 from nsm_core.skeleton import JOINTS
 
 ICONS = set(bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys())
@@ -233,3 +234,44 @@ def test_result_lines_name_what_was_done():
 def test_time_left():
     assert running.time_left(0.5, 10.0) == ", 10 s left"
     assert running.time_left(0.01, 10.0) == running.time_left(1.0, 10.0) == running.time_left(0.5, 0.1) == ""
+
+
+def store(row, number: int) -> None:
+    """Give a row an action number that only another version knows, as a file may hold it."""
+    stored = row.bl_system_properties_get(do_create=True) if hasattr(row, "bl_system_properties_get") else row
+    stored["action"] = number
+
+
+@pytest.mark.parametrize("number", [99, -1, len(BY_KEY)])
+@pytest.mark.filterwarnings("ignore:.*matches no enum.*:RuntimeWarning")
+def test_an_unknown_action_is_told_with_its_row(settings, number):
+    bpy.ops.nsm.add_character()
+    chair, _ = furnish()
+    settings.goals.add().object = chair
+    settings.goals.add().object = chair
+    store(settings.goals[1], number)
+    settings.active_goal = 1
+    sentence = "Goal 2, Chair, has an action that this version of the add-on does not know"
+    assert "Unknown action" in drawn() and sentence in reason() and not bpy.ops.nsm.generate.poll()
+    assert not bpy.ops.nsm.door_swing.poll()
+    with pytest.raises(GoalError, match=sentence):
+        spec_of(bpy.context.scene)
+    with pytest.raises(RuntimeError, match=sentence):
+        bpy.ops.nsm.goal_points()
+    settings.goals[1].enabled = False  # a row that is not asked for does no harm
+    assert reason() == "" and len(spec_of(bpy.context.scene).goals) == 1
+    settings.goals[1].enabled, settings.goals[1].action = True, "walk"
+    assert reason() == "" and "Unknown action" not in drawn()
+
+
+def test_while_a_take_runs_every_button_is_off_and_says_why(settings):
+    bpy.ops.nsm.add_character()
+    leaf, row = door((2.0, 2.0, 0.0)), settings.goals.add()
+    row.object, row.action = leaf, "open"
+    buttons = [getattr(bpy.ops.nsm, cls.bl_idname.removeprefix("nsm.")) for cls in operators.CLASSES]
+    assert sum(button.poll() for button in buttons) == len(buttons) - 2  # there is no take to accept or reject
+    running.begin(bpy.context.scene, settings.character)
+    for button in buttons:
+        assert not button.poll()
+        with pytest.raises(RuntimeError, match="A take is being generated; press ESC"):
+            button()

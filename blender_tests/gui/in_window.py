@@ -54,7 +54,7 @@ def subdivide(target: bpy.types.Object, triangles: int) -> None:
     """Raise the triangles of an object, its shape unchanged, to about ``triangles``."""
     modifier = target.modifiers.new("Dense", "SUBSURF")
     modifier.subdivision_type, modifier.levels = "SIMPLE", 1
-    while count(target) * 4 <= triangles * 1.5:
+    while count(target) < 0.7 * triangles:
         modifier.levels += 1
 
 
