@@ -25,7 +25,7 @@ BENDS, BENT, DRAW_FURTHER, LEAST_HELD = 0.15, 0.2, 0.4, 0.8
 # box is wide by so much: for more than so many frames.
 LOOSE, LOOSE_FROM, APART, LOOSE_FRAMES = 0.3, 0.5, 0.5, 6
 HELD_OFF = 0.23  # metres from the root to the near face of a box that is carried, at least
-LOW = 0.5  # metres over the floor of the underside of a box at which knees may meet it
+LOW = 0.65  # metres over the floor of the underside of a box at which knees may meet it
 _AVERAGED = 3  # frames over which the box's place in the hands is smoothed
 _RISE, _SINK = 1.5, 1.0  # m/s by which a box gives way to what is under it
 _GRAVITY = 9.81

@@ -117,8 +117,7 @@ class Hold:
         left = float(smooth_step(self._fade)) * self._left
         # Hands that take hold anew while the last hold still fades go from where they are.
         self._added = held * (places - now) + (1 - held) * left
-        # Hands that are led over an edge go over it in an arc.
-        targets = now + self._added + (0.0, 0.0, self._arc * 4 * held * (1 - held))
+        targets = now + self._added + 4 * held * (1 - held) * self._arc * _arcs(places)
         shoulders = self._reach_out(pose, shoulders, targets)
         pose.local = place_limbs(pose.hips, pose.local, tuple(ARMS[h] for h in self.hands), targets)
         self._missing = float(np.linalg.norm(targets - shoulders, axis=1).max()) - ARM if self.weight >= 1 else np.inf
@@ -160,6 +159,15 @@ class Hold:
         wanted = min(float(np.linalg.norm(lack)) / down, self._crouch) if down > _DOWNWARDS else 0.0
         self._sunk = float(_follow(np.array((self._sunk,)), np.array((wanted,)), SHIFT_SPEED * DT)[0])
         _move_hips(pose, np.array((0.0, 0.0, -self._sunk)))
+
+
+def _arcs(places: Array) -> Array:
+    """Directions (n, 3) in which hands on their way to ``places`` (n, 3) go off the straight line: over edges, and two round corners."""
+    if len(places) == 1:
+        return np.array(((0.0, 0.0, 1.0),))
+    across = places[1] - places[0]
+    across = across / max(float(np.linalg.norm(across)), 1e-9)
+    return np.stack((-across, across)) + (0.0, 0.0, 1.0)
 
 
 def _lack(ways: Array, stretched: float) -> Array:

@@ -14,6 +14,7 @@ from .props import BODY_TO_BOX, WIDEST_BOX, Box
 BODY_TO_EDGE = 0.21  # metres from the root of who reaches over an edge to that edge: thighs stay out of it
 FURTHEST = 0.32  # metres that a body leans over an edge beyond where it stands before a box at the edge
 TOES_CLEAR = 0.06  # metres that one stands further from a box on the floor: toes are longer than knees
+DEEPEST = 0.5  # metres of the deepest boxes of the data; to deeper ones the network comes too near
 HEADROOM = 0.25  # metres over a box without which nobody turns with it, as between the boards of a shelf
 BENDING = 0.7  # metres over the floor of the wrists below which one bends over a box, and into what is over it
 GIVE, LEAST_ROOM = 0.02, 0.05  # metres by which a place may touch other things; over a box that is moved in under something
@@ -69,7 +70,7 @@ def further_off(
     ``of`` and tells lengths in units of ``scale`` metres.
     """
     low = float(centre[2]) - float(box.size[2]) / 2
-    toes = TOES_CLEAR if low < FLOOR else 0.0
+    toes = TOES_CLEAR + max(0.0, box.across(facing)[1] - DEEPEST) if low < FLOOR else 0.0
     if solids is None:
         return toes
     what, edge = of or box.name, edge_before(box, facing, centre, heading, solids)
@@ -98,11 +99,24 @@ def _shut_off(box: Box, pose: Array, facing: float, edge: float, solids: Distanc
     return bool(solids.signed_distance(points.astype(np.float32), 0.02).min() < -_MEETS)
 
 
+def _edges(box: Box, pose: Array) -> Array:
+    """Points (N, 3) float32 on the edges of a box at ``pose`` (4,) that is smaller by ``GIVE`` all round, world."""
+    half = np.maximum(np.asarray(box.size, dtype=np.float64) / 2 - GIVE, 0.01)
+    points = []
+    for axis in range(3):
+        along = np.arange(-half[axis], half[axis], 0.01)
+        for a, b in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+            ends = np.insert(np.array((a, b)) * np.delete(half, axis), axis, 0.0)
+            points.append(ends + along[:, None] * np.eye(3)[axis])
+    return box.to_world(np.concatenate(points), pose).astype(np.float32)
+
+
 def require_room(box: Box, pose: Array, solids: DistanceQuery | None, of: str) -> None:
     """Raise GoalError, in a sentence that begins with ``of``, where a box at ``pose`` (4,) would stand in things or cannot be moved in."""
     if solids is None:
         return
-    if depth(box, pose + (0, 0, GIVE, 0), solids) > GIVE:
+    # A board that is thinner than that crosses the edges of a box that is smaller by it.
+    if depth(box, pose + (0, 0, GIVE, 0), solids) > GIVE or (solids.signed_distance(_edges(box, pose), 0.02) < -_MEETS).any():
         raise GoalError(f"{of} is taken by something that stands there; clear it, or choose another.")
     if room_over(box, pose, solids) < LEAST_ROOM:
         raise GoalError(f"{of} has too little room above to move it in; choose one that is open above, or a lower box.")

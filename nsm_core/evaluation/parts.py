@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from . import carrying, climbing, doors, interruptions, locomotion, rollout, sitting
+from . import carrying, climbing, doors, far_boxes, interruptions, locomotion, rollout, sitting
 from .rollout import Report
 
 Row = tuple[str, str, str, str]
@@ -56,6 +56,11 @@ PARTS: dict[str, Part] = {
         "carry",
         lambda starts, pool: carrying.trials(starts, pool=pool), carrying.run_trial, carrying.summarise, carrying.rows,
         carrying.request, _ALL, done="placed",
+    ),
+    "far": Part(
+        "carry, boxes far from edges, onto shelves, and large ones",
+        lambda starts, pool: far_boxes.trials(starts), far_boxes.run_trial, far_boxes.summarise, far_boxes.rows, carrying.request,
+        done="sound",
     ),
     "open": Part(
         "open",
