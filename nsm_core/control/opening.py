@@ -27,7 +27,8 @@ WIDEST = np.radians(125)
 SHOVED = 5.0  # radians a second at which a body shoves a leaf that it would else go through
 NARROW = 0.2  # metres: half a body that faces the edge of a leaf swinging past it
 PULLING, AT_PLACE = 0.6, 0.3  # radians a second at which a leaf comes at least once the body stands back, within so many metres
-CROUCH = 0.25  # metres that hips sink for a low handle, before the trunk leans towards the leaf
+# Height of a handle that is held upright, metres, and how far hips sink at most for a lower one, before the trunk leans to the leaf.
+UPRIGHT, CROUCH = 0.9, 0.25
 _CLEAR = 0.02  # metres between an open leaf and what stands behind it
 
 
@@ -41,7 +42,7 @@ class Opening:
         """Prepare to open ``leaf``, which is moved in place, among ``solids`` (its own wall may be part of them)."""
         self.prop, self.way, self.ik = leaf, way, ik
         self.state = "reach"
-        self.hold = Hold([way.hand], crouch=CROUCH)
+        self.hold = Hold([way.hand], crouch=float(np.clip(UPRIGHT - leaf.handle[2], 0.0, CROUCH)))
         self.errors: dict[str, float] = {}
         self.widest = _widest(leaf, solids)
         self._rest, self._slip = WIDE_OPEN, 0
