@@ -9,6 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from .errors import OutputError
+from .validate import shown
+
 
 @contextmanager
 def atomic_path(final: Path) -> Iterator[Path]:
@@ -34,3 +37,21 @@ def atomic_path(final: Path) -> Iterator[Path]:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def output(final: str | Path, what: str) -> Iterator[Path]:
+    """Yield a temporary path as ``atomic_path`` does, the folder made where it is missing; OutputError where that fails.
+
+    ``what`` begins the sentence: "The report".
+    """
+    final = Path(final)
+    try:
+        if "\0" in str(final):
+            raise OSError("a null byte in its name")
+        final.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_path(final) as temporary:
+            yield temporary
+    except OSError as error:
+        where = f"{shown(str(final), 300)} ({error.strerror or error})"
+        raise OutputError(f"{what} cannot be written to {where}; choose another folder or file name.") from error

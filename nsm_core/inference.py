@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
 from .errors import WeightsError
-from .features import layout_description
+from .features import GATING, INPUT, OUTPUT, layout_description
 from .networks.config import NsmConfig
 from .threads import one_thread
+from .validate import number, whole
 from .weights_file import Weights, load_weights
 
 Array = np.ndarray
@@ -20,6 +22,7 @@ BACKENDS = ("auto", "numpy", "torch")
 # Experts with a smaller coefficient are not read for a single character: their share of the output stays
 # below the rounding of single precision by which the back ends differ, and reading weights is what a step costs.
 NEGLIGIBLE = 1e-6
+MOST_WIDE = 100_000  # a layer's width; the paper's widest has 2,048
 
 
 class Model(Protocol):
@@ -126,7 +129,11 @@ def load_model(path: str | Path | None = None, backend: str = "auto") -> Model:
     """
     if backend not in BACKENDS:
         raise WeightsError(f"There is no back end {backend}; choose one of {', '.join(BACKENDS)}.")
-    return model_of(load_weights(path or BUNDLED, layout_description()), backend)
+    model = model_of(load_weights(path or BUNDLED, layout_description()), backend)
+    c = model.config
+    if (*c.parts, c.gating, c.outputs) != _widths():
+        raise WeightsError(f"The weights file's network is of other widths than its features, {_widths()}; copy or train it again.")
+    return model
 
 
 def model_of(weights: Weights, backend: str = "auto") -> Model:
@@ -139,19 +146,39 @@ def model_of(weights: Weights, backend: str = "auto") -> Model:
     return NumpyModel(weights)
 
 
+def _widths() -> tuple[int, ...]:
+    """Widths of the features: the input's parts, gating and outputs."""
+    return (*(part.stop - part.start for part in INPUT.slices.values()), GATING.size, OUTPUT.size)
+
+
 def _config_of(weights: Weights) -> NsmConfig:
     """Sizes of the network; WeightsError unless every array is there and fits them."""
-    try:
-        config = NsmConfig.from_dict(weights.config)
-        expected = expected_shapes(config)
-    except (KeyError, TypeError, AttributeError) as error:
-        raise WeightsError("The weights file does not tell the sizes of its network; train it again.") from error
+    config = _sizes(weights)
+    expected = expected_shapes(config)
     found = {**weights.parameters, **weights.statistics}
     for name, shape in expected.items():
         if name not in found or found[name].shape != shape:
             has = "is missing" if name not in found else f"has shape {found[name].shape}"
             raise WeightsError(f"The weights file is incomplete: {name} {has} where {shape} is needed; copy or train it again.")
+    if len(found) > len(expected):
+        odd = next(name for name in found if name not in expected)
+        raise WeightsError(f"The weights file holds {odd}, which a network of its sizes has not; copy or train it again.")
     return config
+
+
+def _sizes(weights: Weights) -> NsmConfig:
+    """Sizes that a weights file tells of its network, each a whole number that a network can have."""
+    told = weights.config
+    try:
+        for size in fields(NsmConfig):
+            what = f"'{size.name}' of the network's sizes"
+            if size.name == "dropout":
+                number(told.get(size.name, 0.0), what, WeightsError, 0, 1)
+            elif size.name in told:
+                whole(told[size.name], what, WeightsError, 1, MOST_WIDE)
+    except WeightsError as error:
+        raise WeightsError(f"In the weights file, {str(error).removesuffix('.')}; copy or train it again.") from error
+    return NsmConfig.from_dict(told)
 
 
 def expected_shapes(c: NsmConfig) -> dict[str, tuple[int, ...]]:

@@ -9,6 +9,7 @@ import numpy as np
 from ..clip import Clip
 from ..conventions import CONTACTS, FPS, GOAL_ACTIONS, STYLES
 from ..errors import OutputError
+from ..files import output
 from ..rotations import Array, rotate_planar
 from ..skeleton import HIPS, INDEX, JOINTS, PARENTS
 from .annotation import Annotation
@@ -56,10 +57,8 @@ def draw(clip: Clip, annotation: Annotation, path: str | Path, measured: Array |
         row.grid(axis="x", color="#ddd", lw=0.5)
         row.spines[["top", "right"]].set_visible(False)
     figure.suptitle(f"{clip.name}   {count / FPS:.1f} s", fontsize=11, x=0.01, ha="left")
-    try:
-        figure.savefig(path)
-    except OSError as error:
-        raise OutputError(f"{path} cannot be written ({error.strerror}); choose a folder you may write to.") from error
+    with output(path, "The picture") as temporary:
+        figure.savefig(temporary, format=Path(path).suffix[1:] or "png")
     return Path(path)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,9 +9,10 @@ import numpy as np
 
 from ..conventions import FPS, GOAL_ACTIONS, STYLES
 from ..errors import OutputError
+from ..files import output
 from ..rotations import Array, direction_to_heading, wrap_angle
 from ..series import PIVOT
-from .stored import Dataset
+from .stored import Dataset, described
 
 # Goals by what is asked for together, as in ``take.Command``; those with a static place have directions and distances.
 KINDS = {
@@ -65,7 +65,7 @@ def _seams(meta: dict) -> Array:
 
 def report(folder: str | Path) -> str:
     """Count what the data in ``folder`` holds, as text."""
-    data, meta = Dataset.open(folder), json.loads((Path(folder) / "data.json").read_text())
+    data, meta = Dataset.open(folder), described(folder)
     lines = [f"{meta['frames'] / FPS / 60:.1f} minutes in {len(meta['takes'])} takes"]
     lines.append("minutes by action: " + ", ".join(f"{k} {m:.1f}" for k, m in _minutes(data).items() if m))
     for kind, found in approaches(data).items():
@@ -94,7 +94,7 @@ def picture(folder: str | Path, path: str | Path) -> Path:
         import matplotlib.pyplot as plt
     except ImportError as error:
         raise OutputError("Pictures need matplotlib; install the development requirements.") from error
-    data, meta = Dataset.open(folder), json.loads((Path(folder) / "data.json").read_text())
+    data, meta = Dataset.open(folder), described(folder)
     found = {k: v for k, v in approaches(data).items() if len(v.bearing)}
     figure, axes = plt.subplots(len(found) + 1, 3, figsize=(13, 2.3 * (len(found) + 1)), squeeze=False)
     minutes = _minutes(data)
@@ -115,9 +115,8 @@ def picture(folder: str | Path, path: str | Path) -> Path:
             axis.set_title(f"{kind} ({len(values)}): {name}", fontsize=9)
     figure.tight_layout()
     try:
-        figure.savefig(path, dpi=80)
-    except OSError as error:
-        raise OutputError(f"Cannot write {path} ({error.strerror or error}); choose a folder you may write to.") from error
+        with output(path, "The picture") as temporary:
+            figure.savefig(temporary, dpi=80, format=Path(path).suffix[1:] or "png")
     finally:
         plt.close(figure)
     return Path(path)

@@ -14,6 +14,7 @@ from ..control.goals import SEAT_MEMORY
 from ..conventions import INTERACTIONS
 from ..errors import CaptureError
 from ..features import CELLS
+from ..files import output
 from ..furniture import cuboids
 from ..rotations import Array
 from ..sensors.cuboid import interaction_sensor
@@ -184,9 +185,10 @@ def export(
     finally:
         for f in files.values():
             f.close()
-    (out / "data.json").write_text(
-        json.dumps({"frames": frames, "objects": objects, "seed": seed, "stance": stance(captures), "takes": provenance})
-    )
+    with output(out / "data.json", "The training data") as temporary:  # what vouches for the arrays beside it
+        temporary.write_text(
+            json.dumps({"frames": frames, "objects": objects, "seed": seed, "stance": stance(captures), "takes": provenance})
+        )
     return out
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +15,9 @@ from ..errors import CaptureError
 from ..features import CELLS, ENVIRONMENT, Surroundings, no_object
 from ..rotations import Array, rotate_planar
 from ..series import KEY_STEP, KEYS, WINDOW, State
+from ..validate import read_text, table, whole
+
+MOST_ROWS = 1 << 31  # frames or objects
 
 FIELDS: dict[str, tuple[tuple[int, ...], type]] = {
     "joint_position": ((23, 3), np.float32),
@@ -37,6 +42,26 @@ FIELDS: dict[str, tuple[tuple[int, ...], type]] = {
 OBJECT_FIELDS = ("object_cells", "object_occupancy")
 
 
+def described(folder: str | Path) -> dict[str, Any]:
+    """What ``data.json`` says of the arrays beside it, its numbers checked; CaptureError where it is missing or damaged.
+
+    ``frames`` and ``objects`` count rows, ``stance`` is how the captures stand and ``takes`` what each is made of.
+    """
+    path = Path(folder) / "data.json"
+    if not path.is_file():
+        raise CaptureError(f"{folder} holds no finished training data; compose it again.")
+    try:
+        meta = json.loads(read_text(path, CaptureError, "compose the data again"))
+        table(meta, "data.json", CaptureError)
+        for key in ("frames", "objects"):
+            whole(meta.get(key), f"data.json: {key}", CaptureError, 0, MOST_ROWS)
+        for key in ("stance", "takes"):
+            table(meta.get(key, {}), f"data.json: {key}", CaptureError)
+    except (CaptureError, ValueError, RecursionError) as error:
+        raise CaptureError(f"{folder} holds no finished training data (data.json is damaged); compose it again.") from error
+    return meta
+
+
 def empty_arrays(frames: int, objects: int) -> dict[str, Array]:
     """Zeros for so many frames and objects."""
     arrays = {k: np.zeros((frames, *shape), dtype) for k, (shape, dtype) in FIELDS.items()}
@@ -57,12 +82,13 @@ class Dataset:
     def open(cls, folder: str | Path) -> Dataset:
         """Open what ``export`` wrote, as a stream from the disk; CaptureError where it is incomplete."""
         folder = Path(folder)
-        try:
-            meta = json.loads((folder / "data.json").read_text())
-        except (OSError, ValueError) as error:
-            raise CaptureError(f"{folder} holds no finished training data; compose it again.") from error
+        meta = described(folder)
         shapes = {k: ((meta["frames"], *s), d) for k, (s, d) in FIELDS.items()}
         shapes |= {"object_cells": ((meta["objects"], CELLS, 3), np.float32), "object_occupancy": ((meta["objects"], CELLS), np.float32)}
+        for k, (s, d) in shapes.items():
+            needs = math.prod(s) * np.dtype(d).itemsize
+            if not (folder / f"{k}.bin").is_file() or (folder / f"{k}.bin").stat().st_size != needs:
+                raise CaptureError(f"{folder} holds training data that was cut short or is of another version ({k}.bin); compose it again.")
         try:
             # Plain views of the maps: indexing a memmap object costs more than what it reads.
             arrays = {
@@ -70,7 +96,11 @@ class Dataset:
                 for k, (s, d) in shapes.items()
             }
         except (OSError, ValueError) as error:
-            raise CaptureError(f"{folder} holds training data that was cut short or is of another version; compose it again.") from error
+            raise CaptureError(f"{folder} holds training data that cannot be read ({error}); compose it again.") from error
+        # What is drawn by index must not point elsewhere; the values themselves are too many to be read before they are used.
+        n, start, end, thing = np.arange(meta["frames"]), arrays["start"], arrays["end"], arrays["object"]
+        if not ((start >= 0) & (start <= n) & (n < end) & (end <= meta["frames"]) & (thing >= -1) & (thing < meta["objects"])).all():
+            raise CaptureError(f"{folder} holds training data whose takes or objects are not where they say; compose it again.")
         return cls(arrays, cls.usable(arrays))
 
     @staticmethod

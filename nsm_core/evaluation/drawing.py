@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import GeometryError, OutputError
+from ..files import output
 from ..rotations import Array, heading_to_direction
 from ..sensors.query import Cuboids
 from ..skeleton import HIPS, INDEX, JOINTS, PARENTS, root_of
@@ -111,10 +112,8 @@ def canvas(plt, width: float, height: float, scale: float, title: str | None, or
 def save(plt, fig: Figure, path: str | Path) -> Path:
     path = Path(path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        fig.savefig(path, dpi=_DPI)
-    except OSError as error:
-        raise OutputError(f"The picture cannot be written to {path} ({error.strerror}); choose a folder you may write to.") from error
+        with output(path, "The picture") as temporary:
+            fig.savefig(temporary, dpi=_DPI, format=path.suffix[1:] or "png")
     finally:
         plt.close(fig)
     return path

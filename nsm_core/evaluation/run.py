@@ -17,8 +17,8 @@ from typing import Any
 from ..control.stepping import Blending
 from ..conventions import STYLES
 from ..dataset.pool import Pool
-from ..errors import OutputError
 from ..features import INPUT
+from ..files import output
 from ..inference import Model, load_model
 from ..rotations import Array
 from . import stress
@@ -223,11 +223,8 @@ def _ablation_rows(part: str, ablation: str, s: Figures) -> list[Row]:
 
 def write(result: dict[str, Any], path: Path) -> None:
     """Write figures as JSON; OutputError where that fails."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(_plain(result), indent=1, allow_nan=False))
-    except OSError as error:
-        raise OutputError(f"Cannot write {path} ({error.strerror or error}); choose a folder you may write to.") from error
+    with output(path, "The figures") as temporary:
+        temporary.write_text(json.dumps(_plain(result), indent=1, allow_nan=False))
     print(f"Wrote {path}.")
 
 

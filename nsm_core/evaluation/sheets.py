@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,8 @@ import numpy as np
 from ..control.goals import Goal
 from ..control.props import Prop
 from ..control.take import TakeRequest, TakeResult
-from ..errors import NsmError, OutputError
+from ..errors import NsmError
+from ..files import output
 from ..inference import Model
 from ..rotations import Array, rotate_planar
 from ..sensors.query import Cuboids
@@ -44,19 +46,17 @@ def sheet(asked: TakeRequest, take: TakeResult, path: Path, title: str, rows: in
     # Who carries looks another way at the box than at its place: seen from beside or before itself, wherever it looks.
     camera = "character" if any(g.action == "carry" for g in asked.goals) else float(_main(asked).heading)
     images = []
-    for view in ("side", "front"):
-        part = path.with_name(f".{path.stem}_{view}.png")
-        contact_sheet(
-            positions, part, view=view, boxes=still, roots=take.root, title=f"{title}, {view}", tiles=TILES, rows=rows,
-            camera=camera, contacts=take.contacts, moving=moving_corners(asked, take),
-        )  # fmt: skip
-        images.append(pyplot().imread(part))
-        part.unlink()
+    with tempfile.TemporaryDirectory() as folder:
+        for view in ("side", "front"):
+            part = Path(folder) / f"{view}.png"
+            contact_sheet(
+                positions, part, view=view, boxes=still, roots=take.root, title=f"{title}, {view}", tiles=TILES, rows=rows,
+                camera=camera, contacts=take.contacts, moving=moving_corners(asked, take),
+            )  # fmt: skip
+            images.append(pyplot().imread(part))
     width = min(i.shape[1] for i in images)
-    try:
-        pyplot().imsave(path, np.concatenate([i[:, :width] for i in images]))
-    except OSError as error:
-        raise OutputError(f"The picture cannot be written to {path} ({error.strerror}); choose a folder you may write to.") from error
+    with output(path, "The picture") as temporary:
+        pyplot().imsave(temporary, np.concatenate([i[:, :width] for i in images]), format="png")
     return path
 
 

@@ -7,8 +7,10 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from ..errors import WeightsError
 from ..networks.nsm import NSM
 from ..weights_file import load_weights
+from .trainer import read_checkpoint
 
 # A feature whose deviation grows by more than this was not alive in the old data; its weights mean nothing and are kept as drawn.
 _UNKNOWN = 4.0
@@ -19,16 +21,20 @@ def start_from(net: NSM, source: str | Path) -> None:
     """Give ``net`` the parameters of a checkpoint (.pt) or a weights file (.npz), adapted to its own statistics.
 
     First and last layers take up the change of means and deviations, so that the network computes what it did before, but
-    for features that the old data did not have.  Call it after ``set_statistics``.
+    for features that the old data did not have.  Call it after ``set_statistics``.  Raises WeightsError on a file that is
+    damaged or of another network.
     """
     path = Path(source)
     if path.suffix == ".npz":
         weights = load_weights(path)
         state = {k: torch.from_numpy(v) for k, v in {**weights.parameters, **weights.statistics}.items()}
     else:
-        state = torch.load(path, weights_only=True)["average"]
+        state = read_checkpoint(path).get("average", {})
     new = {k: v.clone() for k, v in net.state_dict().items() if k.endswith(("_mean", "_std"))}
-    net.load_state_dict(state)
+    try:
+        net.load_state_dict(state)
+    except (RuntimeError, AttributeError, TypeError) as error:
+        raise WeightsError(f"{path} is of another network than the one to train; choose one of the same sizes.") from error
     old = {k: getattr(net, k).clone() for k in new}
     for name, values in new.items():
         getattr(net, name).copy_(values)

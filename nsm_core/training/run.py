@@ -14,12 +14,13 @@ import torch
 
 from ..dataset.export import export
 from ..dataset.stored import Dataset
+from ..files import output
 from ..networks.config import NsmConfig
 from ..networks.memory import keep_freed_memory
 from .adopt import start_from
 from .batches import RolloutSettings
 from .fresh import SEEDS_APART, FreshSettings, FreshTakes
-from .trainer import Trainer, TrainingSettings
+from .trainer import Trainer, TrainingSettings, read_checkpoint
 
 
 def plot(log: Path) -> None:
@@ -42,8 +43,11 @@ def plot(log: Path) -> None:
     right.set(xlabel="step", ylabel="metres", title="roll-outs against the takes they left")
     right.legend()
     figure.tight_layout()
-    figure.savefig(log.with_suffix(".png"), dpi=90)
-    plt.close(figure)
+    try:
+        with output(log.with_suffix(".png"), "The plot") as temporary:
+            figure.savefig(temporary, dpi=90)
+    finally:
+        plt.close(figure)
 
 
 def main(arguments: list[str]) -> int:
@@ -100,7 +104,7 @@ def main(arguments: list[str]) -> int:
     torch.set_num_threads(a.threads)
     checkpoint, log = run / "checkpoint.pt", run / "log.csv"
     resumed = checkpoint.exists()
-    done = torch.load(checkpoint, weights_only=True)["step"] if resumed else 0
+    done = read_checkpoint(checkpoint).get("step", 0) if resumed else 0
     fresh = None
     if settings.fresh.share > 0:
         print("Composing the first fresh takes ...", flush=True)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
 from ..conventions import STYLES
 from ..dataset.stored import Dataset
+from ..errors import WeightsError
 from ..features import layout_description
+from ..files import output
 from ..networks.config import NsmConfig
 from ..networks.nsm import NSM, STATISTICS
 from ..rotations import Array
@@ -38,6 +41,22 @@ class TrainingSettings:
     rollout: RolloutSettings = RolloutSettings()
     fresh: FreshSettings = FreshSettings()
     stitched: bool = True
+
+
+def read_checkpoint(path: str | Path) -> dict[str, Any]:
+    """What ``Trainer.save`` wrote, by plain types and tensors alone; WeightsError where a file is none, or holds no numbers."""
+    try:
+        state = torch.load(path, weights_only=True, map_location="cpu")
+        networks = [state[name] for name in ("net", "average") if name in state]
+        sound = isinstance(state.get("step", 0), int) and state.get("step", 0) >= 0 and networks
+        sound = sound and all(torch.isfinite(v).all() for network in networks for v in network.values())
+    except FileNotFoundError as error:
+        raise WeightsError(f"There is no checkpoint at {path}; check the path.") from error
+    except Exception as error:  # torch raises a dozen kinds: of zip, of pickle, of sizes
+        raise WeightsError(f"{path} is no checkpoint of this project, or damaged; take another one, or train anew.") from error
+    if not sound:
+        raise WeightsError(f"{path} holds values that are not numbers; take an earlier one, or train anew.")
+    return state
 
 
 def divide(data: Dataset) -> tuple[Array, Array]:
@@ -146,15 +165,21 @@ class Trainer:
             "optimiser": self.optimiser.state_dict(),
             "step": self.step,
         }
-        torch.save(state, path.with_suffix(".part"))
-        path.with_suffix(".part").replace(path)
+        with output(path, "The checkpoint") as temporary:
+            try:
+                torch.save(state, temporary)
+            except RuntimeError as error:  # how torch says that a disk is full
+                raise OSError("the disk may be full") from error
 
     def load(self, path: Path) -> None:
-        """Go on from what ``save`` wrote."""
-        state = torch.load(path, weights_only=True)
-        self.net.load_state_dict(state["net"])
-        self.average.load_state_dict(state["average"])
-        self.optimiser.load_state_dict(state["optimiser"])
+        """Go on from what ``save`` wrote; WeightsError where that is damaged or of another network."""
+        state = read_checkpoint(path)
+        try:
+            self.net.load_state_dict(state["net"])
+            self.average.load_state_dict(state["average"])
+            self.optimiser.load_state_dict(state["optimiser"])
+        except (LookupError, TypeError, ValueError, RuntimeError, AttributeError) as error:
+            raise WeightsError(f"{path} is of another network or damaged; train into another --run, or remove it.") from error
         for group in self.optimiser.param_groups:
             group["fused"] = True
         self.step = state["step"]
