@@ -8,6 +8,7 @@ import numpy as np
 
 from ..conventions import CLIMB, SIT
 from ..rotations import Array
+from ..sensors.query import Union
 from .contact_ik import ContactIK
 from .goals import Moment, Seat
 from .grasp import Carrying
@@ -18,7 +19,7 @@ from .leg_paths import LegPaths
 from .reaching import Pose
 from .scene import Scene
 from .stages import Grasp
-from .terrain import Terrain
+from .terrain import Floor, Terrain
 from .toes import ToeClearance
 from .trunk import TrunkClearance
 
@@ -29,7 +30,7 @@ class Finishing:
     def __init__(self, scene: Scene, ik: bool = True, terrain: Terrain | None = None, low: Terrain | None = None) -> None:
         """``terrain`` and ``low`` as in ``ContactIK``."""
         self.scene, self.ik = scene, ik
-        self._terrain, self._locked = terrain, []
+        self._terrain, self._floor, self._locked = terrain, Floor(low), []
         self._contact = ContactIK(terrain=terrain, low=low)
         self._heels, self._legs = Heels(), LegClearance(scene.environment, terrain)
         self._toes = ToeClearance()
@@ -61,7 +62,8 @@ class Finishing:
             kept_hips, kept = pose.hips.astype(hips.dtype), pose.local.astype(rotations.dtype)
         if self.ik:
             held = tuple(max((g.holds(side) for g in grasps), default=0.0) for side in (0, 1))
-            right, left = (self.scene.but(*(g.prop for g in grasps if g.touches(side))) for side in (0, 1))
+            solids = (self.scene.but(*(g.prop for g in grasps if g.touches(side))) for side in (0, 1))
+            right, left = (Union((s, self._floor)) for s in solids)
             kept = self._hands.apply(kept_hips, kept, held, (right, left) if grasps else (right, right))
         self._locked.append(self._contact.locked)
         return kept_hips, kept

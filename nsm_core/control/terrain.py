@@ -158,6 +158,19 @@ class Terrain:
         return cls([HeightMap(points[0], float(volume.heading), heights)])
 
 
+class Floor:
+    """The floor and the low ground on it as a solid, for what comes from above: hands."""
+
+    def __init__(self, low: Terrain | None = None) -> None:
+        self.low = low or Terrain()
+
+    def signed_distance(self, points: Array, max_distance: float) -> Array:
+        """Heights (N,) float32 of points (N, 3) over the floor, never over ``max_distance``; see ``DistanceQuery``."""
+        points = np.asarray(points)
+        height = points[:, 2] - self.low.height(points[:, :2]) if self.low else points[:, 2]
+        return np.clip(height, -max_distance, max_distance).astype(np.float32)
+
+
 def merged(terrains: Iterable[Terrain | None]) -> Terrain:
     """All the maps of several terrains as one."""
     return Terrain(m for t in terrains if t is not None for m in t.maps)
@@ -182,4 +195,4 @@ def edge_before(volume: InteractionVolume, place: Array, heading: float) -> floa
     return max(0.0, float(np.abs(back) @ half - start @ back))  # it lies beside: as far as the footprint reaches that way
 
 
-__all__ = ["FLOOR_TOP", "HeightMap", "Terrain", "around", "edge_before", "merged"]
+__all__ = ["FLOOR_TOP", "Floor", "HeightMap", "Terrain", "around", "edge_before", "merged"]
