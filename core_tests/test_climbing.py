@@ -10,7 +10,8 @@ from nsm_core.conventions import CLIMB, FOOT_CONTACTS
 from nsm_core.dataset.clearance import leg_depths, splayed
 from nsm_core.dataset.compose import Composer
 from nsm_core.dataset.footholds import HEEL, TIPS, Block, Hold, draw_near, find_holds, set_off, shift_off_edges
-from nsm_core.evaluation.metrics import backward_bend, jumps, penetration_depths
+from nsm_core.dataset.thin_body import penetration_depths
+from nsm_core.evaluation.metrics import backward_bend, jumps
 from nsm_core.furniture import cuboids
 from nsm_core.rotations import heading_to_direction
 from nsm_core.skeleton import FEET, HIPS, forward_kinematics

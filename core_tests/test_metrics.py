@@ -10,6 +10,7 @@ from walks import synthetic_walk
 
 from nsm_core.conventions import STYLES
 from nsm_core.evaluation import metrics
+from nsm_core.evaluation.body import Body
 from nsm_core.evaluation.metrics import travel_report
 from nsm_core.limbs import place_limbs
 from nsm_core.rotations import quat_from_rotvec
@@ -126,9 +127,9 @@ def test_sitting_as_told_touches_but_does_not_penetrate():
 
     def depth(height: float) -> dict[str, float]:
         legs_free = Slab(height)
-        centres, radii = metrics.body_spheres(hips, local)
-        seated = centres[0, :, 1] > -0.2  # the seat ends before the knees
-        inside = np.maximum(0, radii[seated] - legs_free.signed_distance(centres[0, seated], 1.0))
+        body = Body.of(hips, local)
+        seated = body.centres[0, :, 1] > -0.2  # the seat ends before the knees
+        inside = np.maximum(0, body.radii[0, seated] - legs_free.signed_distance(body.centres[0, seated], 1.0))
         return float(inside.max())
 
     assert depth(top) < 0.02

@@ -114,8 +114,8 @@ def _ear(side: int) -> Part:
 
 def _arm(joints: Array) -> list[Part]:
     shoulder, elbow, wrist = (joints[INDEX[n]] for n in ("LeftShoulder", "LeftElbow", "LeftWrist"))
-    axes = frame_along((1, 0, 0))  # U is -Y, V is Z
-    y, z = -shoulder[1], shoulder[2]
+    axes = frame_along((1, 0, 0))  # U is Y, V is Z
+    y, z = shoulder[1], shoulder[2]
     upper = loft(
         [
             (shoulder[0] + 0.014, y, z, 0.054, 0.051, 0.051),

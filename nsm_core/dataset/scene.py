@@ -8,9 +8,9 @@ import numpy as np
 
 from .. import furniture
 from ..conventions import SIT
-from ..evaluation.metrics import penetration_depths
 from ..rotations import Array, direction_to_heading, rotate_planar
 from .take import Placed, Take
+from .thin_body import penetration_depths
 
 if TYPE_CHECKING:
     from .session import Session

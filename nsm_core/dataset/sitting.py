@@ -11,7 +11,6 @@ import numpy as np
 from .. import furniture
 from ..control.goals import STAND_AHEAD
 from ..conventions import FPS, HIP_CONTACT, SIT
-from ..evaluation.metrics import penetration_depths
 from ..furniture import Furniture
 from ..limbs import place_limbs
 from ..rotations import Array, heading_to_direction, rotate_planar
@@ -24,6 +23,7 @@ from .seated import bring_to_rest, keep_hands_off, lean_off, lift_heels
 from .session import LaidSegment, Segment, Session
 from .swivel import swivel, turn_about_hips
 from .take import Command, Placed, Thing
+from .thin_body import penetration_depths
 
 SEATS = ("chair", "chair", "armchair", "stool", "bench", "sofa")
 NAME = "sit"

@@ -13,7 +13,6 @@ import numpy as np
 from ..control.foot_lock import intervals
 from ..conventions import CLIMB, FOOT_CONTACTS, FPS, HAND_CONTACTS, HIP_CONTACT, SIT
 from ..errors import GeometryError
-from ..evaluation.metrics import body_spheres
 from ..furniture import Furniture, cuboids
 from ..rotations import Array, heading_to_direction, rotate_planar
 from ..sensors.query import Cuboids
@@ -24,6 +23,7 @@ from .pool import Pool, scaled
 from .soundness import ASTRAY, DEEPER, depth, no_faster
 from .switched_boxes import switch_box
 from .take import Command, Take, Thing
+from .thin_body import body_spheres
 
 # Of the differences in size between an object and the one drawn for it: what is left of them in one attempt after the other.
 SHARES = (1.0, 0.8, 0.6, 0.4, 0.25)

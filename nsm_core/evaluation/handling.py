@@ -15,7 +15,8 @@ from ..conventions import CARRY, CLIMB, FPS, OPEN, RUN, SIT, STYLES
 from ..rotations import Array, rotate_planar, wrap_angle
 from ..sensors.query import Cuboids, DistanceQuery
 from ..skeleton import ANKLE_HEIGHT, ARMS, OFFSETS, TOE_HEIGHT, forward_kinematics
-from .metrics import DEEP, SKATE_HEIGHT, body_parts, foot_sliding, over_ground, penetration_depths
+from .body import Body
+from .metrics import DEEP, SKATE_HEIGHT, foot_sliding, over_ground, penetration_depths
 
 WRISTS = [arm[2] for arm in ARMS]  # right, left
 MOVES, TURNS = 0.002, np.radians(0.15)  # a frame, from which a thing counts as moving: metres and radians
@@ -33,16 +34,32 @@ def moving_frames(poses: Array) -> Array:
 def prop_depths(hips_position: Array, local_rotations: Array, prop: Prop, poses: Array, offsets: Array = OFFSETS) -> Array:
     """Depth (T,) in metres of the deepest point of the body inside a prop that has the pose ``poses`` (T, 4) in each frame.
 
-    A hand closes around a handle: hands within 15 cm of a leaf's handle do not count; they are judged by their distance to the grip.
+    What holds it does not count, where it holds: of a leaf, hands within 15 cm of its handle; of a box, that of a hand and its
+    forearm within 15 cm of where that wrist holds it, in frames in which the wrist is there.  They are judged by their distance
+    to the grip.
     """
-    centres, radii, hands = body_parts(hips_position, local_rotations, offsets)
-    local = rotate_planar(centres - poses[:, None, :3], -poses[:, None, 3])
-    reach = float(radii.max()) + 0.02
-    distance = prop.query.signed_distance(local.reshape(-1, 3).astype(np.float32), reach).reshape(centres.shape[:2])
-    depth = np.maximum(0, radii - distance)
+    body = Body.of(hips_position, local_rotations, offsets)
+    local = rotate_planar(body.centres - poses[:, None, :3], -poses[:, None, 3])
+    reach = float(body.radii.max(initial=0.0)) + 0.02
+    distance = prop.query.signed_distance(local.reshape(-1, 3).astype(np.float32), reach).reshape(body.radii.shape)
+    depth = np.maximum(0, body.radii - distance)
     if isinstance(prop, Leaf):
-        depth[hands & (np.linalg.norm(local - np.asarray(prop.handle, dtype=np.float64), axis=-1) < _GRASP)] = 0
+        depth[(body.hand >= 0) & (np.linalg.norm(local - np.asarray(prop.handle, dtype=np.float64), axis=-1) < _GRASP)] = 0
+    if isinstance(prop, Box):
+        depth[_holding(body, local, prop, wrists(hips_position, local_rotations, offsets), poses)] = 0
     return depth.max(axis=1)
+
+
+def _holding(body: Body, local: Array, box: Box, hands: Array, poses: Array) -> Array:
+    """Which spheres (T, S), ``local`` (T, S, 3) in the box's frame, are of a hand that holds it, or of its forearm beside it."""
+    held = np.zeros(local.shape[:2], bool)
+    seen = rotate_planar(hands - poses[:, None, :3], -poses[:, None, 3])
+    for quarter in range(4):
+        for hand, grasp in enumerate(box.grasps(quarter * np.pi / 2)):
+            there = np.linalg.norm(seen[:, hand] - grasp, axis=-1) < _GRASP
+            mine = (body.hand == hand) | (body.forearm == hand)
+            held |= there[:, None] & mine & (np.linalg.norm(local - grasp, axis=-1) < _GRASP)
+    return held
 
 
 def all_depths(
@@ -66,9 +83,9 @@ def deep_frames(depths: Array) -> dict[str, float]:
     return {"frames": float(len(depths)), "deep_frames": float((np.asarray(depths) > DEEP).sum())}
 
 
-def wrists(hips_position: Array, local_rotations: Array) -> Array:
+def wrists(hips_position: Array, local_rotations: Array, offsets: Array = OFFSETS) -> Array:
     """World places (T, 2, 3) of the right and the left wrist."""
-    return forward_kinematics(hips_position.astype(np.float64), local_rotations.astype(np.float64))[0][:, WRISTS]
+    return forward_kinematics(hips_position.astype(np.float64), local_rotations.astype(np.float64), offsets)[0][:, WRISTS]
 
 
 def box_report(box: Box, poses: Array, hips_position: Array, local_rotations: Array, still: DistanceQuery, goal: Array) -> dict[str, float]:

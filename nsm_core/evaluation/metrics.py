@@ -15,40 +15,14 @@ import numpy as np
 from ..control.foot_lock import ANKLES, TOES, sole_depth
 from ..conventions import FPS, STYLES
 from ..rotations import Array, quat_conjugate, quat_mul, quat_rotate, quat_to_rotvec
-from ..skeleton import ANKLE_HEIGHT, ARMS, END_SITES, FEET, HIPS, INDEX, OFFSETS, TOE_HEIGHT, forward_kinematics
+from ..skeleton import ANKLE_HEIGHT, ARMS, FEET, HIPS, OFFSETS, TOE_HEIGHT, forward_kinematics
+from .body import Body
 
 if TYPE_CHECKING:
     from ..sensors.query import DistanceQuery
 
 MOVING, PLANTED, PLANTED_HEIGHT, SKATE_HEIGHT = 0.3, 0.3, 0.04, 0.025
 DEEP, BELOW = 0.03, 0.01
-
-# The body as capsules: two joints (or a joint and the end of its bone) and a radius at each, metres.  Pelvis and thighs are
-# as thin below as a seated person's are once flesh and cushion have given way: the hip joints of a seated pose lie 4 cm over
-# the seat (HIP_OVER_SEAT less their offset), so sitting as told counts as touching, not as penetrating.
-CAPSULES: tuple[tuple[str, str, float, float], ...] = (
-    ("RightHip", "LeftHip", 0.04, 0.04),
-    ("Hips", "Chest2", 0.07, 0.09),
-    ("Chest2", "Chest4", 0.10, 0.10),
-    ("RightShoulder", "LeftShoulder", 0.06, 0.06),
-    ("Neck", "Head", 0.05, 0.07),
-    ("Head", "Head end", 0.08, 0.07),
-    *(
-        (side + a, side + b, ra, rb)
-        for side in ("Right", "Left")
-        for a, b, ra, rb in (
-            ("Shoulder", "Elbow", 0.045, 0.04),
-            ("Elbow", "Wrist", 0.04, 0.03),
-            ("Wrist", "Wrist end", 0.03, 0.015),
-            ("Hip", "Knee", 0.04, 0.055),
-            ("Knee", "Ankle", 0.05, 0.04),
-            ("Ankle", "Toe", 0.035, 0.025),
-            ("Toe", "Toe end", 0.025, 0.02),
-        )
-    ),
-)
-_SAMPLE = 0.05  # metres between the spheres that stand for a capsule
-
 
 def over_ground(positions: Array, ground: Callable[[Array], Array] | None = None) -> Array:
     """World joint positions (T, 23, 3) with the heights of ankles and toes told from the ground under each of them.
@@ -155,10 +129,10 @@ def action_changes(action: Array, fps: float = FPS) -> tuple[int, int]:
 
 
 def penetration(hips_position: Array, local_rotations: Array, query: DistanceQuery) -> dict[str, float]:
-    """Tell how deep the body, as ``CAPSULES``, is inside solids: deepest and mean depth, cm, and the share of deep frames.
+    """Tell how deep the body, as ``body.CAPSULES``, is inside solids: deepest and mean depth, cm, and the share of deep frames.
 
     The depth of a frame is that of its deepest point; the mean is over all frames, and a frame is deep from 3 cm.  The floor
-    is not part of ``query``.  Flesh that a seat presses flat is not counted (see ``CAPSULES``).
+    is not part of ``query``.  Flesh that a seat presses flat is not counted (see ``body.Capsule``).
     """
     return depth_report(penetration_depths(hips_position, local_rotations, query))
 
@@ -174,37 +148,10 @@ def depth_report(depth: Array) -> dict[str, float]:
 
 def penetration_depths(hips_position: Array, local_rotations: Array, query: DistanceQuery, offsets: Array = OFFSETS) -> Array:
     """Depth (T,) in metres of the deepest point of the body in each frame, 0 where it touches nothing."""
-    centres, radii, _ = body_parts(hips_position, local_rotations, offsets)
-    reach = float(radii.max()) + 0.02
-    distance = query.signed_distance(centres.reshape(-1, 3).astype(np.float32), reach).reshape(centres.shape[:2])
-    return np.maximum(0, radii - distance).max(axis=1)
-
-
-def body_spheres(hips_position: Array, local_rotations: Array) -> tuple[Array, Array]:
-    """Spheres along ``CAPSULES``: centres (T, S, 3) world and radii (S,), metres."""
-    return body_parts(hips_position, local_rotations)[:2]
-
-
-def body_parts(hips_position: Array, local_rotations: Array, offsets: Array = OFFSETS) -> tuple[Array, Array, Array]:
-    """Centres (T, S, 3) world and radii (S,) of ``body_spheres``, and which of them (S,) are hands."""
-    positions, rotations = forward_kinematics(hips_position.astype(np.float64), local_rotations.astype(np.float64), offsets)
-
-    def point(name: str) -> Array:
-        joint = name.removesuffix(" end")
-        if joint == name:
-            return positions[:, INDEX[name]]
-        end = np.broadcast_to(np.array(END_SITES[joint], dtype=np.float64), positions[:, 0].shape)
-        return positions[:, INDEX[joint]] + quat_rotate(rotations[:, INDEX[joint]], end)
-
-    centres, radii, hands = [], [], []
-    for a, b, ra, rb in CAPSULES:
-        pa, pb = point(a), point(b)
-        # Lengths are rounded, so that bones have as many spheres whatever a pose's arithmetic.
-        for t in np.linspace(0, 1, 2 + int(round(float(np.linalg.norm(pb[0] - pa[0])), 3) / _SAMPLE)):
-            centres.append(pa + t * (pb - pa))
-            radii.append(ra + t * (rb - ra))
-            hands.append(a.endswith("Wrist"))
-    return np.stack(centres, axis=1), np.array(radii), np.array(hands)
+    body = Body.of(hips_position, local_rotations, offsets)
+    reach = float(body.radii.max(initial=0.0)) + 0.02
+    distance = query.signed_distance(body.centres.reshape(-1, 3).astype(np.float32), reach).reshape(body.radii.shape)
+    return np.maximum(0, body.radii - distance).max(axis=1)
 
 
 def backward_bend(hips_position: Array, local_rotations: Array, offsets: Array = OFFSETS) -> dict[str, float]:
