@@ -25,10 +25,10 @@ from nsm_blender.scene import WorldFrame
 from nsm_blender.takes import Take, TakeSpec, finish, generate, prepare
 from nsm_core.control.props import Leaf
 from nsm_core.errors import NsmError
+from nsm_core.evaluation.body import Body
 from nsm_core.evaluation.handling import prop_depths
-from nsm_core.evaluation.metrics import CAPSULES, penetration_depths
+from nsm_core.evaluation.metrics import penetration_depths
 from nsm_core.rotations import rotate_planar
-from nsm_core.skeleton import INDEX, forward_kinematics
 
 
 @dataclass
@@ -174,15 +174,11 @@ def run(trial: Trial, seed: int = 0) -> tuple[Take, dict[str, float | bool | str
 
 def part_inside(body: tuple[np.ndarray, np.ndarray], leaf: Leaf, poses: np.ndarray, frame: int) -> str:
     """Name of the body's capsule that is deepest in the leaf in a frame."""
-    one, depths = slice(frame, frame + 1), {}
-    joints = forward_kinematics(body[0][one].astype(float), body[1][one].astype(float))[0]
-    for a, b, ra, rb in CAPSULES:
-        ends = [joints[0, INDEX[n.removesuffix(" end")]] for n in (a, b)]
-        share = np.linspace(0, 1, 8)
-        local = rotate_planar(ends[0] + share[:, None] * (ends[1] - ends[0]) - poses[frame, :3], -poses[frame, 3])
-        distance = leaf.query.signed_distance(local.astype(np.float32), 0.3)
-        depths[f"{a}-{b}"] = float((ra + share * (rb - ra) - distance).max())
-    return max(depths, key=depths.get)  # type: ignore[arg-type]
+    one = slice(frame, frame + 1)
+    seen = Body.of(body[0][one], body[1][one])
+    local = rotate_planar(seen.centres[0] - poses[frame, :3], np.float64(-poses[frame, 3]))
+    distance = leaf.query.signed_distance(local.astype(np.float32), 0.3)
+    return seen.names[int((seen.radii[0] - distance).argmax())]
 
 
 def main(arguments: list[str]) -> int:

@@ -76,13 +76,15 @@ _WRISTS, _FOREARMS = ("RightWrist", "LeftWrist"), ("RightElbow", "LeftElbow")
 class Body:
     """Spheres that fill a body over T frames: ``centres`` (T, S, 3) world and ``radii`` (T, S), metres.
 
-    ``hand`` (S,) is 0 for spheres of the right hand, 1 for the left, else -1; ``forearm`` the same.
+    ``hand`` (S,) is 0 for spheres of the right hand, 1 for the left, else -1; ``forearm`` the same.  ``names`` (S,) tells the
+    joints between which each lies.
     """
 
     centres: Array
     radii: Array
     hand: Array
     forearm: Array
+    names: list[str]
 
     @classmethod
     def of(cls, hips_position: Array, local_rotations: Array, offsets: Array = OFFSETS) -> Body:
@@ -90,7 +92,7 @@ class Body:
         hips, local = hips_position.astype(np.float64), local_rotations.astype(np.float64)
         positions, rotations = forward_kinematics(hips, local, np.asarray(offsets, dtype=np.float64))
         level = _level(positions)
-        centres, radii, hand, forearm = [], [], [], []
+        centres, radii, hand, forearm, names = [], [], [], [], []
         for c in CAPSULES:
             ends = []
             for joint, place in ((c.a, c.from_a), (c.b, c.from_b)):
@@ -104,7 +106,8 @@ class Body:
                 radii.append((1 - pressed) * full + pressed * thin)
                 hand.append(_WRISTS.index(c.a) if c.a in _WRISTS else -1)
                 forearm.append(_FOREARMS.index(c.a) if c.a in _FOREARMS else -1)
-        return cls(np.stack(centres, axis=1), np.stack(radii, axis=1), np.array(hand), np.array(forearm))
+                names.append(f"{c.a}-{c.b}")
+        return cls(np.stack(centres, axis=1), np.stack(radii, axis=1), np.array(hand), np.array(forearm), names)
 
 
 def _length(c: Capsule) -> float:
