@@ -10,11 +10,11 @@ from nsm_core.conventions import CLIMB, FOOT_CONTACTS
 from nsm_core.dataset.clearance import leg_depths, splayed
 from nsm_core.dataset.compose import Composer
 from nsm_core.dataset.footholds import HEEL, TIPS, Block, Hold, draw_near, find_holds, set_off, shift_off_edges
-from nsm_core.dataset.thin_body import penetration_depths
 from nsm_core.evaluation.metrics import backward_bend, jumps
 from nsm_core.furniture import cuboids
 from nsm_core.rotations import heading_to_direction
 from nsm_core.skeleton import FEET, HIPS, forward_kinematics
+from nsm_core.thin_body import penetration_depths
 
 TOES = [leg[3] for leg in FEET]
 BLOCK = Block(np.array((1.0, 2.0)), 0.0, np.array((0.5, 0.3)), 0.4)

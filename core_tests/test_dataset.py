@@ -19,11 +19,11 @@ from nsm_core.dataset.session import Session
 from nsm_core.dataset.stitching import BLEND_FRAMES, soften_seam
 from nsm_core.dataset.stored import Dataset
 from nsm_core.dataset.take import Take, annotate, goal_tables, phase_of, styles_of
-from nsm_core.dataset.thin_body import penetration_depths
 from nsm_core.errors import CaptureError, OutputError, SkeletonError
 from nsm_core.rotations import quat_conjugate, quat_mul, quat_to_rotvec, rotate_planar, wrap_angle
 from nsm_core.sensors.cylinder import environment_sensor
 from nsm_core.skeleton import FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
+from nsm_core.thin_body import penetration_depths
 
 
 @pytest.fixture(scope="module")

@@ -16,11 +16,11 @@ from nsm_core.dataset.leaning import ARM, lean_to
 from nsm_core.dataset.opening import LOWEST
 from nsm_core.dataset.pool import DoorEntry, Pool
 from nsm_core.dataset.take import Take, Thing, annotate, goal_tables
-from nsm_core.dataset.thin_body import body_spheres
 from nsm_core.evaluation.metrics import backward_bend
 from nsm_core.furniture import cuboids
 from nsm_core.rotations import rotate_planar, wrap_angle
 from nsm_core.skeleton import ARMS, HIPS, forward_kinematics
+from nsm_core.thin_body import body_spheres
 
 
 @pytest.fixture(scope="module")

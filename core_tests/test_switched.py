@@ -12,10 +12,10 @@ from nsm_core.conventions import CLIMB, FOOT_CONTACTS, HIP_CONTACT, SIT
 from nsm_core.dataset.compose import Composer, load
 from nsm_core.dataset.pool import Pool
 from nsm_core.dataset.switched import DEEPER, SEATS, switched
-from nsm_core.dataset.thin_body import penetration_depths
 from nsm_core.furniture import carried_box, cuboids
 from nsm_core.rotations import rotate_planar, wrap_angle
 from nsm_core.skeleton import ARMS, FEET, HIP_OVER_SEAT, forward_kinematics
+from nsm_core.thin_body import penetration_depths
 
 TOES = [leg[3] for leg in FEET]
 

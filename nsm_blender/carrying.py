@@ -43,7 +43,7 @@ def carry_goal(
     Raises GoalError where hands cannot hold the box, or nothing can be set down there.
     """
     frame = around.frame
-    earlier = around.left.get(target.name)
+    earlier = around.left.get(target)
     box = earlier[0] if earlier else read_box(target, around)
     if not isinstance(box, Box):
         raise GoalError(f"{target.name} is opened as a door earlier in the take; choose another object to carry.")
@@ -51,7 +51,7 @@ def carry_goal(
     _require_liftable(box, pose, frame)
     if to == target or to in target.children_recursive:
         raise GoalError(f"{target.name} cannot be set down on itself; choose another destination.")
-    if to.name in around.left:
+    if to in around.left:
         raise GoalError(f"{to.name} is moved earlier in the take; choose a destination that stands still.")
     facing_in_box = _side(target, box, pose, here, around)
     if point is not None or _is_place(to):
@@ -68,7 +68,7 @@ def carry_goal(
     where = f"The place on {to.name}" if to.type != "EMPTY" else f"The place at {to.name}"
     require_room(box, np.append(centre, spot.facing - facing_in_box), around.query, where)
     further_off(box, facing_in_box, centre, spot.facing, around.query, where, frame.scale)
-    around.left[target.name] = box, np.append(centre, wrap_angle(spot.facing - facing_in_box))
+    around.left[target] = box, np.append(centre, wrap_angle(spot.facing - facing_in_box))
     return Goal("carry", name, centre, spot.facing, hold, prop=box)
 
 
@@ -113,8 +113,8 @@ def spot_on_top(
         raise GoalError(f"The top of {to.name} is too small for {target.name} ({sizes} m); choose a larger one, or an empty beside it.")
     meshes = [(body.to_own(v), t) for v, t in around.meshes_but(to, target)]
     occupy(level, meshes, float(box.size[2]))
-    for name, (other, pose) in around.left.items():
-        if isinstance(other, Box) and name != target.name and abs(pose[2] - other.size[2] / 2 - level.height) < 0.1:
+    for owner, (other, pose) in around.left.items():
+        if isinstance(other, Box) and owner != target and abs(pose[2] - other.size[2] / 2 - level.height) < 0.1:
             occupy_rectangle(level, body.to_own(pose[:3])[:2], other.size[:2], float(pose[3] - body.yaw))
     found = _nearest(level, across, body, coming_from, around)
     if found is None:

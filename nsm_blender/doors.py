@@ -27,12 +27,12 @@ def open_goal(
 
     Raises GoalError where the object cannot be the leaf of a door.
     """
-    earlier = around.left.get(target.name)
+    earlier = around.left.get(target)
     leaf = earlier[0] if earlier else read_leaf(target, hinge, handle, around)
     if not isinstance(leaf, Leaf):
         raise GoalError(f"{target.name} is carried earlier in the take; choose another object to open.")
     for part in (target, *fittings_of(target)):
-        around.left[part.name] = leaf, leaf.pose
+        around.left[part] = leaf, leaf.pose
     way = passage(leaf, np.asarray(here, dtype=np.float64))
     return Goal("open", name, np.append(way.middle, 0.0), way.heading, hold, prop=leaf)
 

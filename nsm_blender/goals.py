@@ -24,7 +24,7 @@ from .doors import open_goal
 from .parts import is_group, seat_body
 from .places import crossings, require_support, walk_goal, what_stands_at
 from .points import HANDLE, HINGE, POINT_ACTION, POINT_LINK, POINT_NAME, POINT_TO, SWING, goal_point_of, make_point
-from .scene import WorldFrame
+from .scene import WorldFrame, holds
 from .surroundings import Surroundings
 
 __all__ = ["POINT_ACTION", "POINT_LINK", "GoalSpec", "goal_point_of", "moved_by", "place_after", "resolve", "show_goal_point"]
@@ -73,7 +73,7 @@ def resolve(
     if action.needs_destination and spec.to is None:
         raise GoalError(f"A goal to {spec.action} {spec.label} has no destination; choose the object or empty where it goes.")
     for kind, needed in (("goal object", spec.object), ("destination", spec.to if action.needs_destination else None)):
-        if needed is not None and needed.name not in scene.objects:
+        if needed is not None and not holds(scene, needed):
             raise GoalError(f"The {kind} {needed.name} is no longer in the scene; choose another object, or remove the goal.")
     around = around or Surroundings(scene, frame, moving=moved_by([spec]))
     name, here = spec.label, before[0]
@@ -98,7 +98,8 @@ def place_after(goal: Goal, before: tuple[Array, float], around: Surroundings) -
         way = passage(goal.prop, np.asarray(before[0], dtype=np.float64))
         return way.beyond.astype(np.float32), way.heading
     if isinstance(goal.prop, Box):
-        facing = goal.heading - around.left[goal.name][1][3]
+        pose = next(left for prop, left in around.left.values() if prop is goal.prop)
+        facing = goal.heading - pose[3]
         further = further_off(goal.prop, facing, goal.position, goal.heading, around.query)
         return standing_place(goal.prop, facing, goal.position, goal.heading, further).astype(np.float32), goal.heading
     return goal.position[:2], goal.heading
@@ -182,7 +183,7 @@ def show_goal_point(
     try:
         goal = resolve(spec, scene, frame, before, around)
     except (GoalError, GeometryError) as error:
-        if spec.object is None or not all(o is None or o.name in scene.objects for o in (spec.object, spec.to)):
+        if spec.object is None or not all(o is None or holds(scene, o) for o in (spec.object, spec.to)):
             raise
         reason = str(error)
     carry = spec.action == "carry"

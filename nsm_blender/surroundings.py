@@ -39,7 +39,7 @@ class _Plan(FloorPlan):
 class Surroundings:
     """The scene around a take, in its character's core frame, as it is when this is made, or as ``snapshot`` has it.
 
-    ``moving`` are the objects that its goals move; they are no part of ``query``.  ``left`` holds, by the object's name, the
+    ``moving`` are the objects that its goals move; they are no part of ``query``.  ``left`` holds, by the object, the
     props of the goals resolved so far and the poses (4,) in which these goals leave them.
     """
 
@@ -53,7 +53,7 @@ class Surroundings:
     ) -> None:
         self.scene, self.frame, self.character = scene, frame, character
         self.moving = list(dict.fromkeys(moving))
-        self.left: dict[str, tuple[Prop, Array]] = {}
+        self.left: dict[bpy.types.Object, tuple[Prop, Array]] = {}
         self._plan: FloorPlan | None = None
         self._bodies: dict[tuple[str, bool], Body] = {}
         self._given = snapshot
@@ -152,5 +152,5 @@ class Surroundings:
 
     def meshes_but(self, *left_out: bpy.types.Object) -> list[tuple[Array, Array]]:
         """Vertices (V, 3), core frame, and triangles (F, 3) of each solid but ``left_out``, the character and what was moved by now."""
-        still = self._but([*(o for o in self.moving if o.name in self.left), *left_out])
+        still = self._but([*(o for o in self.moving if o in self.left), *left_out])
         return [(s.vertices, s.triangles) for s in self.obstacles if still(s)]

@@ -196,7 +196,7 @@ def prepare(
             "Finding the goals", beside(lambda _: resolve_goals(spec.goals, scene, frame, start, around), touches=True)
         )
         _go_to(scene, spec.start_frame)
-        things = {target.name: Thing.of(target, frame, around.left[target.name][0]) for target in moving_alone}
+        things = {target.name: Thing.of(target, frame, around.left[target][0]) for target in moving_alone}
         environment, ground = around.query, around.ground
     finally:
         state.restore()
@@ -229,7 +229,7 @@ def surroundings_of(
             around = Surroundings(scene, frame, spec.character, moving, stop.value)
             break
         yield Progress("Reading the scene", 0.0)
-    goals = [o for g in spec.goals for o in (g.object, g.to) if o is not None and o.name in scene.objects]
+    goals = [o for g in spec.goals for o in (g.object, g.to) if o is not None and holds(scene, o)]
     yield from _waited("Reading the scene", around.reading(*goals))
     _go_to(scene, spec.start_frame)
     return around

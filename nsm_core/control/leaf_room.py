@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..evaluation.metrics import CAPSULES
 from ..rotations import Array, quat_rotate
 from ..skeleton import END_SITES, INDEX, forward_kinematics
+from ..thin_body import CAPSULES
 from .props import Leaf
 from .reaching import Pose
 

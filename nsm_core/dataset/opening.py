@@ -17,6 +17,7 @@ from ..doors import Door, make_door
 from ..furniture import cuboids
 from ..rotations import Array, direction_to_heading, heading_to_direction, rotate_planar
 from ..skeleton import ARMS, forward_kinematics
+from ..thin_body import body_spheres
 from .hands import ease, lead_hand
 from .leaf_swing import Doorway, Turning, turn
 from .leaning import lean_to
@@ -24,7 +25,6 @@ from .motion import Motion
 from .passing import joints_from, step_back, straight_on
 from .session import Segment, Session
 from .take import Command, Placed, Thing
-from .thin_body import body_spheres
 
 NAME = "open"
 KEEP_OFF, SQUEEZE = 0.32, 0.2  # metres that roots keep off the wall and the leaf on the way, and in the doorway

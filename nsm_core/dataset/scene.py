@@ -9,8 +9,8 @@ import numpy as np
 from .. import furniture
 from ..conventions import SIT
 from ..rotations import Array, direction_to_heading, rotate_planar
+from ..thin_body import penetration_depths
 from .take import Placed, Take
-from .thin_body import penetration_depths
 
 if TYPE_CHECKING:
     from .session import Session

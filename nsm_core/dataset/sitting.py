@@ -16,6 +16,7 @@ from ..limbs import place_limbs
 from ..rotations import Array, heading_to_direction, rotate_planar
 from ..sensors.query import Cuboids
 from ..skeleton import FEET, HIP_OVER_SEAT, HIPS, INDEX, forward_kinematics, root_of
+from ..thin_body import penetration_depths
 from .fitting import hands_on_arm_rests
 from .library import gaussian_smooth, load_sits
 from .motion import Motion
@@ -23,7 +24,6 @@ from .seated import bring_to_rest, keep_hands_off, lean_off, lift_heels
 from .session import LaidSegment, Segment, Session
 from .swivel import swivel, turn_about_hips
 from .take import Command, Placed, Thing
-from .thin_body import penetration_depths
 
 SEATS = ("chair", "chair", "armchair", "stool", "bench", "sofa")
 NAME = "sit"

@@ -17,13 +17,13 @@ from ..furniture import Furniture, cuboids
 from ..rotations import Array, heading_to_direction, rotate_planar
 from ..sensors.query import Cuboids
 from ..skeleton import ARMS, FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
+from ..thin_body import body_spheres
 from .augment import Embedded, align, embed, switch, transfer
 from .fitting import arm_rests
 from .pool import Pool, scaled
 from .soundness import ASTRAY, DEEPER, depth, no_faster
 from .switched_boxes import switch_box
 from .take import Command, Take, Thing
-from .thin_body import body_spheres
 
 # Of the differences in size between an object and the one drawn for it: what is left of them in one attempt after the other.
 SHARES = (1.0, 0.8, 0.6, 0.4, 0.25)

@@ -11,11 +11,11 @@ from ..conventions import FOOT_CONTACTS, FPS, HAND_CONTACTS
 from ..furniture import Furniture, box_mesh, carried_box, cuboids
 from ..rotations import Array, heading_to_direction, rotate_planar
 from ..skeleton import ARMS, FEET, forward_kinematics
+from ..thin_body import body_spheres
 from .augment import embed, switch, transfer
 from .pool import CRATE_SIDE, Pool
 from .soundness import ASTRAY, DEEPER, depth, no_faster
 from .take import Take, Thing
-from .thin_body import body_spheres
 
 MOST_WIDER = 0.06  # metres that a box grows sideways and in depth, lest it stands out over what it rests on
 SLIPS = 0.005  # metres that wrists are further from their places on a box, or boxes deeper in things, than before

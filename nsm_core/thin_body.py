@@ -1,4 +1,5 @@
-"""The body that training data is checked with: thinner than the one that is seen, so that captures of people in real rooms pass.
+"""A body thinner than the one that is seen: training data is checked with it, so that captures of people in real rooms pass,
+and a leaf gives way to it.
 
 How deep a take is inside solids is told by ``evaluation.body``, which is fitted to what is seen.
 """
@@ -9,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..rotations import Array, quat_rotate
-from ..skeleton import END_SITES, INDEX, forward_kinematics
+from .rotations import Array, quat_rotate
+from .skeleton import END_SITES, INDEX, forward_kinematics
 
 if TYPE_CHECKING:
-    from ..sensors.query import DistanceQuery
+    from .sensors.query import DistanceQuery
 
 # The body as capsules: two joints (or a joint and the end of its bone) and a radius at each, metres.  Pelvis and thighs are
 # as thin below as a seated person's are once flesh and cushion have given way: the hip joints of a seated pose lie 4 cm over
