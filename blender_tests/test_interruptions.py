@@ -133,7 +133,7 @@ def test_a_take_that_loses_what_it_needs_ends_in_a_sentence(modal, what, moment)
         assert bpy.data.scenes["Scene"].frame_current == 7
 
 
-@pytest.mark.parametrize("stage", ["Making keys"])
+@pytest.mark.parametrize("stage", ["Making keys", "Checking"])
 @pytest.mark.parametrize("what", [what for what in STOPPING if "box" not in what and "table" not in what] + ["undo", "window closed"])
 def test_a_take_that_loses_what_it_needs_while_it_is_keyed_leaves_no_half(modal, what, stage):
     row = bpy.context.scene.nsm.goals[0]

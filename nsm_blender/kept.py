@@ -20,7 +20,8 @@ class FrameState:
 
     def __init__(self, scene: bpy.types.Scene) -> None:
         self.scene, self.frame = scene, (scene.frame_current, scene.frame_subframe)
-        self._moved = [(one, transform_of(one)) for target in scene.objects if target.animation_data for one in _with_bones(target)]
+        # Bones by name: Blender tells of an object that is gone, but not of its bones, and writing to these would crash.
+        self._moved = [(target, _transforms(target)) for target in scene.objects if target.animation_data]
 
     def restore(self, always: bool = False) -> None:
         """Go back to the frame, where the scene is at another one, and put back what was moved there; what is gone is passed over.
@@ -31,10 +32,11 @@ class FrameState:
             self.scene.frame_set(self.frame[0], subframe=self.frame[1])
         elif not always:
             return
-        for moving, transform in self._moved:
+        for target, kept in self._moved:
             with suppress(*LOST):
-                if transform_of(moving) != transform:
-                    _set(moving, transform)
+                for name, moving in _with_bones(target):
+                    if name in kept and transform_of(moving) != kept[name]:
+                        _set(moving, kept[name])
 
 
 @contextmanager
@@ -153,10 +155,16 @@ def restored_on_failure(kept: Kept) -> Iterator[Kept]:
         raise
 
 
-def _with_bones(target: bpy.types.Object) -> Iterator[bpy.types.Object | bpy.types.PoseBone]:
-    yield target
+def _transforms(target: bpy.types.Object) -> dict[str | None, dict[str, Any]]:
+    """Transforms of an object, under None, and of its bones by name."""
+    return {name: transform_of(moving) for name, moving in _with_bones(target)}
+
+
+def _with_bones(target: bpy.types.Object) -> Iterator[tuple[str | None, bpy.types.Object | bpy.types.PoseBone]]:
+    yield None, target
     if target.type == "ARMATURE" and target.pose is not None:
-        yield from target.pose.bones
+        for bone in target.pose.bones:
+            yield bone.name, bone
 
 
 def _set(moving: bpy.types.Object | bpy.types.PoseBone, transform: dict[str, Any]) -> None:
