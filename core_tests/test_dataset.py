@@ -310,5 +310,6 @@ def test_coverage_counts_goals_by_kind_and_draws_them(tmp_path_factory, folder, 
     text = coverage.report(where)
     assert f"in {len(meta['takes'])} takes" in text and all(f"{kind}: {count} goals" in text for kind, count in asked.items() if count)
     assert coverage.picture(where, tmp_path / "coverage.png").stat().st_size > 20_000
-    with pytest.raises(OutputError, match="choose a folder you may write to"):
-        coverage.picture(where, tmp_path / "nowhere" / "coverage.png")
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match="choose another folder"):
+        coverage.picture(where, tmp_path / "file" / "coverage.png")
