@@ -15,7 +15,6 @@ import json
 import os
 import sys
 import time
-import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,12 +28,9 @@ import bpy
 
 from nsm_core import bvh_write
 from nsm_core.errors import GoalError, JobError, NsmError, OutputError, SkeletonError
-from nsm_core.files import output
-from nsm_core.validate import shown
 
 from .goals import GoalSpec
 from .jobs import Job, JobTake, read_job
-from .outputs import files_of_scene, identities, save_scene
 from .render import contact_sheet, video
 from .takes import Take, TakeSpec, generate
 
@@ -79,33 +75,18 @@ def run_take(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -
     except NsmError as error:
         report["error"] = str(error)
     except Exception as error:  # a defect in one take must not lose the others
-        report["error"] = _defect(job, error)
+        report["error"] = f"The take broke off with {type(error).__name__}: {error}; please report this."
     try:
         _write_report(report, entry)
     except NsmError as error:
-        report["error"] = f"{report['error']} {error}" if "error" in report else str(error)
-    except Exception as error:
-        report["error"] = f"{report['error']} {_defect(job, error)}" if "error" in report else _defect(job, error)
+        report.setdefault("error", str(error))
     if "error" in report:
         say(f"{title}: Error: {report['error']}")
     return "error" not in report
 
 
-def _defect(job: Job, error: Exception) -> str:
-    """A sentence about an error that nobody foresaw; where it arose is added to a log beside the job file."""
-    log = job.path.with_name(job.path.name[:100] + ".log")
-    told = f"The take broke off with {type(error).__name__} ({shown(' '.join(str(error).split()), 200)})"
-    try:
-        with open(log, "a", encoding="utf-8", errors="replace") as file:
-            file.write("".join(traceback.format_exception(error)) + "\n")
-    except OSError:
-        return f"{told}; please report this."
-    return f"{told}; please report this with {log}."
-
-
 def _make(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -> Take:
-    scene = _open(job, title, say)
-    _refuse_files_of_the_scene(job, entry)
+    scene = _open(job.scene)
     spec = TakeSpec(
         character=_armature(scene, entry.character),
         goals=[GoalSpec(g.action, _target(scene, g.object), g.hold, g.location, _target(scene, g.to, "to")) for g in entry.goals],
@@ -131,42 +112,22 @@ def _make(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -> T
     return take
 
 
-def _open(job: Job, title: str, say: Callable[[str], None]) -> bpy.types.Scene:
-    """Load the job's scene anew; its scripts and the drivers that need them run only where the job says so."""
-    path = job.scene
+def _open(path: Path) -> bpy.types.Scene:
     if not path.is_file():
         raise JobError(f"The scene {path} does not exist; correct 'scene' in the job file.")
     try:
-        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=job.scripts)
+        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
     except RuntimeError as error:
         raise JobError(
             f"The scene {path} cannot be opened by Blender {bpy.app.version_string}; save it again with this version."
         ) from error
-    if bpy.app.autoexec_fail and not job.scripts:
-        say(f"{title}: the scene's scripts were not run; where it needs them and you trust it, add scripts = true to the job file")
     scene = bpy.context.scene
     bpy.context.view_layer.update()
     return scene
 
 
-def _refuse_files_of_the_scene(job: Job, entry: JobTake) -> None:
-    """Raise JobError where a take would write over a library, picture or other file that the open scene reads."""
-    read, scene = files_of_scene(), identities(job.scene)
-    for key, path in list(entry.outputs.items()):
-        own = identities(path)
-        if own & read and not own & scene:
-            del entry.outputs[key]
-            raise JobError(f"In take '{entry.name}', '{key}' is {path.name}, which the scene itself uses; give it a file of its own.")
-
-
-def _named(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
-    """The scene's object of that name; of several, which linked libraries bring, the scene's own before a linked one."""
-    found = [o for o in scene.objects if o.name == name]
-    return min(found, key=lambda o: o.library is not None, default=None)
-
-
 def _armature(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
-    found = _named(scene, name)
+    found = scene.objects.get(name)
     if found is None:
         there = [o.name for o in scene.objects if o.type == "ARMATURE"]
         raise SkeletonError(f"The scene has no character '{name}'; its armatures are {', '.join(there) or 'none'}: correct 'character'.")
@@ -176,7 +137,7 @@ def _armature(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
 def _target(scene: bpy.types.Scene, name: str | None, key: str = "object") -> bpy.types.Object | None:
     if name is None:
         return None
-    found = _named(scene, name)
+    found = scene.objects.get(name)
     if found is None:
         there = sorted(o.name for o in scene.objects if o.type in {"MESH", "EMPTY"})
         listed = ", ".join(there[:12]) + (", ..." if len(there) > 12 else "")
@@ -191,45 +152,35 @@ def _require_writable(entry: JobTake) -> None:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(f"The folder {path.parent} for '{key}' cannot be made ({error.strerror}); choose another one.") from error
-        try:
-            refused = path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK)
-        except OSError as error:
-            raise OutputError(f"'{key}' cannot be written to {path} ({error.strerror}); choose another folder or file name.") from error
-        if refused or not os.access(path.parent, os.W_OK):
+        if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
             raise OutputError(f"'{key}' cannot be written to {path}; choose another folder or file name.")
 
 
 def _write(take: Take, entry: JobTake, title: str, say: Callable[[str], None]) -> None:
-    """Write what the take's entry asks for, each file whole or not at all; a file that fails does not keep the others back.
-
-    Raises OutputError with what failed.
-    """
-    writers: dict[str, Callable[[Path], object]] = {
-        "out": lambda path: save_scene(path, "'out'"),
-        "bvh": lambda path: bvh_write.write(path, take.result.hips_position, take.result.local_rotations),
-        "sheet": lambda path: contact_sheet(take.keyed, path),
-        "video": lambda path: video(take.keyed, path),
-    }
-    failed: list[str] = []
-    for key, write in writers.items():
-        if key not in entry.outputs:
-            continue
-        if key in ("sheet", "video"):
-            say(f"{title}: rendering {entry.outputs[key].name}")
+    """Write what the take's entry asks for."""
+    outputs = entry.outputs
+    if "bvh" in outputs:
+        bvh_write.write(outputs["bvh"], take.result.hips_position, take.result.local_rotations)
+    if "out" in outputs:
         try:
-            write(entry.outputs[key])
-        except NsmError as error:
-            failed.append(str(error))
-    if failed:
-        raise OutputError(" ".join(failed))
+            bpy.ops.wm.save_as_mainfile(filepath=str(outputs["out"]), copy=True, relative_remap=True)
+        except RuntimeError as error:
+            raise OutputError(f"'out' cannot be written to {outputs['out']}; choose another folder or file name.") from error
+    for key in ("sheet", "video"):
+        if key in outputs:
+            say(f"{title}: rendering {outputs[key].name}")
+            (contact_sheet if key == "sheet" else video)(take.keyed, outputs[key])
 
 
 def _write_report(report: dict[str, Any], entry: JobTake) -> None:
     path = entry.outputs.get("report")
     if path is None:
         return
-    with output(path, "'report'") as temporary:
-        temporary.write_text(json.dumps(report, indent=1, ensure_ascii=False) + "\n", encoding="utf-8", errors="replace")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(report, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"'report' cannot be written to {path} ({error.strerror}); choose another folder or file name.") from error
 
 
 def _say(line: str) -> None:

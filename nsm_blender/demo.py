@@ -22,14 +22,12 @@ if not __package__:  # run as a script: make the repository importable and this 
 import bpy
 from mathutils import Vector
 
-from nsm_core.errors import NsmError
-from nsm_core.files import output
+from nsm_core.errors import NsmError, OutputError
 
 from . import render, takes
 from .character import add_character
 from .goals import GoalSpec
 from .house import House, build_house
-from .outputs import save_scene
 from .report import goal_line
 from .room import Room, build_room
 
@@ -64,8 +62,7 @@ def run(options: argparse.Namespace) -> int:
     scene.frame_start, scene.frame_end = take.keyed.frame_start, take.keyed.frame_end
     scene.frame_set(scene.frame_start)
     save(out / "demo.blend")
-    with output(out / "demo.json", "The report") as temporary:
-        temporary.write_text(json.dumps(take.report, indent=1) + "\n", encoding="utf-8")
+    (out / "demo.json").write_text(json.dumps(take.report, indent=1) + "\n", encoding="utf-8")
     with lines[1] as line:
         render.contact_sheet(take.keyed, out / "demo.png", tiles=options.tiles, direction=room.view, progress=line)
     if not options.no_video:
@@ -106,7 +103,10 @@ def build_scene(second_seat: str = "armchair", all_actions: bool = True) -> tupl
 
 def save(path: Path) -> None:
     """Save the scene; OutputError when that fails."""
-    save_scene(path, "The scene", compress=True)
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True)
+    except RuntimeError as error:
+        raise OutputError(f"The scene cannot be saved to {path}; choose another folder.") from error
 
 
 def print_report(report: dict[str, Any]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import tempfile
 from collections.abc import Callable, Sequence
@@ -12,9 +11,7 @@ import bpy
 import numpy as np
 
 from nsm_core.errors import OutputError
-from nsm_core.files import output
 from nsm_core.rotations import Array
-from nsm_core.validate import shown
 
 from .camera import Shot, follow_camera
 from .keying import KeyedTake
@@ -58,8 +55,6 @@ def contact_sheet(
             scene.render.filepath = str(tile)
             with quiet():
                 bpy.ops.render.render(write_still=True, scene=scene.name)
-            if not tile.is_file() or not is_whole_png(tile):  # Blender does not tell
-                raise OutputError(f"A picture for {path.name} was cut short; the disk of temporary files ({folder}) may be full.")
             picture = halved(read_png(tile))
             if numbers:
                 stamp(picture, f"{(frame - take.frame_start) / take.fps:.1f}s", size=max(1, picture.shape[0] // 90))
@@ -103,42 +98,16 @@ def video(
         try:
             with quiet():
                 bpy.ops.render.render(animation=True, scene=scene.name)
-        except RuntimeError as error:
-            raise OutputError(f"The video for {path} cannot be made; the disk of temporary files ({folder}) may be full.") from error
         finally:
             bpy.app.handlers.render_post.remove(hear)
         made = sorted(Path(folder).glob("*.mp4"))
         if not made:
             raise OutputError("This Blender could not write an MP4; ask for a sheet instead, or use a build with FFmpeg.")
-        if not is_whole_mp4(made[0]):
-            raise OutputError(f"The video for {path} was cut short; the disk of temporary files ({folder}) may be full.")
-        with output(path, "The video") as temporary_path:
-            shutil.copyfile(made[0], temporary_path)
+        try:
+            shutil.copyfile(made[0], path)
+        except OSError as error:
+            raise OutputError(f"The video cannot be written to {path} ({error.strerror}); choose another folder or file name.") from error
     return path
-
-
-def is_whole_mp4(path: Path) -> bool:
-    """Whether the boxes of an MP4 fill it and its index is among them, which is written last."""
-    size, at, found = path.stat().st_size, 0, set()
-    with open(path, "rb") as file:
-        while at + 8 <= size:
-            file.seek(at)
-            head = file.read(16)
-            length = int.from_bytes(head[:4], "big")
-            if length == 1 and len(head) == 16:
-                length = int.from_bytes(head[8:16], "big")
-            if length < 8:
-                return False
-            found.add(head[4:8])
-            at += length
-    return at == size and {b"moov", b"mdat"} <= found
-
-
-def is_whole_png(path: Path) -> bool:
-    """Whether a PNG has its end."""
-    with open(path, "rb") as file:
-        file.seek(max(path.stat().st_size - 12, 0))
-        return file.read(12)[4:8] == b"IEND"
 
 
 def use_mp4(scene: bpy.types.Scene) -> None:
@@ -158,15 +127,15 @@ def require_writable(path: str | Path, suffix: str) -> Path:
     path = Path(bpy.path.abspath(str(path))).absolute()
     if path.suffix.lower() != suffix:
         path = path.with_name(path.name + suffix)
+    existed = path.exists()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path.parent):  # never under the name itself, where a killed process would leave it
+        with path.open("ab"):
             pass
-        if path.exists() and (path.is_dir() or not os.access(path, os.W_OK)):
-            raise OSError("it is a folder or protected")
-    except (OSError, ValueError) as error:  # a null byte in a path is a ValueError
-        reason = getattr(error, "strerror", None) or error
-        raise OutputError(f"{shown(str(path), 300)} cannot be written ({reason}); choose another folder or file name.") from error
+        if not existed:
+            path.unlink()
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written ({error.strerror}); choose another folder or file name.") from error
     return path
 
 
@@ -188,17 +157,13 @@ def halved(pixels: Array) -> Array:
 
 def write_png(path: Path, pixels: Array) -> None:
     """Save pixels (H, W, 4), 0..1, bottom row first; OutputError when that fails."""
-    image = bpy.data.images.new(path.stem[:40], pixels.shape[1], pixels.shape[0], alpha=True)
+    image = bpy.data.images.new(path.stem, pixels.shape[1], pixels.shape[0], alpha=True)
     try:
         image.pixels.foreach_set(np.ascontiguousarray(pixels, np.float32).ravel())
-        with output(path, "The picture") as temporary:
-            image.filepath_raw, image.file_format = str(temporary), "PNG"
-            try:
-                image.save()
-            except RuntimeError as error:
-                raise OSError("Blender could not save it") from error
-            if not is_whole_png(temporary):  # Blender does not tell
-                raise OSError("it was cut short; the disk may be full")
+        image.filepath_raw, image.file_format = str(path), "PNG"
+        image.save()
+    except RuntimeError as error:
+        raise OutputError(f"The picture cannot be written to {path}; choose another folder or file name.") from error
     finally:
         bpy.data.images.remove(image)
 
