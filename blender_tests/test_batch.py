@@ -78,10 +78,10 @@ class TestJobFile:
         [
             ("scene = ", "not valid TOML"),
             (take(), "'scene' is missing"),
-            ("scene = 3\n" + take(), "'scene' in the job file is 3; a text in quotes"),
+            ("scene = 3\n" + take(), "'scene' in the job file is 3; it must be a text in quotes"),
             ('scene = "a.blend"', "no takes"),
             ('scene = "a.blend"\ntake = 3', "no takes"),
-            ('scene = "a.blend"\nspeed = 3\n' + take(), "'speed' in the job file is unknown; the keys are scene, take"),
+            ('scene = "a.blend"\nspeed = 3\n' + take(), "'speed' in the job file is unknown; the keys are scene, scripts, take"),
         ],
     )
     def test_what_is_wrong_with_the_file(self, tmp_path, text, words):
@@ -95,8 +95,8 @@ class TestJobFile:
     @pytest.mark.parametrize(
         ("entry", "words"),
         [
-            (take("seed = true"), "'seed' in take 'one' is True; a whole number"),
-            (take("seed = -1"), "0 or more"),
+            (take("seed = true"), "'seed' in take 'one' is true; it must be a whole number"),
+            (take("seed = -1"), "'seed' in take 'one' is -1; it must be a whole number from 0"),
             (take("sheet = 5"), "'sheet' in take 'one' is 5"),
             (take('colour = "red"'), "'colour' in take 'one' is unknown"),
             (take(goals="[]"), "'goals' is empty"),
@@ -105,7 +105,7 @@ class TestJobFile:
             (take(goals='[{ action = "sit" }]'), "'object' is missing in goal 1 of take 'one'"),
             (take(goals='[{ action = "walk" }]'), "needs an 'object' or a 'location'"),
             (take(goals='[{ action = "walk", location = [1, 2] }]'), "three numbers"),
-            (take(goals='[{ object = "Chair", action = "sit", hold = -2 }]'), "'hold' is -2"),
+            (take(goals='[{ object = "Chair", action = "sit", hold = -2 }]'), "'hold' in goal 1 of take 'one' is -2; it must be"),
             (take(goals='[{ object = "Chair", action = "idle" }]'), "'idle' stands where"),
             (take(goals='[{ object = "Chair", action = "sit", wait = 2 }]'), "'wait' in goal 1"),
             (take(goals='[{ object = "Box", action = "carry" }]'), "'to' is missing in goal 1 of take 'one'"),
@@ -114,7 +114,7 @@ class TestJobFile:
             (take(goals='[{ action = "run" }]'), "'run' needs an 'object' or a 'location'"),
             (take(goals='[{ object = "Step", action = "climb", location = [1, 2, 0] }]'), "'climb' needs its 'object' alone"),
             ("[[take]]\ngoals = []\n", "'name' is missing in take 'take 1'"),
-            (take('out = "a.blend"\nsheet = "a.blend"'), "'sheet' is the same file as 'out' of take 'one'"),
+            (take('out = "b.blend"\nbvh = "b.blend"'), "'bvh' is the same file as 'out' of take 'one'"),
         ],
     )
     def test_what_is_wrong_with_a_take_stays_with_the_take(self, tmp_path, entry, words):

@@ -11,10 +11,9 @@ not, 2 when the job file is of no use.
 from __future__ import annotations
 
 import importlib
-import json
-import os
 import sys
 import time
+import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,10 +26,12 @@ if __name__ == "__main__":  # run as a script: make this folder importable as th
 import bpy
 
 from nsm_core import bvh_write
-from nsm_core.errors import GoalError, JobError, NsmError, OutputError, SkeletonError
+from nsm_core.errors import GoalError, JobError, NsmError, SkeletonError
 
 from .goals import GoalSpec
+from .job_paths import refuse_used
 from .jobs import Job, JobTake, read_job
+from .outputs import require_writable, save_blend, write_json
 from .render import contact_sheet, video
 from .takes import Take, TakeSpec, generate
 
@@ -75,18 +76,31 @@ def run_take(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -
     except NsmError as error:
         report["error"] = str(error)
     except Exception as error:  # a defect in one take must not lose the others
-        report["error"] = f"The take broke off with {type(error).__name__}: {error}; please report this."
+        report |= _broken(entry, error)
     try:
         _write_report(report, entry)
     except NsmError as error:
         report.setdefault("error", str(error))
+    except Exception as error:
+        report = _broken(entry, error)
     if "error" in report:
         say(f"{title}: Error: {report['error']}")
     return "error" not in report
 
 
+def _broken(entry: JobTake, error: Exception) -> dict[str, str]:
+    """What a report says of a defect; the traceback goes to the error stream as well."""
+    trace = "".join(traceback.format_exception(error))
+    print(trace, file=sys.stderr, flush=True)
+    return {"error": f"Take '{entry.name}' broke off with {type(error).__name__}: {error}; please report this.", "traceback": trace}
+
+
 def _make(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -> Take:
-    scene = _open(job.scene)
+    scene = _open(job.scene, job.scripts)
+    refuse_used(entry, bpy.utils.blend_paths(absolute=True))
+    if bpy.app.autoexec_fail:
+        blocked = bpy.app.autoexec_fail_message
+        say(f"{title}: scripts in the scene did not run ({blocked}); where you trust it, say `scripts = true` in the job file.")
     spec = TakeSpec(
         character=_armature(scene, entry.character),
         goals=[GoalSpec(g.action, _target(scene, g.object), g.hold, g.location, _target(scene, g.to, "to")) for g in entry.goals],
@@ -112,11 +126,11 @@ def _make(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -> T
     return take
 
 
-def _open(path: Path) -> bpy.types.Scene:
+def _open(path: Path, scripts: bool) -> bpy.types.Scene:
     if not path.is_file():
         raise JobError(f"The scene {path} does not exist; correct 'scene' in the job file.")
     try:
-        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
+        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=scripts)
     except RuntimeError as error:
         raise JobError(
             f"The scene {path} cannot be opened by Blender {bpy.app.version_string}; save it again with this version."
@@ -148,12 +162,7 @@ def _target(scene: bpy.types.Scene, name: str | None, key: str = "object") -> bp
 def _require_writable(entry: JobTake) -> None:
     """Raise OutputError before the work begins where a file could not be written at its end."""
     for key, path in entry.outputs.items():
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(f"The folder {path.parent} for '{key}' cannot be made ({error.strerror}); choose another one.") from error
-        if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-            raise OutputError(f"'{key}' cannot be written to {path}; choose another folder or file name.")
+        require_writable(path, what=f"'{key}'")
 
 
 def _write(take: Take, entry: JobTake, title: str, say: Callable[[str], None]) -> None:
@@ -162,10 +171,7 @@ def _write(take: Take, entry: JobTake, title: str, say: Callable[[str], None]) -
     if "bvh" in outputs:
         bvh_write.write(outputs["bvh"], take.result.hips_position, take.result.local_rotations)
     if "out" in outputs:
-        try:
-            bpy.ops.wm.save_as_mainfile(filepath=str(outputs["out"]), copy=True, relative_remap=True)
-        except RuntimeError as error:
-            raise OutputError(f"'out' cannot be written to {outputs['out']}; choose another folder or file name.") from error
+        save_blend(outputs["out"], "'out'")
     for key in ("sheet", "video"):
         if key in outputs:
             say(f"{title}: rendering {outputs[key].name}")
@@ -173,18 +179,15 @@ def _write(take: Take, entry: JobTake, title: str, say: Callable[[str], None]) -
 
 
 def _write_report(report: dict[str, Any], entry: JobTake) -> None:
-    path = entry.outputs.get("report")
-    if path is None:
-        return
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(report, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"'report' cannot be written to {path} ({error.strerror}); choose another folder or file name.") from error
+    if "report" in entry.outputs:
+        write_json(require_writable(entry.outputs["report"], what="'report'"), report, "'report'")
 
 
 def _say(line: str) -> None:
-    print(line, flush=True)
+    try:
+        print(line, flush=True)
+    except UnicodeEncodeError:  # a terminal that lacks letters of a name
+        print(line.encode("ascii", "backslashreplace").decode(), flush=True)
 
 
 if __name__ == "__main__":

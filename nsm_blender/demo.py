@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Sequence
@@ -22,9 +21,9 @@ if not __package__:  # run as a script: make the repository importable and this 
 import bpy
 from mathutils import Vector
 
-from nsm_core.errors import NsmError, OutputError
+from nsm_core.errors import NsmError
 
-from . import render, takes
+from . import outputs, render, takes
 from .character import add_character
 from .goals import GoalSpec
 from .house import House, build_house
@@ -49,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     began = time.perf_counter()
     out = Path(options.out).absolute()
     for name in ("demo.blend", "demo.png", "demo.mp4", "demo.json"):
-        render.require_writable(out / name, Path(name).suffix)
+        outputs.require_writable(out / name)
     room, character = build_scene(options.second_seat, not options.two_seats)
     scene = bpy.context.scene
     goals = goals_in(room, options.hold)
@@ -61,8 +60,8 @@ def run(options: argparse.Namespace) -> int:
         take = _generate(spec, scene, line)
     scene.frame_start, scene.frame_end = take.keyed.frame_start, take.keyed.frame_end
     scene.frame_set(scene.frame_start)
-    save(out / "demo.blend")
-    (out / "demo.json").write_text(json.dumps(take.report, indent=1) + "\n", encoding="utf-8")
+    outputs.save_blend(out / "demo.blend", compress=True)
+    outputs.write_json(out / "demo.json", take.report)
     with lines[1] as line:
         render.contact_sheet(take.keyed, out / "demo.png", tiles=options.tiles, direction=room.view, progress=line)
     if not options.no_video:
@@ -99,14 +98,6 @@ def build_scene(second_seat: str = "armchair", all_actions: bool = True) -> tupl
     character.show_in_front = False
     _light_and_look(scene, room)
     return room, character
-
-
-def save(path: Path) -> None:
-    """Save the scene; OutputError when that fails."""
-    try:
-        bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True)
-    except RuntimeError as error:
-        raise OutputError(f"The scene cannot be saved to {path}; choose another folder.") from error
 
 
 def print_report(report: dict[str, Any]) -> None:

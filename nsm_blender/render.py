@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from nsm_core.rotations import Array
 from .camera import Shot, follow_camera
 from .keying import KeyedTake
 from .labels import stamp
+from .outputs import FILM, PICTURE, mp4_is_whole, png_is_whole, require_writable, scratch_folder, written
 from .studio import quiet, studio
 
 Progress = Callable[[float], None]
@@ -41,20 +41,19 @@ def contact_sheet(
     The scene's own settings come back.  Raises OutputError when the file cannot be written.
     """
     scene = scene or bpy.context.scene
-    path = require_writable(path, ".png")
+    path = require_writable(path, PICTURE, "The picture")
     if frames is None:
         frames = np.unique(np.linspace(take.frame_start, take.frame_end, tiles).round().astype(int))
     pictures = []
     # Twice as large and halved: smooth edges for half of what the renderer's own samples cost without a graphics card.
-    with tempfile.TemporaryDirectory() as folder, studio(scene, (2 * size[0], 2 * size[1])) as temporary:
+    with scratch_folder() as folder, studio(scene, (2 * size[0], 2 * size[1])) as temporary:
         follow_camera(temporary.camera, take, scene, Shot(height=2.3), direction, frames)
         scene.render.image_settings.file_format = "PNG"
         for k, frame in enumerate(frames):
             scene.frame_set(int(frame))
-            tile = Path(folder) / f"{frame:06d}.png"
+            tile = folder / f"{frame:06d}.png"
             scene.render.filepath = str(tile)
-            with quiet():
-                bpy.ops.render.render(write_still=True, scene=scene.name)
+            _render(tile, png_is_whole, write_still=True, scene=scene.name)
             picture = halved(read_png(tile))
             if numbers:
                 stamp(picture, f"{(frame - take.frame_start) / take.fps:.1f}s", size=max(1, picture.shape[0] // 90))
@@ -80,7 +79,7 @@ def video(
     cannot be written.
     """
     scene = scene or bpy.context.scene
-    path = require_writable(path, ".mp4")
+    path = require_writable(path, FILM, "The video")
     heard = []
 
     def hear(*_: object) -> None:
@@ -88,25 +87,19 @@ def video(
         if progress:
             progress(min(len(heard) / max(1, len(range(take.frame_start, take.frame_end + 1, step))), 1.0))
 
-    with tempfile.TemporaryDirectory() as folder, studio(scene, size, fast=True) as temporary:
+    with scratch_folder() as folder, studio(scene, size, fast=True) as temporary:
         follow_camera(temporary.camera, take, scene, Shot(height=2.35, tracking=0.85, softness=0.6), direction)
         use_mp4(scene)
         scene.frame_start, scene.frame_end, scene.frame_step = take.frame_start, take.frame_end, step
         scene.render.fps_base *= step
-        scene.render.filepath = str(Path(folder) / "take.mp4")
+        scene.render.filepath = str(folder / "take.mp4")
         bpy.app.handlers.render_post.append(hear)
         try:
-            with quiet():
-                bpy.ops.render.render(animation=True, scene=scene.name)
+            _render(folder / "take.mp4", mp4_is_whole, animation=True, scene=scene.name)
         finally:
             bpy.app.handlers.render_post.remove(hear)
-        made = sorted(Path(folder).glob("*.mp4"))
-        if not made:
-            raise OutputError("This Blender could not write an MP4; ask for a sheet instead, or use a build with FFmpeg.")
-        try:
-            shutil.copyfile(made[0], path)
-        except OSError as error:
-            raise OutputError(f"The video cannot be written to {path} ({error.strerror}); choose another folder or file name.") from error
+        with written(path, "The video", mp4_is_whole) as beside:
+            shutil.copyfile(folder / "take.mp4", beside)
     return path
 
 
@@ -122,21 +115,18 @@ def use_mp4(scene: bpy.types.Scene) -> None:
     ffmpeg.audio_codec = "NONE"
 
 
-def require_writable(path: str | Path, suffix: str) -> Path:
-    """Return ``path`` with ``suffix``, its folder made; OutputError when a file cannot be written there."""
-    path = Path(bpy.path.abspath(str(path))).absolute()
-    if path.suffix.lower() != suffix:
-        path = path.with_name(path.name + suffix)
-    existed = path.exists()
+def _render(made: Path, is_whole: Callable[[Path], bool], **how: str | bool) -> None:
+    """Render to a temporary file; OutputError where it is not there or, since Blender is silent about that, cut short."""
+    reason = ""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("ab"):
-            pass
-        if not existed:
-            path.unlink()
-    except OSError as error:
-        raise OutputError(f"{path} cannot be written ({error.strerror}); choose another folder or file name.") from error
-    return path
+        with quiet():
+            bpy.ops.render.render(**how)
+    except RuntimeError as problem:
+        reason = f" (Blender says: {str(problem).removeprefix('Error: ').strip()})"
+    if reason or (made.exists() and not is_whole(made)):
+        raise OutputError(f"Rendering into {made.parent} was cut short{reason}; the disk may be full: make room there.")
+    if not made.exists():
+        raise OutputError(f"This Blender wrote no {made.suffix}; make room in {made.parent.parent}, or use a build with FFmpeg.")
 
 
 def read_png(path: Path) -> Array:
@@ -160,10 +150,9 @@ def write_png(path: Path, pixels: Array) -> None:
     image = bpy.data.images.new(path.stem, pixels.shape[1], pixels.shape[0], alpha=True)
     try:
         image.pixels.foreach_set(np.ascontiguousarray(pixels, np.float32).ravel())
-        image.filepath_raw, image.file_format = str(path), "PNG"
-        image.save()
-    except RuntimeError as error:
-        raise OutputError(f"The picture cannot be written to {path}; choose another folder or file name.") from error
+        with written(path, "The picture", png_is_whole) as beside:
+            image.filepath_raw, image.file_format = str(beside), "PNG"
+            image.save()
     finally:
         bpy.data.images.remove(image)
 
