@@ -32,7 +32,7 @@ def require_words(value: Any, what: str, most: int = 255) -> str:
 
 def require_path(value: Any, what: str, folder: Path, key: str = "") -> Path:
     """Return a path of a job file, relative to ``folder``, with the ending of its ``key``; JobError where no disk takes it."""
-    words = require_words(value, what, _LONGEST_PATH)
+    words = require_words(value, what, most=100_000)  # their length is told below
     if words.startswith("//"):
         raise JobError(f"{what} is {validate.shown(value)}; paths are relative to the job file: leave '//' away.")
     path = folder / words

@@ -99,11 +99,13 @@ def scratch_folder() -> Iterator[Path]:
 def blend_is_whole(path: Path) -> bool:
     """Whether a .blend, plain or compressed, reaches to its end."""
     with path.open("rb") as file:
-        start = file.read(7)
-        file.seek(max(0, path.stat().st_size - 64))
+        start = file.read(9)
+        file.seek(max(0, path.stat().st_size - 32))
         end = file.read()
-    # Plain: the last block is ENDB.  Compressed: Zstandard frames with a table of them at the end, which has its own magic number.
-    return b"ENDB" in end if start == b"BLENDER" else start.startswith(b"\x28\xb5\x2f\xfd") and end.endswith(b"\xb1\xea\x92\x8f")
+    if start.startswith(b"BLENDER"):  # the last block is ENDB: a head alone, of 32 bytes from 5.0 on, whose files have a digit here
+        return end[0 if start[7:].isdigit() else 8 :].startswith(b"ENDB")
+    # Compressed: Zstandard frames with a table of them at the end, which has a magic number of its own.
+    return start.startswith(b"\x28\xb5\x2f\xfd") and end.endswith(b"\xb1\xea\x92\x8f")
 
 
 def png_is_whole(path: Path) -> bool:
