@@ -26,7 +26,7 @@ if __name__ == "__main__":  # run as a script: make this folder importable as th
 import bpy
 
 from nsm_core import bvh_write
-from nsm_core.errors import GoalError, JobError, NsmError, SkeletonError
+from nsm_core.errors import GoalError, JobError, NsmError, OutputError, SkeletonError
 
 from .goals import GoalSpec
 from .job_paths import refuse_used
@@ -140,8 +140,13 @@ def _open(path: Path, scripts: bool) -> bpy.types.Scene:
     return scene
 
 
+def _named(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
+    """The scene's object of that name; where a linked one has it too, the scene's own."""
+    return min((o for o in scene.objects if o.name == name), key=lambda o: o.library is not None, default=None)
+
+
 def _armature(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
-    found = scene.objects.get(name)
+    found = _named(scene, name)
     if found is None:
         there = [o.name for o in scene.objects if o.type == "ARMATURE"]
         raise SkeletonError(f"The scene has no character '{name}'; its armatures are {', '.join(there) or 'none'}: correct 'character'.")
@@ -151,7 +156,7 @@ def _armature(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
 def _target(scene: bpy.types.Scene, name: str | None, key: str = "object") -> bpy.types.Object | None:
     if name is None:
         return None
-    found = scene.objects.get(name)
+    found = _named(scene, name)
     if found is None:
         there = sorted(o.name for o in scene.objects if o.type in {"MESH", "EMPTY"})
         listed = ", ".join(there[:12]) + (", ..." if len(there) > 12 else "")
@@ -166,16 +171,25 @@ def _require_writable(entry: JobTake) -> None:
 
 
 def _write(take: Take, entry: JobTake, title: str, say: Callable[[str], None]) -> None:
-    """Write what the take's entry asks for."""
-    outputs = entry.outputs
-    if "bvh" in outputs:
-        bvh_write.write(outputs["bvh"], take.result.hips_position, take.result.local_rotations)
-    if "out" in outputs:
-        save_blend(outputs["out"], "'out'")
-    for key in ("sheet", "video"):
-        if key in outputs:
-            say(f"{title}: rendering {outputs[key].name}")
-            (contact_sheet if key == "sheet" else video)(take.keyed, outputs[key])
+    """Write what the take's entry asks for; what fails keeps the others from nothing.  Raises OutputError with all that failed."""
+    writers: dict[str, Callable[[Path], object]] = {
+        "out": lambda path: save_blend(path, "'out'"),
+        "bvh": lambda path: bvh_write.write(path, take.result.hips_position, take.result.local_rotations),
+        "sheet": lambda path: contact_sheet(take.keyed, path),
+        "video": lambda path: video(take.keyed, path),
+    }
+    failed = []
+    for key, write in writers.items():
+        if key not in entry.outputs:
+            continue
+        if key in ("sheet", "video"):
+            say(f"{title}: rendering {entry.outputs[key].name}")
+        try:
+            write(entry.outputs[key])
+        except NsmError as error:
+            failed.append(str(error))
+    if failed:
+        raise OutputError(" ".join(failed))
 
 
 def _write_report(report: dict[str, Any], entry: JobTake) -> None:
