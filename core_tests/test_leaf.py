@@ -11,6 +11,7 @@ from nsm_core.control.opening import CLEARS, FASTEST, Opening
 from nsm_core.control.props import WIDE_OPEN, Leaf, passage, sense
 from nsm_core.control.reaching import Pose
 from nsm_core.conventions import GOAL_ACTIONS
+from nsm_core.rotations import wrap_angle
 from nsm_core.sensors.query import Cuboids
 from nsm_core.skeleton import INDEX, J
 
@@ -66,17 +67,15 @@ def test_leaf_never_closes_and_never_flies(passed):
     assert np.ptp(angle[: held + 1]) == 0, "it stays shut until a hand holds it"
 
 
-def test_pulled_leaf_turns_with_the_hand_and_coasts_only_a_little(passed):
+def test_pulled_leaf_turns_with_the_hand_and_swings_on_only_a_little(passed):
     actor, swing = passed
     if passage(door(swing), actor.frames[0]["root"][:2]).push:
         pytest.skip("a pushed leaf is held until it is wide open")
     angle, led = swing * actor.track("Door")[:, 3], states(actor)
     let_go = len(led) - 1 - led[::-1].index("held")
-    rest = let_go + 1 + int(np.argmin(np.diff(angle[let_go + 1 :]) > 1e-4))
-    assert angle[let_go] > np.radians(55) and angle[rest] - angle[let_go] < np.radians(30)
-    assert rest - let_go <= 20
-    fastest = np.diff(angle)[let_go - 2 : let_go + 1].max()
-    assert np.diff(angle)[let_go + 1 : rest].max() < 1.25 * fastest, "it gains no speed but by a nudge of who passes"
+    assert angle[let_go] > np.radians(55) and angle[-1] - angle[let_go] < np.radians(30)
+    # It may wait for the body that stands in its way; on its own it is no faster than a nudge makes it.
+    assert np.diff(angle)[let_go + 1 :].max() * 30 < np.radians(75)
 
 
 def test_hand_stays_on_the_moving_handle(passed):
@@ -105,7 +104,7 @@ def test_commands_are_those_of_the_training_data(passed):
     assert [t[0] for t in told] == (["open", "walk+open"] if way.push else ["open", "idle+open", "walk+open"])
     np.testing.assert_allclose(told[0][1], leaf.grip(way.side, 0.0), atol=1e-5)
     np.testing.assert_allclose(told[-1][1], np.append(way.beyond, 0), atol=1e-5)
-    assert all(t[2] == pytest.approx(way.heading, abs=1e-6) for t in told)
+    assert all(abs(wrap_angle(t[2] - way.heading)) < 1e-6 for t in told)
     if not way.push:
         np.testing.assert_allclose(told[1][1], np.append(way.back, 0), atol=1e-5)
 
@@ -121,7 +120,7 @@ def test_open_door_is_walked_through():
     leaf = door()
     leaf.pose[3] = WIDE_OPEN
     actor = drive([goal(leaf)], solids=WALL, root=NORTH)
-    assert actor.director.results[0].reached and np.ptp(actor.track("Door"), axis=0).max() == 0
+    assert actor.director.results[0].reached and np.ptp(actor.track("Door"), axis=0).max() < 1e-9
     actions = np.array([f["series"][2][6] for f in actor.frames[1:]])
     assert not actions[:, GOAL_ACTIONS.index("open")].any()
 

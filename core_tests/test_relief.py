@@ -109,7 +109,7 @@ def test_one_walks_over_low_ground_with_the_feet_on_top(name):
     take = roll(TakeRequest(np.zeros(2), 0.0, [goal], Cuboids(), ground=ground))
     assert take.goals[0].reached and take.goals[0].position_error_cm < 5
     for solid in solids:
-        assert penetration_depths(take.hips_position, take.local_rotations, solid).max() < 0.035  # a heel over the kerb's edge
+        assert penetration_depths(take.hips_position, take.local_rotations, solid).max() < 0.04  # a heel over the kerb's edge
     report = travel_report(take.hips_position, take.local_rotations, ground=ground.height)
     assert report["below_floor_share"] < 0.02 and report["foot_sliding_cm_s"] < 8
     assert jumps(take.hips_position, take.local_rotations)["jolt_cm"] < 9  # 7 on a flat floor

@@ -214,7 +214,7 @@ class TakeRunner:
                 self._poses[name] = [prop.pose.copy()] * self.frames
         self.plan = plan
         self.director.interrupt(goals, plan)
-        self.terrain.maps += ground_of(goals, self.request.environment).maps  # the feet know this very ground
+        self.terrain.add(ground_of(goals, self.request.environment))  # the feet know this very ground
 
     def result(self) -> TakeResult:
         """Everything made so far."""

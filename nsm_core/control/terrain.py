@@ -38,7 +38,10 @@ class HeightMap:
 
     def at(self, points: Array) -> Array:
         """Heights (N,) at floor points (N, 2), 0 off the map."""
-        cell = np.rint(rotate_planar(points - self.origin, np.float64(-self.heading)) / self.cell).astype(int)
+        local = points - self.origin
+        if self.heading:
+            local = rotate_planar(local, np.float64(-self.heading))
+        cell = np.rint(local / self.cell).astype(int)
         inside = ((cell >= 0) & (cell < self.heights.shape)).all(-1)
         i, j = np.where(inside[..., None], cell, 0).T
         return np.where(inside, self.heights[i, j], 0.0)
@@ -71,13 +74,8 @@ class HeightMap:
             np.maximum.at(heights, i[hit] * shape[1] + j[hit], z)
         return cls(origin, 0.0, heights.reshape(tuple(shape)), cell)
 
-    def near(self, low: Array, high: Array) -> bool:
-        """Whether it may reach between the corners ``low`` and ``high`` (2,) of the floor."""
-        middle, reach = self._circle
-        return bool((middle + reach >= low).all() and (middle - reach <= high).all())
-
     @cached_property
-    def _circle(self) -> tuple[Array, float]:
+    def circle(self) -> tuple[Array, float]:
         """Middle (2,) and radius of the circle around it, metres."""
         half = self.cell * (np.array(self.heights.shape, dtype=np.float64) - 1) / 2
         return self.origin + rotate_planar(half, np.float64(self.heading)), float(np.linalg.norm(half)) + self.cell
@@ -97,17 +95,28 @@ class Terrain:
     def __bool__(self) -> bool:
         return bool(self.maps)
 
+    def add(self, other: Terrain) -> None:
+        """Take in the maps of another terrain."""
+        self.maps += other.maps
+        self.__dict__.pop("_circles", None)
+
     def height(self, points: Array) -> Array:
         """Heights (N,) in metres of the ground at floor points (N, 2), world."""
         points = np.asarray(points, dtype=np.float64)
         out = np.zeros(len(points))
         if not self.maps or not len(points):
             return out
-        low, high = points.min(0), points.max(0)
-        for each in self.maps:
-            if each.near(low, high):
-                np.maximum(out, each.at(points), out=out)
+        middles, reaches = self._circles
+        near = ((middles + reaches >= points.min(0)) & (middles - reaches <= points.max(0))).all(1)
+        for k in np.flatnonzero(near):
+            np.maximum(out, self.maps[k].at(points), out=out)
         return out
+
+    @cached_property
+    def _circles(self) -> tuple[Array, Array]:
+        """Middles (M, 2) and radii (M, 1) of the circles around the maps, metres."""
+        circles = [each.circle for each in self.maps]
+        return np.array([middle for middle, _ in circles]), np.array([[reach] for _, reach in circles])
 
     def signed_distance(self, points: Array, max_distance: float) -> Array:
         """Distances (N,) float32, metres, of world ``points`` (N, 3) to what of the ground lies over the floor, right to a cell.
