@@ -54,6 +54,18 @@ ARMS = ((INDEX["RightShoulder"], INDEX["RightElbow"], INDEX["RightWrist"]),
         (INDEX["LeftShoulder"], INDEX["LeftElbow"], INDEX["LeftWrist"]))  # fmt: skip
 
 
+def _levels() -> list[tuple[list[int], list[int]]]:
+    """Joints as many steps from the hips as each other, and their parents: computed together, since each step costs by the call."""
+    depth = [0] * J
+    for j in range(1, J):
+        depth[j] = depth[PARENTS[j]] + 1
+    levels = [[j for j in range(J) if depth[j] == d] for d in range(1, max(depth) + 1)]
+    return [(joints, [int(PARENTS[j]) for j in joints]) for joints in levels]
+
+
+_LEVELS = _levels()
+
+
 def forward_kinematics(hips_position: Array, local_rotations: Array, offsets: Array = OFFSETS) -> tuple[Array, Array]:
     """World joint positions (..., J, 3), metres, and rotations (..., J, 4) of a pose.
 
@@ -63,10 +75,11 @@ def forward_kinematics(hips_position: Array, local_rotations: Array, offsets: Ar
     rotations = np.empty_like(local_rotations)
     positions[..., 0, :] = hips_position
     rotations[..., 0, :] = local_rotations[..., 0, :]
-    for j in range(1, local_rotations.shape[-2]):
-        p = PARENTS[j]
-        rotations[..., j, :] = quat_mul(rotations[..., p, :], local_rotations[..., j, :])
-        positions[..., j, :] = positions[..., p, :] + quat_rotate(rotations[..., p, :], offsets[j].astype(positions.dtype))
+    offsets = offsets.astype(positions.dtype)
+    for joints, parents in _LEVELS:
+        above = rotations[..., parents, :]
+        rotations[..., joints, :] = quat_mul(above, local_rotations[..., joints, :])
+        positions[..., joints, :] = positions[..., parents, :] + quat_rotate(above, offsets[joints])
     return positions, rotations
 
 

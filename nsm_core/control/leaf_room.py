@@ -25,25 +25,26 @@ Spheres = tuple[Array, Array]
 def body_spheres(pose: Pose, without: int | None = None) -> tuple[Spheres, Spheres]:
     """Centres (S, 3) world and radii (S,), metres, of a body's capsules, but the arm ``without`` (0 right, 1 left); of its trunk alone."""
     joints, turns = (a[0] for a in forward_kinematics(pose.hips[None], pose.local[None]))
+    first, last = (joints[at] + quat_rotate(turns[at], off) for at, off in (_FIRST, _LAST))
+    share = np.linspace(0, 1, _SAMPLES)[:, None]
+    kept = np.ones(len(CAPSULES), dtype=bool) if without is None else ~_OF_ARM[without]
+    centres = np.swapaxes(first + share[..., None] * (last - first), 0, 1)  # (C, _SAMPLES, 3)
+    radii = (_RADII[:, 0] + share * (_RADII[:, 1] - _RADII[:, 0])).T
+    return tuple((centres[k].reshape(-1, 3), radii[k].reshape(-1)) for k in (kept, kept & _OF_TRUNK))
 
-    def point(name: str) -> Array:
-        joint = name.removesuffix(" end")
-        place = joints[INDEX[joint]]
-        return place if joint == name else place + quat_rotate(turns[INDEX[joint]], np.array(END_SITES[joint], dtype=np.float64))
 
-    arm = () if without is None else tuple(_SIDES[without] + part for part in _ARM)
-    share = np.linspace(0, 1, _SAMPLES)
-    centres, radii, trunk = [], [], []
-    for a, b, ra, rb in CAPSULES:
-        whole = a in _TRUNK and b not in ("RightElbow", "LeftElbow")
-        if a in arm and not whole:
-            continue
-        pa = point(a)
-        centres.append(pa + share[:, None] * (point(b) - pa))
-        radii.append(ra + share * (rb - ra))
-        trunk.append(np.full(_SAMPLES, whole))
-    at, size, upper = np.concatenate(centres), np.concatenate(radii), np.concatenate(trunk)
-    return (at, size), (at[upper], size[upper])
+def _ends(which: int) -> tuple[list[int], Array]:
+    """Joints (C,) of the first or last ends of the capsules and the ends' offsets (C, 3) from them, metres."""
+    names = [capsule[which] for capsule in CAPSULES]
+    bones = [name.removesuffix(" end") for name in names]
+    offsets = [np.zeros(3) if bone == name else END_SITES[bone] for bone, name in zip(bones, names, strict=True)]
+    return [INDEX[bone] for bone in bones], np.array(offsets, dtype=np.float64)
+
+
+_FIRST, _LAST = _ends(0), _ends(1)
+_RADII = np.array([capsule[2:] for capsule in CAPSULES])
+_OF_TRUNK = np.array([a in _TRUNK and b not in ("RightElbow", "LeftElbow") for a, b, _, _ in CAPSULES])
+_OF_ARM = np.array([[a in [side + part for part in _ARM] for a, *_ in CAPSULES] for side in _SIDES]) & ~_OF_TRUNK
 
 
 class LeafRoom:
