@@ -130,9 +130,8 @@ def test_goal_points_say_what_is_wrong_and_keep_the_rest(settings):
     wall, _ = furnish("wall", "Wall", (3, 3))
     settings.goals.add().object = wall
     settings.goals[1].action = "sit"
-    with pytest.raises(RuntimeError, match="Wall"):
-        bpy.ops.nsm.goal_points()
-    assert "NSM Goal Chair" in bpy.data.objects and "NSM Goal Wall" not in bpy.data.objects
+    assert bpy.ops.nsm.goal_points() == {"FINISHED"}
+    assert {"NSM Goal Chair", "NSM Goal Wall"} <= set(bpy.data.objects.keys())  # where none is found there is one to move
 
 
 def test_missing_foreign_and_truncated_weights(tmp_path):

@@ -20,7 +20,7 @@ class _Work(Generic[_T]):
     """One piece of work; its ``baton`` is held by who may touch Blender's data."""
 
     def __init__(self, work: Callable[[Callable[[float], None]], _T], touches: bool) -> None:
-        self.baton, self.done, self.given_up = threading.Lock(), threading.Event(), False
+        self.baton, self.done, self.given_up = threading.RLock(), threading.Event(), False
         self.fraction = 0.0
         self._work, self._touches, self._holds = work, touches, False
         self._result: list[_T] = []
@@ -88,7 +88,11 @@ def beside(work: Callable[[Callable[[float], None]], _T], touches: bool = False)
                 yield made.fraction
     finally:
         made.given_up = True
-        made.baton.release()
+        try:
+            made.baton.release()
+        except RuntimeError:  # broken off while the work had it: it may be touching Blender's data
+            with made.baton:
+                pass
     return made.result()
 
 
