@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -62,14 +63,17 @@ def room(tmp_path) -> Path:
     return tmp_path
 
 
-@pytest.fixture
-def small_files():
-    """A limit on the size of files, as a full disk is met."""
+@contextlib.contextmanager
+def small_files(size: int):
+    """No file may grow beyond ``size`` bytes, as on a full disk; only inside, since pytest's own output may go to a larger file."""
     resource = pytest.importorskip("resource")
     handled, before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN), resource.getrlimit(resource.RLIMIT_FSIZE)
-    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    signal.signal(signal.SIGXFSZ, handled)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handled)
 
 
 class TestNothingIsWrittenOver:
@@ -198,25 +202,22 @@ class TestFullDisk:
     def check(self, path: Path) -> None:
         assert path.read_text() == "earlier" and os.listdir(path.parent) == [path.name]
 
-    def test_a_picture(self, tmp_path, small_files):
+    def test_a_picture(self, tmp_path):
         path = self.keep(tmp_path, "one.png")
-        small_files(16384)
-        with pytest.raises(OutputError, match=r"cut short; the disk may be full.*make room"):
+        with small_files(16384), pytest.raises(OutputError, match=r"cut short; the disk may be full.*make room"):
             render.write_png(path, np.random.default_rng(0).random((300, 300, 4), np.float32))
         self.check(path)
 
     @pytest.mark.parametrize("compress", [False, True])
-    def test_a_scene(self, tmp_path, small_files, compress):
+    def test_a_scene(self, tmp_path, compress):
         path = self.keep(tmp_path, "one.blend")
-        small_files(16384)
-        with pytest.raises(OutputError, match="cannot be written to"):
+        with small_files(16384), pytest.raises(OutputError, match="cannot be written to"):
             outputs.save_blend(path, compress=compress)
         self.check(path)
 
-    def test_a_report(self, tmp_path, small_files):
+    def test_a_report(self, tmp_path):
         path = self.keep(tmp_path, "one.json")
-        small_files(500)
-        with pytest.raises(OutputError, match="cannot be written to"):
+        with small_files(500), pytest.raises(OutputError, match="cannot be written to"):
             outputs.write_json(path, {"x": "y" * 5000})
         self.check(path)
 
