@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import bpy
 import numpy as np
-from mathutils import Vector
 
 from nsm_core.rotations import Array
 
 from .door_handles import handle_at
-from .evaluated import is_worn
-from .leaf_board import LOWEST, THICKEST, Board
+from .leaf_board import Board, box_of, second_leaf
 from .points import POINT_LINK
-from .scene import WorldFrame
 from .surroundings import Surroundings
 
 _NEAR_EDGE = 0.1  # an origin this near to a vertical edge is the hinge
@@ -20,8 +17,6 @@ _REACH = 0.5  # metres around the leaf in which its frame is looked for
 _PINS = ("pin", "axis", "axle", "knuckle", "barrel")  # besides "hinge" in a name
 # Metres across, at most, of hardware; of a pin, what is wider being a plate that tells the edge alone; and between parts of one pin.
 _LARGEST, _SLENDER, _ONE_PIN = 0.2, 0.035, 0.008
-# A second leaf stands in line with the first, about as tall, and ends this near to its edge, metres.
-_MEETS, _IN_LINE, _AS_TALL = 0.08, 0.06, 0.15
 
 
 def find_pivot(target: bpy.types.Object, board: Board, around: Surroundings) -> Array:
@@ -42,25 +37,6 @@ def find_pivot(target: bpy.types.Object, board: Board, around: Surroundings) -> 
         if places:
             return _outermost(np.array(places)[:, :2], edge, board)
     return np.array((edge, board.middle))
-
-
-def second_leaf(target: bpy.types.Object, board: Board, around: Surroundings) -> float | None:
-    """The edge (low or high) at which a second leaf of a double door ends where this one does; None without, or with two."""
-    frame, met = around.frame, set()
-    own = {target, *target.children_recursive}
-    for other in around.scene.objects:
-        if other.type != "MESH" or other in own or other.hide_render or is_worn(other):
-            continue
-        box = _box(other, board, frame)
-        low, high = box.min(0), box.max(0)
-        tall = high[2] - max(low[2], 0.0)
-        alike = abs(high[2] - board.top) < _AS_TALL and tall > LOWEST and 0.3 < high[0] - low[0] < 2 * (board.high - board.low)
-        if not alike or high[1] - low[1] > THICKEST or abs((low[1] + high[1]) / 2 - board.middle) > _IN_LINE:
-            continue
-        for edge, gap in ((board.low, board.low - high[0]), (board.high, low[0] - board.high)):
-            if abs(gap) < _MEETS:
-                met.add(edge)
-    return met.pop() if len(met) == 1 else None
 
 
 def _hinge_edge(target: bpy.types.Object, board: Board, around: Surroundings, origins: list[Array]) -> float:
@@ -91,7 +67,7 @@ def _hinges(target: bpy.types.Object, board: Board, around: Surroundings) -> tup
         name = other.name.lower()
         if "hinge" not in name or other == target or POINT_LINK in other or other.type not in ("MESH", "EMPTY"):
             continue
-        box = _box(other, board, around.frame) if other.type == "MESH" else board.own(other, around.frame)[None]
+        box = box_of(other, board, around.frame) if other.type == "MESH" else board.own(other, around.frame)[None]
         place, across = box.mean(0), float(np.ptp(box[:, :2], axis=0).max())
         if across > _LARGEST or _edge_of(board, place) is None:
             continue
@@ -111,8 +87,3 @@ def _edge_of(board: Board, point: Array) -> float | None:
     edge = board.low if abs(point[0] - board.low) < abs(point[0] - board.high) else board.high
     near = abs(point[0] - edge) < _NEAR_EDGE and abs(point[1] - board.middle) < board.thickness / 2 + _NEAR_EDGE
     return edge if near else None
-
-
-def _box(part: bpy.types.Object, board: Board, frame: WorldFrame) -> Array:
-    """Corners (8, 3) of an object's bounding box in the leaf's frame."""
-    return board.body.to_own(frame.to_core(np.array([part.matrix_world @ Vector(c) for c in part.bound_box])))

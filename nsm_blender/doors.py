@@ -13,8 +13,9 @@ from nsm_core.sensors.query import DistanceQuery
 
 from .door_handles import find_handle, fittings_of, grip_depth
 from .door_hinges import find_pivot
+from .door_kinds import require_no_track, require_swings, require_way_through
 from .door_openings import AJAR, Doorway, earlier_headings
-from .leaf_board import Board, read_board
+from .leaf_board import Board, neighbours, read_board
 from .points import SWING
 from .surroundings import Surroundings
 
@@ -40,8 +41,13 @@ def open_goal(
 def read_leaf(target: bpy.types.Object, hinge: bpy.types.Object | None, handle: bpy.types.Object | None, around: Surroundings) -> Leaf:
     """The leaf of a door as a prop where it stands, with the heading that shuts it; see ``open_goal``."""
     frame = around.frame
+    if hinge is None:
+        require_swings(target)
     board = read_board(target, around, fittings_of(target))
     body = board.body
+    if hinge is None:
+        ends = np.array((board.low, board.faces[0], body.bounds[0][2])), np.array((board.high, board.faces[1], board.top))
+        require_no_track(target, neighbours(target, board, around), *ends)
     pivot = board.own(hinge, frame)[:2] if hinge is not None else find_pivot(target, board, around)
     flip = abs(pivot[0] - board.high) < abs(pivot[0] - board.low)  # the hinge is at +X: turn the frame round
     heading = float(wrap_angle(body.yaw + (np.pi if flip else 0.0)))
@@ -54,8 +60,10 @@ def read_leaf(target: bpy.types.Object, hinge: bpy.types.Object | None, handle: 
         raise GoalError(f"The handle of {target.name} is not on its leaf; move its handle point, or its hinge point to the other edge.")
     pose = np.append(body.to_core(np.append(pivot, 0.0)), heading)
     query = body.solid_at(pose)
-    doorway = Doorway(around.query, pose[:2].astype(np.float64), width - (board.high - board.low), width, middle, board.top)
+    edge = width - (board.high - board.low)
+    doorway = Doorway(around.query, pose[:2].astype(np.float64), edge, width, middle, board.top)
     closed = doorway.shut(heading, *earlier_headings(target, heading))
+    require_way_through(target, pose, closed, (edge, width), board.top, around.query, frame.scale)
     open_by = float(wrap_angle(heading - closed))
     if abs(open_by) > AJAR:
         swing = float(np.sign(open_by))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -20,6 +21,7 @@ from .bodies import Body, place_of
 from .carrying import carry_goal
 from .climbing import climb_goal
 from .door_handles import HANDLE_HEIGHT, fittings_of
+from .door_kinds import require_swings
 from .doors import open_goal
 from .parts import is_group, seat_body
 from .places import crossings, require_support, walk_goal, what_stands_at
@@ -90,6 +92,13 @@ def resolve(
     if spec.action == "climb":
         return climb_goal(name, spec.object, goal_point_of(scene, spec.object, "climb"), spec.hold, around, here)
     return _walk(spec, scene, around, before)
+
+
+def require_swinging(goals: Sequence[GoalSpec], scene: bpy.types.Scene) -> None:
+    """Raise GoalError where one is to open what moves in another way than a leaf swings, unless the animator gave it a hinge."""
+    for spec in goals:
+        if spec.action == "open" and spec.object is not None and goal_point_of(scene, spec.object, HINGE) is None:
+            require_swings(spec.object)
 
 
 def place_after(goal: Goal, before: tuple[Array, float], around: Surroundings) -> tuple[Array, float]:

@@ -7,12 +7,15 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
+from mathutils import Vector
 
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.sensors.closed import connected_parts
 
 from .bodies import Body
+from .door_kinds import ONLY, furniture_by_name, no_leaf
+from .evaluated import is_worn
 from .scene import WorldFrame
 from .surroundings import Surroundings
 
@@ -23,6 +26,8 @@ LEAST_FILLED = 0.4  # of its outline: a frame is no leaf
 _POST_HEIGHT, _POST_DEPTH, _POST_WITHIN = 0.7, 0.05, 0.25
 _GAP = 3e-4  # metres between a leaf and what it is not part of: boards of one leaf touch
 _TWO_LEAVES = 0.3  # of the whole width, of which each of two leaves in one mesh has this much at least
+# A second leaf stands in line with the first, about as tall, and ends this near to its edge, metres.
+_MEETS, _IN_LINE, _AS_TALL = 0.08, 0.06, 0.15
 _TWO_FROM = 1.1  # metres of width from which an object may be two leaves
 
 
@@ -71,20 +76,55 @@ def read_board(target: bpy.types.Object, around: Surroundings, fittings: Sequenc
     family = _family(target)
     if width >= NARROWEST and height >= LOWEST:
         _require_one_leaf(target.name, body, corners, normal, size, family)
+    board = Board(body, float(low[0]), float(high[0]), float(high[2]), (faces[0], faces[1]))
     if not NARROWEST <= width <= WIDEST or height < LOWEST or depth > THICKEST or filled < LEAST_FILLED:
+        alone = second_leaf(target, board, around) is None
+        told = no_leaf(target, high - low, alone, filled >= LEAST_FILLED)
         raise GoalError(
             f"{target.name} measures {width * s:.2f} x {(high[1] - low[1]) * s:.2f} x {height * s:.2f} m and is no leaf of a door that "
-            f"one walks through ({NARROWEST * s:.2f} to {WIDEST * s:.2f} m wide, at least {LOWEST * s:.2f} m high, upright); choose the "
-            "leaf alone, without its frame."
+            f"one walks through ({NARROWEST * s:.2f} to {WIDEST * s:.2f} m wide, at least {LOWEST * s:.2f} m high, upright)"
+            f"{f': {told}' if told else '; choose the leaf alone, without its frame'}."
         )
     if low[2] > 0.4 or low[2] < -0.3:
+        part = furniture_by_name(target)
+        if part is not None:
+            raise GoalError(f"{target.name} is {part}; {ONLY}.")
         raise GoalError(f"{target.name} does not stand on the character's floor; move it, or the character, to the same height.")
     for fitting in fittings:
         part = around.body(fitting)
         body.solids = [*body.solids, *part.solids]
         body.triangles = np.concatenate((body.triangles, part.triangles + len(body.vertices)))
         body.vertices = np.concatenate((body.vertices, body.to_own(part.to_core(part.vertices)).astype(body.vertices.dtype)))
-    return Board(body, float(low[0]), float(high[0]), float(high[2]), (faces[0], faces[1]))
+    return board
+
+
+def second_leaf(target: bpy.types.Object, board: Board, around: Surroundings) -> float | None:
+    """The edge (low or high) at which a second leaf of a double door ends where this one does; None without, or with two."""
+    met = set()
+    for _, low, high in neighbours(target, board, around):
+        tall = high[2] - max(low[2], 0.0)
+        alike = abs(high[2] - board.top) < _AS_TALL and tall > LOWEST and 0.3 < high[0] - low[0] < 2 * (board.high - board.low)
+        if not alike or high[1] - low[1] > THICKEST or abs((low[1] + high[1]) / 2 - board.middle) > _IN_LINE:
+            continue
+        for edge, gap in ((board.low, board.low - high[0]), (board.high, low[0] - board.high)):
+            if abs(gap) < _MEETS:
+                met.add(edge)
+    return met.pop() if len(met) == 1 else None
+
+
+def neighbours(target: bpy.types.Object, board: Board, around: Surroundings) -> list[tuple[str, Array, Array]]:
+    """Name, lowest and highest corner (3,), leaf's frame, of the bounding box of each other mesh."""
+    own, found = {target, *target.children_recursive}, []
+    for other in around.scene.objects:
+        if other.type == "MESH" and other not in own and not other.hide_render and not is_worn(other):
+            box = box_of(other, board, around.frame)
+            found.append((other.name, box.min(0), box.max(0)))
+    return found
+
+
+def box_of(part: bpy.types.Object, board: Board, frame: WorldFrame) -> Array:
+    """Corners (8, 3) of an object's bounding box in the leaf's frame."""
+    return board.body.to_own(frame.to_core(np.array([part.matrix_world @ Vector(c) for c in part.bound_box])))
 
 
 def _quantiles(values: Array, weight: Array, shares: Sequence[float]) -> tuple[float, ...]:

@@ -24,7 +24,7 @@ from .actions import require_learned
 from .armature import read_pose, require_skeleton
 from .beside import beside
 from .evaluated import Snapshot
-from .goals import GoalSpec, moved_by, place_after, resolve
+from .goals import GoalSpec, moved_by, place_after, require_swinging, resolve
 from .ground import floor_under
 from .kept import Kept, restored_on_failure
 from .keying import KeyedTake, key_take_steps, key_things
@@ -189,6 +189,7 @@ def prepare(
         frame, start = start_of(spec.character, scene)
         moving = moved_by(spec.goals)
         moving_alone = [o for o in moving if not rides_along(o, moving)]
+        require_swinging(spec.goals, scene)
         for target in moving_alone:
             require_movable(target, spec.character)
         around = yield from surroundings_of(spec, scene, frame, moving)
