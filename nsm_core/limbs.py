@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .rotations import Array, quat_conjugate
+from .rotations import Array, cross, quat_conjugate
+from .rotations import quat_mul as mul
+from .rotations import quat_rotate as rotate
 from .skeleton import ARMS, FEET, INDEX, OFFSETS, PARENTS
 
 # Hinge axis of knee and elbow in the rest frame of the upper bone: turning the lower bone about it flexes the joint.
@@ -144,7 +146,7 @@ def _solve(hip: Array, knee: Array, ankle: Array, target: Array, hinge: Array) -
 
     # The plane of the bend: the limb's own where it is clearly bent, else the joint's hinge.  A limb that was nearly straight
     # and is to bend much would magnify the noise of its own plane into swings of the knee.
-    bend = _cross(upper, lower) / (a * b)
+    bend = cross(upper, lower) / (a * b)
     hinge = _unit(hinge - before * _dot(hinge, before))[0]
     sine = _length(bend)
     new_cosine = (distance * distance - a * a - b * b) / (2 * a * b)
@@ -153,13 +155,13 @@ def _solve(hip: Array, knee: Array, ankle: Array, target: Array, hinge: Array) -
     own = np.where(_dot(bend, hinge) > 0, own, 0)
     old_axis = _unit(own * bend / np.maximum(sine, 1e-9) + (1 - own) * hinge)[0]
     # Swing that plane along with the line from start to end.
-    w, c = _cross(before, way), _dot(before, way)
-    wn = _cross(w, old_axis)
-    axis = old_axis + wn + _cross(w, wn) / np.maximum(1 + c, 1e-6)
+    w, c = cross(before, way), _dot(before, way)
+    wn = cross(w, old_axis)
+    axis = old_axis + wn + cross(w, wn) / np.maximum(1 + c, 1e-6)
     axis = _unit(axis - way * _dot(axis, way))[0]
 
     cosine = np.clip((a * a + distance * distance - b * b) / (2 * a * distance), -1, 1)
-    new_knee = hip + a * (cosine * way + np.sqrt(1 - cosine * cosine) * _cross(way, axis))
+    new_knee = hip + a * (cosine * way + np.sqrt(1 - cosine * cosine) * cross(way, axis))
     return new_knee, hip + distance * way, axis, old_axis
 
 
@@ -177,12 +179,12 @@ def _carry(bone: Array, axis: Array, new_bone: Array, new_axis: Array) -> Array:
     y, new_y = _unit(axis - x * _dot(axis, x))[0], _unit(new_axis - new_x * _dot(new_axis, new_x))[0]
     cosine = _dot(x, new_x)
     # A bone turned right about swings on its bending axis.
-    swing = np.concatenate((np.maximum(1 + cosine, 0), np.where(1 + cosine < 1e-9, y, _cross(x, new_x))), axis=-1)
+    swing = np.concatenate((np.maximum(1 + cosine, 0), np.where(1 + cosine < 1e-9, y, cross(x, new_x))), axis=-1)
     swing = _unit(swing)[0]
     y = rotate(swing, y)
     cosine = np.clip(_dot(y, new_y), -1, 1)
     twist = np.concatenate(
-        (np.sqrt((1 + cosine) / 2), np.copysign(np.sqrt((1 - cosine) / 2), _dot(_cross(y, new_y), new_x)) * new_x), axis=-1
+        (np.sqrt((1 + cosine) / 2), np.copysign(np.sqrt((1 - cosine) / 2), _dot(cross(y, new_y), new_x)) * new_x), axis=-1
     )
     return mul(twist, swing)
 
@@ -203,25 +205,3 @@ def _length(v: Array) -> Array:
 def _unit(v: Array) -> tuple[Array, Array]:
     n = _length(v)
     return v / np.maximum(n, 1e-9), n
-
-
-# np.cross and products written out by component cost several times more on single frames, where every call counts.
-_NEXT, _LAST = np.array((1, 2, 0)), np.array((2, 0, 1))
-_HAMILTON = np.array(((0, 1, 2, 3), (1, 0, 3, 2), (2, 3, 0, 1), (3, 2, 1, 0)))
-_SIGNS = np.array(((1.0, -1, -1, -1), (1, 1, -1, 1), (1, 1, 1, -1), (1, -1, 1, 1)))
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return a.take(_NEXT, -1) * b.take(_LAST, -1) - a.take(_LAST, -1) * b.take(_NEXT, -1)
-
-
-def mul(a: Array, b: Array) -> Array:
-    """``rotations.quat_mul`` of (..., 4), fastest for a few quaternions."""
-    return ((a[..., _HAMILTON] * _SIGNS.astype(a.dtype)) @ b[..., None])[..., 0]
-
-
-def rotate(q: Array, v: Array) -> Array:
-    """``rotations.quat_rotate`` of (..., 3) by (..., 4), fastest for a few vectors."""
-    u = q[..., 1:]
-    t = 2 * _cross(u, v)
-    return v + q[..., :1] * t + _cross(u, t)

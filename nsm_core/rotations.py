@@ -1,6 +1,7 @@
 """Rotations as (..., 4) quaternions (w, x, y, z) and (..., 3, 3) matrices; planar headings.
 
-Everything is vectorised over leading axes and keeps the dtype of its input.
+Everything is vectorised over leading axes and keeps the dtype of its input.  A frame has few rotations, and there every call
+counts; a take has many, and there every pass over memory does: the products are written out in both ways.
 """
 
 from __future__ import annotations
@@ -8,6 +9,45 @@ from __future__ import annotations
 import numpy as np
 
 Array = np.ndarray
+
+_FEW = 512  # numbers up to which the calls cost more than the memory
+
+
+def _products() -> tuple[Array, Array, Array]:
+    """The bilinear forms of the few: (4, 16) of a quaternion's matrix, (16, 9) of its rotation less identity, (9, 3) of a cross product."""
+    matrix, rotation, cross = np.zeros((4, 16)), np.zeros((4, 4, 3, 3)), np.zeros((3, 3, 3))
+    units = ((0, 1, 2, 3), (1, 0, 3, 2), (2, 3, 0, 1), (3, 2, 1, 0))
+    signs = ((1, -1, -1, -1), (1, 1, -1, 1), (1, 1, 1, -1), (1, -1, 1, 1))
+    for row in range(4):
+        for column in range(4):
+            matrix[units[row][column], 4 * row + column] = signs[row][column]
+    for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        cross[a, b, c], cross[b, a, c] = 1, -1
+        rotation[0, 1 + c, a, b], rotation[0, 1 + c, b, a] = -2, 2  # 2 w (u x v)
+        rotation[1 + a, 1 + a, b, b], rotation[1 + a, 1 + a, c, c] = -2, -2  # 2 u x (u x v)
+        rotation[1 + a, 1 + b, a, b], rotation[1 + b, 1 + a, b, a] = 2, 2
+    return matrix, rotation.reshape(16, 9), cross.reshape(9, 3)
+
+
+_MATRIX, _ROTATION, _CROSS = ({np.dtype(t): form.astype(t) for t in (np.float32, np.float64)} for form in _products())
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Cross product (..., 3) of vectors (..., 3)."""
+    if a.size + b.size <= _FEW and a.dtype in _CROSS and b.dtype in _CROSS:
+        pairs = a[..., :, None] * b[..., None, :]
+        return pairs.reshape(*pairs.shape[:-2], 9) @ _CROSS[pairs.dtype]
+    a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
+    b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
+    return _packed(a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0)
+
+
+def _packed(*components: Array) -> Array:
+    """Components of one shape (...) along a new last axis."""
+    out = np.empty((*components[0].shape, len(components)), dtype=components[0].dtype)
+    for k, component in enumerate(components):
+        out[..., k] = component
+    return out
 
 
 def quat_normalize(q: Array) -> Array:
@@ -20,16 +60,16 @@ def quat_normalize(q: Array) -> Array:
 
 def quat_mul(a: Array, b: Array) -> Array:
     """Hamilton product of (..., 4) quaternions: rotate by ``b`` first, then by ``a``."""
-    aw, ax, ay, az = np.moveaxis(a, -1, 0)
-    bw, bx, by, bz = np.moveaxis(b, -1, 0)
-    return np.stack(
-        (
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ),
-        axis=-1,
+    if a.size + b.size <= _FEW and a.dtype in _MATRIX:
+        matrix = a @ _MATRIX[a.dtype]
+        return (matrix.reshape(*a.shape, 4) @ b[..., None])[..., 0]
+    aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
+    bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
+    return _packed(
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
     )
 
 
@@ -40,9 +80,13 @@ def quat_conjugate(q: Array) -> Array:
 
 def quat_rotate(q: Array, v: Array) -> Array:
     """Rotate (..., 3) vectors by (..., 4) unit quaternions."""
+    if q.size + v.size <= _FEW and q.dtype in _ROTATION:
+        pairs = q[..., :, None] * q[..., None, :]
+        turn = pairs.reshape(*q.shape[:-1], 16) @ _ROTATION[q.dtype]
+        return v + (turn.reshape(*q.shape[:-1], 3, 3) @ v[..., None])[..., 0]
     u = q[..., 1:]
-    t = 2 * np.cross(u, v)
-    return v + q[..., :1] * t + np.cross(u, t)
+    t = 2 * cross(u, v)
+    return v + q[..., :1] * t + cross(u, t)
 
 
 def quat_from_axis_angle(axis: Array, angle: Array) -> Array:
@@ -85,13 +129,12 @@ def quat_from_matrix(m: Array) -> Array:
 
 def quat_to_matrix(q: Array) -> Array:
     """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
-    w, x, y, z = np.moveaxis(q, -1, 0)
-    rows = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-    )
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    return _packed(
+        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
+    ).reshape(*q.shape[:-1], 3, 3)  # fmt: skip
 
 
 def quat_slerp(a: Array, b: Array, t: Array) -> Array:
@@ -128,8 +171,10 @@ def heading_quat(heading: Array) -> Array:
 def rotate_planar(v: Array, heading: Array) -> Array:
     """Turn the first two of (..., 2 or 3) components about Z by headings (...), radians."""
     c, s = np.cos(heading), np.sin(heading)
-    turned = np.stack((c * v[..., 0] - s * v[..., 1], s * v[..., 0] + c * v[..., 1]), axis=-1)
-    return turned if v.shape[-1] == 2 else np.concatenate((turned, v[..., 2:]), axis=-1)
+    x = c * v[..., 0] - s * v[..., 1]
+    out = np.empty((*x.shape, v.shape[-1]), dtype=x.dtype)
+    out[..., 0], out[..., 1], out[..., 2:] = x, s * v[..., 0] + c * v[..., 1], v[..., 2:]
+    return out
 
 
 def wrap_angle(angle: Array) -> Array:

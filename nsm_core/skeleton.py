@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .errors import SkeletonError
-from .rotations import Array, direction_to_heading, quat_mul, quat_rotate
+from .rotations import Array, direction_to_heading, quat_conjugate, quat_mul, quat_rotate
 
 JOINTS = (
     "Hips", "Chest", "Chest2", "Chest3", "Chest4", "Neck", "Head",
@@ -54,15 +54,16 @@ ARMS = ((INDEX["RightShoulder"], INDEX["RightElbow"], INDEX["RightWrist"]),
         (INDEX["LeftShoulder"], INDEX["LeftElbow"], INDEX["LeftWrist"]))  # fmt: skip
 
 
-def _levels() -> list[tuple[list[int], list[int]]]:
+def _levels() -> list[tuple[Array, Array]]:
     """Joints as many steps from the hips as each other, and their parents: computed together, since each step costs by the call."""
     depth = [0] * J
     for j in range(1, J):
         depth[j] = depth[PARENTS[j]] + 1
-    levels = [[j for j in range(J) if depth[j] == d] for d in range(1, max(depth) + 1)]
-    return [(joints, [int(PARENTS[j]) for j in joints]) for joints in levels]
+    levels = [np.array([j for j in range(J) if depth[j] == d]) for d in range(1, max(depth) + 1)]
+    return [(joints, _PARENTS[joints]) for joints in levels]
 
 
+_PARENTS = np.array(PARENTS)
 _LEVELS = _levels()
 
 
@@ -75,20 +76,18 @@ def forward_kinematics(hips_position: Array, local_rotations: Array, offsets: Ar
     rotations = np.empty_like(local_rotations)
     positions[..., 0, :] = hips_position
     rotations[..., 0, :] = local_rotations[..., 0, :]
-    offsets = offsets.astype(positions.dtype)
     for joints, parents in _LEVELS:
-        above = rotations[..., parents, :]
-        rotations[..., joints, :] = quat_mul(above, local_rotations[..., joints, :])
-        positions[..., joints, :] = positions[..., parents, :] + quat_rotate(above, offsets[joints])
+        rotations[..., joints, :] = quat_mul(rotations[..., parents, :], local_rotations[..., joints, :])
+    bones = quat_rotate(rotations[..., _PARENTS[1:], :], offsets[1:].astype(positions.dtype))
+    for joints, parents in _LEVELS:
+        positions[..., joints, :] = positions[..., parents, :] + bones[..., joints - 1, :]
     return positions, rotations
 
 
 def local_from_world(rotations: Array) -> Array:
     """Parent-relative rotations (..., J, 4) of world rotations (..., J, 4)."""
     local = rotations.copy()
-    parents = list(PARENTS[1:])
-    inverse = rotations[..., parents, :] * np.array((1, -1, -1, -1), dtype=rotations.dtype)
-    local[..., 1:, :] = quat_mul(inverse, rotations[..., 1:, :])
+    local[..., 1:, :] = quat_mul(quat_conjugate(rotations[..., _PARENTS[1:], :]), rotations[..., 1:, :])
     return local
 
 

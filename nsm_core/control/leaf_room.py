@@ -24,8 +24,8 @@ Spheres = tuple[Array, Array]
 
 def body_spheres(pose: Pose, without: int | None = None) -> tuple[Spheres, Spheres]:
     """Centres (S, 3) world and radii (S,), metres, of a body's capsules, but the arm ``without`` (0 right, 1 left); of its trunk alone."""
-    joints, turns = (a[0] for a in forward_kinematics(pose.hips[None], pose.local[None]))
-    first, last = (joints[at] + quat_rotate(turns[at], off) for at, off in (_FIRST, _LAST))
+    joints, turns = forward_kinematics(pose.hips, pose.local)
+    first, last = joints[_ENDS] + quat_rotate(turns[_ENDS], _OFF)
     share = np.linspace(0, 1, _SAMPLES)[:, None]
     kept = np.ones(len(CAPSULES), dtype=bool) if without is None else ~_OF_ARM[without]
     centres = np.swapaxes(first + share[..., None] * (last - first), 0, 1)  # (C, _SAMPLES, 3)
@@ -41,7 +41,7 @@ def _ends(which: int) -> tuple[list[int], Array]:
     return [INDEX[bone] for bone in bones], np.array(offsets, dtype=np.float64)
 
 
-_FIRST, _LAST = _ends(0), _ends(1)
+_ENDS, _OFF = (np.stack(both) for both in zip(_ends(0), _ends(1), strict=True))
 _RADII = np.array([capsule[2:] for capsule in CAPSULES])
 _OF_TRUNK = np.array([a in _TRUNK and b not in ("RightElbow", "LeftElbow") for a, b, _, _ in CAPSULES])
 _OF_ARM = np.array([[a in [side + part for part in _ARM] for a, *_ in CAPSULES] for side in _SIDES]) & ~_OF_TRUNK
