@@ -180,6 +180,21 @@ def test_a_take_that_is_closed_while_it_is_looked_at_leaves_nothing(job):
     assert digest() == before
 
 
+def test_what_the_animator_makes_while_a_take_is_keyed_stays(job):
+    steps, targets = job
+    running, theirs = steps(), []
+    for stage in ("Making keys", "Checking"):
+        while next(running).stage != stage:
+            pass
+        theirs.append(bpy.data.actions.new("New"))
+        theirs.append(targets[0].animation_data.action.copy())
+    made = targets[0].animation_data.action.name
+    names = [action.name for action in theirs]
+    running.close()
+    assert made not in bpy.data.actions
+    assert all(bpy.data.actions[name] == action for name, action in zip(names, theirs, strict=True))
+
+
 def test_a_whole_take_leaves_what_was_moved_without_a_key(job):
     steps, _ = job
     other = bpy.data.objects["Other"]

@@ -156,8 +156,9 @@ def build_armature(name: str, location: tuple[float, float, float] = (0.0, 0.0, 
     armature.location = location
     (bpy.context.collection or bpy.context.scene.collection).objects.link(armature)
     view_layer = bpy.context.view_layer
-    for other in view_layer.objects.selected:
-        other.select_set(False)
+    for other in list(view_layer.objects.selected):
+        if other is not None:  # deleted a moment ago
+            other.select_set(False)
     view_layer.objects.active = armature
     armature.select_set(True)
     bpy.ops.object.mode_set(mode="EDIT")

@@ -5,12 +5,15 @@ One path for 4.3 to 5.2; ``ActionChannels`` is all that the rest of the add-on s
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import bpy
 import numpy as np
+
+from .identity import identity
 
 LINEAR = bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items["LINEAR"].value
 # The type that marks keys as made by a tool came with 4.5; before that they are ordinary keys.
@@ -39,13 +42,31 @@ class ActionChannels:
         return fcurve
 
 
+_made: list[int | str] = []  # what tells the actions that the add-on has made in this session
+
+
 def new_action(name: str, slot_name: str) -> ActionChannels:
     """Make an empty action with a slot for an object; it is not assigned to anything yet."""
-    action = bpy.data.actions.new(name)
+    passing = f"NSM {secrets.token_hex(12)}"
+    _made.append(passing)  # a break may come between any two lines: by then the action has this name, or its number is noted
+    action = bpy.data.actions.new(passing)
+    _made.append(identity(action))
+    action.name = name
     if not hasattr(action, "slots"):
         return ActionChannels(action, None, action)
     slot = action.slots.new(id_type="OBJECT", name=slot_name)
     return ActionChannels(action, slot, _channelbag(action, slot))
+
+
+def made_so_far() -> int:
+    """A mark in the add-on's making of actions, for ``made_since``."""
+    return len(_made)
+
+
+def made_since(mark: int) -> list[bpy.types.Action]:
+    """Actions that the add-on has made since a mark and that are still there; what others have made meanwhile is not among them."""
+    made = set(_made[mark:])
+    return [action for action in bpy.data.actions if identity(action) in made or action.name in made]
 
 
 def channels_of(target: bpy.types.Object) -> ActionChannels | None:

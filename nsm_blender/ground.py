@@ -50,9 +50,9 @@ def floor_under(place: Array, scale: float, scene: bpy.types.Scene, but: Iterabl
 
     Who is placed on a rug that lies on the world's floor, or on a floor of the scene, walks off it one step down.
     """
-    left_out, boxes = {o.name for o in but}, []
+    left_out, boxes = set(but), []
     for candidate in scene.objects:
-        if candidate.type == "MESH" and candidate.name not in left_out and candidate.visible_get():
+        if candidate.type == "MESH" and candidate not in left_out and candidate.visible_get():
             matrix = np.array(candidate.matrix_world)
             corners = np.array(candidate.bound_box) @ matrix[:3, :3].T + matrix[:3, 3]
             boxes.append((corners.min(0), corners.max(0)))

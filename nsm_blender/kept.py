@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from .channels import assign, transform_of
+from .channels import assign, made_since, made_so_far, transform_of
 
 # What Python sees where Blender's data was deleted, undone, exchanged or linked meanwhile.
 LOST = (ReferenceError, AttributeError, KeyError, TypeError, ValueError, RuntimeError)
@@ -120,26 +120,20 @@ class _Animation:
 
 
 class Kept:
-    """Frame, poses, places and actions of ``targets``, and which actions there are, before a take is keyed."""
+    """Frame, poses, places and actions of ``targets``, and what actions the add-on has made, before a take is keyed."""
 
     def __init__(self, scene: bpy.types.Scene, targets: Iterable[bpy.types.Object]) -> None:
         targets = list(dict.fromkeys(targets))
         armature = next((t for t in targets if t.type == "ARMATURE"), None)
-        self._actions = set(bpy.data.actions)
-        self._made: set[bpy.types.Action] | None = None
+        self._mark = made_so_far()
         self._animations = [_Animation.of(target) for target in targets]
         self._state = SceneState(scene, armature, targets)
 
-    def seal(self) -> None:
-        """Note that all actions that are new by now belong to the take; what comes later is somebody else's."""
-        self._made = set(bpy.data.actions) - self._actions
-
     def restore(self) -> None:
-        """Put everything back exactly and remove the actions made since; what no longer exists is passed over."""
-        made = self._made if self._made is not None else set(bpy.data.actions) - self._actions
+        """Put everything back exactly and remove the actions that the add-on made since; what no longer exists is passed over."""
         for animation in self._animations:
             _try(animation.restore)
-        for action in made:
+        for action in made_since(self._mark):
             _try(lambda action=action: bpy.data.actions.remove(action))
         _try(bpy.context.view_layer.update)  # the old actions play once more, before the poses that were not keyed
         _try(lambda: self._state.restore(always=True))

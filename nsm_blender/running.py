@@ -11,6 +11,7 @@ import bpy
 from nsm_core.skeleton import JOINTS
 
 from .actions import BY_KEY
+from .scene import holds
 
 
 @dataclass
@@ -90,7 +91,7 @@ def reason_not_ready(context: bpy.types.Context) -> str:
         return reason_busy()
     if character is None:
         return "No character is chosen; choose its armature, or add the bundled character."
-    if character.name not in context.scene.objects:
+    if not holds(context.scene, character):
         return f"The character {character.name} is no longer in this scene; choose another one."
     missing = [name for name in JOINTS if name not in character.data.bones]
     if missing:

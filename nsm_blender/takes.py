@@ -104,13 +104,12 @@ def key_and_check(
     spec: TakeSpec, scene: bpy.types.Scene, request: TakeRequest, result: TakeResult, frame: WorldFrame, things: dict[str, Thing]
 ) -> Generator[Progress, None, Take]:
     """Key a finished motion, look at what the scene shows of it, and report: all or nothing, whatever is raised or closed."""
-    with restored_on_failure(Kept(scene, [spec.character, *(thing.object for thing in things.values())])) as kept:
+    with restored_on_failure(Kept(scene, [spec.character, *(thing.object for thing in things.values())])):
         begin, title, hips = time.perf_counter(), spec.title(), frame.to_world(result.hips_position)
         steps = key_take_steps(spec.character, hips, result.local_rotations, spec.start_frame, FPS, title, scene)
         keyed = yield from _shown("Making keys", steps)
         moved = [(thing, result.props[thing.prop]) for thing in things.values()]
         yield from _shown("Making keys", key_things(keyed, moved, FPS, title, scene))
-        kept.seal()
         keying_ms = (time.perf_counter() - begin) * 1000 / max(len(result.hips_position), 1)
         shown = yield from _shown("Checking", look_at(keyed, result, frame, things, scene))
         report = yield from _waited("Checking", lambda _: build_report(title, result, shown, keyed, request, keying_ms))

@@ -12,6 +12,7 @@ from mathutils import Vector
 from nsm_core.rotations import Array
 
 from .keying import KeyedTake
+from .takes import own_objects
 
 # Bones whose heads should be in sight, where the character has them.
 SEEN = ("Head", "Chest2", "Hips", "LeftWrist", "RightWrist", "LeftAnkle", "RightAnkle")
@@ -53,7 +54,7 @@ def choose_views(
     is that of the camera.  ``wish`` (3,) is the side to look from wherever nothing blocks it.  With ``frames`` (of a sheet)
     each of these is looked at by itself; without, as in a film, the camera goes round and cuts only where it must.
     """
-    own = {take.armature.name, *(c.name for c in take.armature.children_recursive)}
+    own = own_objects(take.armature, scene)
     film = frames is None
     if film:
         frames = np.unique(np.linspace(take.frame_start, take.frame_end, 2 + int(len(places) / take.fps / _EVERY)).round().astype(int))
@@ -103,7 +104,7 @@ def _merit(candidates: Array, elevation: Array, facing: Array, wish: Sequence[fl
     return -_FRONT * np.abs(np.einsum("aed,nd->nae", candidates[..., :2], facing) - 0.6) - high
 
 
-def _sight(take: KeyedTake, scene: bpy.types.Scene, place: Array, offsets: Array, own: set[str], cut: float) -> Array:
+def _sight(take: KeyedTake, scene: bpy.types.Scene, place: Array, offsets: Array, own: set[bpy.types.Object], cut: float) -> Array:
     """Share (A, E) of the body in sight of cameras at ``place`` + ``offsets`` (A, E, 3), in the scene as it is now.
 
     With ``cut`` only what is nearer to the body than the camera by this share of its distance is looked at.
@@ -119,14 +120,14 @@ def _sight(take: KeyedTake, scene: bpy.types.Scene, place: Array, offsets: Array
     return seen / max(len(points), 1)
 
 
-def _is_clear(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, camera: Vector, point: Vector, own: set[str]) -> bool:
+def _is_clear(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, camera: Vector, point: Vector, own: set[bpy.types.Object]) -> bool:
     """Whether a picture shows the character where ``camera`` looks towards a ``point`` of it."""
     way = point - camera
     distance = way.length
     way.normalize()
     for _ in range(6):  # what no picture shows stands in no picture's way
         hit, place, _, _, found, _ = scene.ray_cast(depsgraph, camera, way, distance=distance)
-        if not hit or found.name in own:
+        if not hit or found.original in own:
             return True
         if not found.hide_render:
             return False

@@ -11,54 +11,51 @@ from bpy.app.handlers import persistent
 from nsm_core.skeleton import JOINTS
 
 from . import running
+from .identity import Known
 from .properties import settings_of, show_results
+from .scene import holds
 from .takes import TakeSpec
 
 _STOPPED = "so Generate stopped and nothing was keyed"
 
 
 class Watch:
-    """The scene, the character, its bones and the goals' objects of one take, by reference and by name."""
+    """The scene, the character, its bones and the goals' objects of one take: these very ones, whatever they are called by now."""
 
     def __init__(self, spec: TakeSpec, scene: bpy.types.Scene) -> None:
-        self.scene, self.character, self.data = scene, spec.character, spec.character.data
-        self.names = {"scene": scene.name, "character": spec.character.name}
-        self.bones = [name for name in JOINTS if name in self.data.bones]
+        self.scene, self.character, self.data = Known(scene), Known(spec.character), Known(spec.character.data)
+        self.bones = [name for name in JOINTS if name in spec.character.data.bones]
         goals = [needed for goal in spec.goals for needed in (goal.object, goal.to) if needed is not None]
-        self.goals = [(needed, needed.name) for needed in dict.fromkeys(goals)]
+        self.goals = [Known(needed) for needed in dict.fromkeys(goals)]
 
     def changed(self) -> str:
         """Return what was deleted, exchanged or renamed meanwhile, as a sentence with what to do; empty where the take can go on."""
-        scene, character = self.names["scene"], f"The character {self.names['character']}"
-        if not exists(self.scene):
-            return f"The scene {scene} was deleted or undone meanwhile, {_STOPPED}; generate again in the scene that is left."
-        if getattr(bpy.context, "scene", self.scene) != self.scene:
-            return f"Another scene than {scene} was chosen meanwhile, {_STOPPED}; go back to it and generate again."
-        if not exists(self.character):
-            return f"{character} was deleted or undone meanwhile, {_STOPPED}; choose another one."
-        if self.character.name not in self.scene.objects:
-            return f"{character} was taken out of the scene meanwhile, {_STOPPED}; put it back, or choose another one."
-        if self.character.library is not None and self.character.override_library is None:
-            return f"{character} became a link to another file meanwhile, {_STOPPED}; make a library override of it."
-        if not exists(self.data) or self.character.data != self.data:
-            return f"{character} got another armature meanwhile, {_STOPPED}; generate again."
-        if self.character.mode == "EDIT":
-            return f"{character} went into Edit Mode meanwhile, {_STOPPED}; leave it with Tab and generate again."
-        lost = next((name for name in self.bones if name not in self.data.bones or name not in self.character.pose.bones), None)
+        scene, character, data = self.scene.block, self.character.block, self.data.block
+        known = [block.here for block in (self.scene, self.character, self.data, *self.goals)]  # and called what they are now
+        who = f"The character {self.character.name}"
+        if not known[0]:
+            return f"The scene {self.scene.name} was deleted or undone meanwhile, {_STOPPED}; generate again in the scene that is left."
+        if getattr(bpy.context, "scene", scene) != scene:
+            return f"Another scene than {self.scene.name} was chosen meanwhile, {_STOPPED}; go back to it and generate again."
+        if not known[1]:
+            return f"{who} was deleted or undone meanwhile, {_STOPPED}; choose another one."
+        if not holds(scene, character):
+            return f"{who} was taken out of the scene meanwhile, {_STOPPED}; put it back, or choose another one."
+        if character.library is not None and character.override_library is None:
+            return f"{who} became a link to another file meanwhile, {_STOPPED}; make a library override of it."
+        if not known[2] or character.data != data:
+            return f"{who} got another armature meanwhile, {_STOPPED}; generate again."
+        if character.mode == "EDIT":
+            return f"{who} went into Edit Mode meanwhile, {_STOPPED}; leave it with Tab and generate again."
+        lost = next((name for name in self.bones if name not in data.bones or name not in character.pose.bones), None)
         if lost is not None:
-            return f"The bone {lost} of {self.names['character']} was renamed or deleted meanwhile, {_STOPPED}; undo that, or name it back."
-        for needed, name in self.goals:
-            if not exists(needed) or needed.name not in self.scene.objects:
-                return f"{name}, a goal of the take, was deleted meanwhile, {_STOPPED}; choose another object, or remove the goal."
+            return f"The bone {lost} of {character.name} was renamed or deleted meanwhile, {_STOPPED}; undo that, or name it back."
+        for goal, here in zip(self.goals, known[3:], strict=True):
+            if not here:
+                return f"{goal.name}, a goal of the take, was deleted meanwhile, {_STOPPED}; choose another object, or remove the goal."
+            if not holds(scene, goal.block):
+                return f"The goal {goal.name} was taken out of the scene meanwhile, {_STOPPED}; put it back, or choose another one."
         return ""
-
-
-def exists(block: bpy.types.ID) -> bool:
-    """Whether a reference to Blender's data still leads to something."""
-    try:
-        return bool(block.name)
-    except ReferenceError:
-        return False
 
 
 _words = ""  # why a take was stopped, to be told when the step has been undone: the sidebar's lines are undone with it

@@ -11,12 +11,12 @@ import bpy
 from nsm_core.errors import NsmError
 
 from .. import running
+from ..identity import exists
 from ..properties import settings_of, show_results, spec_of_row
 from ..report import result_lines
 from ..reviews import remember
 from ..session import Session
 from ..takes import Take, TakeSpec, finish, generate
-from ..watch import exists
 
 _BUDGET = 0.04  # seconds of stepping at a time: clicks and ESC are heard that often
 _SLOWEST_PREVIEW = 0.5  # seconds of stepping between two redraws, at most, where a redraw itself takes long
