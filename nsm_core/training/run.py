@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import hashlib
 import json
 import time
@@ -14,40 +13,13 @@ import torch
 
 from ..dataset.export import export
 from ..dataset.stored import Dataset
-from ..files import output
 from ..networks.config import NsmConfig
 from ..networks.memory import keep_freed_memory
 from .adopt import start_from
 from .batches import RolloutSettings
 from .fresh import SEEDS_APART, FreshSettings, FreshTakes
+from .log import Log
 from .trainer import Trainer, TrainingSettings, read_checkpoint
-
-
-def plot(log: Path) -> None:
-    """Draw the loss log beside itself."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    rows = np.genfromtxt(log, delimiter=",", names=True)
-    if rows.ndim == 0 or len(rows) < 2:
-        return
-    figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.5))
-    for name in ("data", "rollout", "validation"):
-        left.plot(rows["step"], rows[name], label=name)
-    left.set(yscale="log", xlabel="step", ylabel="mean squared error, normalised")
-    left.legend()
-    for name in ("drift_m", "pose_error_m"):
-        right.plot(rows["step"], rows[name], label=name)
-    right.set(xlabel="step", ylabel="metres", title="roll-outs against the takes they left")
-    right.legend()
-    figure.tight_layout()
-    try:
-        with output(log.with_suffix(".png"), "The plot") as temporary:
-            figure.savefig(temporary, dpi=90)
-    finally:
-        plt.close(figure)
 
 
 def main(arguments: list[str]) -> int:
@@ -102,7 +74,7 @@ def main(arguments: list[str]) -> int:
         print()
     keep_freed_memory()
     torch.set_num_threads(a.threads)
-    checkpoint, log = run / "checkpoint.pt", run / "log.csv"
+    checkpoint, log = run / "checkpoint.pt", Log(run / "log.csv")
     resumed = checkpoint.exists()
     done = read_checkpoint(checkpoint).get("step", 0) if resumed else 0
     fresh = None
@@ -123,8 +95,7 @@ def main(arguments: list[str]) -> int:
         if a.start_from:
             start_from(trainer.net, a.start_from)
             trainer.average.refresh(trainer.net)
-        with log.open("w", newline="") as f:
-            csv.writer(f).writerow(("step", "minutes", "data", "rollout", "validation", "drift_m", "pose_error_m"))
+    log.begin(trainer.step)
     try:
         _loop(trainer, checkpoint, log)
     finally:
@@ -135,7 +106,7 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _loop(trainer: Trainer, checkpoint: Path, log: Path) -> None:
+def _loop(trainer: Trainer, checkpoint: Path, log: Log) -> None:
     from tqdm import tqdm
 
     s = trainer.settings
@@ -150,13 +121,12 @@ def _loop(trainer: Trainer, checkpoint: Path, log: Path) -> None:
             data, rollout = sums / count
             drift, pose = trainer.batches.drift
             row = (trainer.step, round((time.time() - started) / 60, 2), data, rollout, trainer.validate(), drift, pose)
-            with log.open("a", newline="") as f:
-                csv.writer(f).writerow([f"{v:.5g}" for v in row])
+            log.add(row)
             bar.set_postfix_str(f"data {data:.4f} roll-out {rollout:.4f} drift {drift * 100:.1f} cm pose {pose * 100:.1f} cm")
             sums, count = np.zeros(2), 0
         if time.time() - saved > 120 or trainer.step == s.steps:
             trainer.save(checkpoint)
             trainer.export(checkpoint.with_name("nsm.npz"))
-            plot(log)
+            log.plot()
             saved = time.time()
     bar.close()
