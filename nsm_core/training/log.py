@@ -26,7 +26,7 @@ class Log:
         """
         rows = self.rows()
         with output(self.path, "The log of the training") as temporary:
-            temporary.write_text("".join(_line(row) for row in (COLUMNS, *rows[rows[:, 0] <= step])), encoding="utf-8")
+            temporary.write_text("".join((",".join(COLUMNS) + "\n", *map(_line, rows[rows[:, 0] <= step]))), encoding="utf-8")
 
     def add(self, row: Sequence[float]) -> None:
         """Add a row of the ``COLUMNS``."""
@@ -69,8 +69,8 @@ class Log:
             plt.close(figure)
 
 
-def _line(row: Sequence[float | str]) -> str:
-    return ",".join(str(value) if isinstance(value, str | int) else f"{value:.5g}" for value in row) + "\n"
+def _line(row: Sequence[float]) -> str:
+    return ",".join((f"{row[0]:.0f}", *(f"{value:.5g}" for value in row[1:]))) + "\n"
 
 
 def _numbers(line: str) -> list[float] | None:
