@@ -11,7 +11,8 @@ from captures import walk
 from nsm_core import bvh, bvh_write
 from nsm_core.__main__ import main
 from nsm_core.bvh_mapping import load_mapping
-from nsm_core.dataset.capture_folder import capture_paths, labelled, read_capture
+from nsm_core.dataset.capture_folder import capture_paths, labelled, name_in, read_capture, unlabelled
+from nsm_core.dataset.library import load_runs, load_walks
 from nsm_core.errors import CaptureError
 from nsm_core.skeleton import JOINTS
 
@@ -102,3 +103,17 @@ def test_what_never_ends_is_no_capture(tmp_path):
     os.mkfifo(tmp_path / "pipe.bvh")
     with pytest.raises(CaptureError, match=r"pipe\.bvh cannot be read \(it is no file\); check the path\.$"):
         bvh.read(tmp_path / "pipe.bvh")
+
+
+def test_clips_known_by_name_are_read_with_all_their_bodies_and_hidden_files_are_none(tmp_path):
+    for source, name in (("cmu", "cmu_02_01"), ("cmu", "walk"), ("opencap", "quick_run"), ("quaternius", "jog")):
+        (tmp_path / "clips" / source).mkdir(parents=True, exist_ok=True)
+        two_bodies(tmp_path / "clips" / source / f"{name}.bvh")
+    for left in (".2f00aa11bb22-new.bvh", "._walk.bvh"):  # of a killed program, of macOS
+        (tmp_path / "clips" / "cmu" / left).write_bytes(b"\x00\x05\x16\x07HIERARCHY\nROOT")
+    walks = load_walks(tmp_path)
+    assert sorted(round(distance(c), 1) for c in walks) == [1.5, 1.5, 1.5, 3.0, 3.0, 3.0]
+    assert sorted(c.name for c in walks) == ["cmu_02_01", "cmu_02_01.2", "jog", "jog.2", "walk", "walk.2"]
+    assert sorted(c.name for c in load_runs(tmp_path)) == ["jog", "jog.2"]
+    assert [p.name for p in unlabelled(tmp_path, "quaternius", "cmu")][:2] == ["jog.2.bvh", "jog.bvh"]
+    assert {name_in(p) for p in unlabelled(tmp_path)} == {"cmu_02_01", "walk", "quick_run", "jog"}

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import errno
+import io
 import json
 import os
+import sys
 import tempfile
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import bpy
 
@@ -81,8 +83,22 @@ def write_json(path: Path, data: Any, what: str = "The report") -> None:
 
 def save_blend(path: Path, what: str = "The scene", compress: bool = False) -> None:
     """Save the open scene as a copy; OutputError when that fails."""
-    with written(path, what, blend_is_whole) as temporary, quiet():
+    with written(path, what, blend_is_whole) as temporary, quiet(), redirect_stdout(_Renaming(sys.stdout, temporary.name, path.name)):
         bpy.ops.wm.save_as_mainfile(filepath=str(temporary), copy=True, relative_remap=True, compress=compress)
+
+
+class _Renaming(io.TextIOBase):
+    """Passes on what is printed, with the name that a file will have for the passing one: Blender says where it has saved."""
+
+    def __init__(self, stream: TextIO, passing: str, final: str) -> None:
+        self._stream, self._passing, self._final = stream, passing, final
+
+    def write(self, text: str) -> int:
+        self._stream.write(text.replace(self._passing, self._final))
+        return len(text)
+
+    def flush(self) -> None:
+        self._stream.flush()
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from ..conventions import FPS
 from ..limbs import place_wrists
 from ..rotations import Array, quat_rotate, rotate_planar
 from ..skeleton import ARMS, FEET, HIPS, INDEX, forward_kinematics
-from .capture_folder import has_sidecar, labelled, read_capture
+from .capture_folder import labelled, read_capture, unlabelled
 from .labelled import grasps
 from .leaning import COMFORT, LEAN, shift_of
 from .library import _ARM_JOINTS, gaussian_smooth, neutral
@@ -30,8 +30,8 @@ def load_bends(folder: str | Path) -> list[Segment]:
 
     By the hands' contacts where there are sidecars, else by names.
     """
-    paths = sorted(p for p in (Path(folder) / "clips").glob("*/*.bvh") if any(w in p.stem for w in _WORDS) and "run" not in p.stem)
-    found = [(read_capture(p, folder), None) for p in paths if not has_sidecar(p)]
+    paths = [p for p in unlabelled(folder) if any(w in p.stem for w in _WORDS) and "run" not in p.stem]
+    found = [(read_capture(p, folder), None) for p in paths]
     found += [(piece.clip, frame) for piece in labelled(folder) for frame in grasps(piece)]
     halves: dict[str, Segment] = {}
     if not found:

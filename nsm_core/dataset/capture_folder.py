@@ -40,7 +40,8 @@ def capture_paths(folder: str | Path, mapping: Path | None = None) -> list[Path]
 
 
 def _clips(folder: str | Path, mapping: Path | None = None) -> list[Path]:
-    files = sorted(p for p in Path(folder).rglob("*") if p.suffix.lower() == ".bvh" and not p.is_dir())
+    # Hidden ones are no captures: what a killed program left of one, or what macOS notes beside each file on a foreign disk.
+    files = sorted(p for p in Path(folder).rglob("[!.]*") if p.suffix.lower() == ".bvh" and not p.is_dir())
     named = ((p, mapping or mapping_path(p, folder)) for p in files)
     found = [_numbered(p, n) for p, m in named for n in range(1, _bodies(p, _stamp(p), m, _stamp(m)) + 1)]
     return sorted(dict.fromkeys(found))
@@ -118,6 +119,20 @@ def _read(path: Path, stamp: int, mapping: Path | None, mapping_stamp: int) -> l
 def has_sidecar(path: Path) -> bool:
     """Whether labels, not the clip's name, say what it is used for."""
     return sidecar_of(path).exists()
+
+
+def unlabelled(folder: str | Path, *sources: str) -> list[Path]:
+    """List the clips, every body of a file, of ``folder/clips/SOURCE`` that have no sidecar: what they are used for is in their names.
+
+    Sorted within each of the ``sources``; of all of them together where none is named.  May be empty.
+    """
+    clips = [p for p in _clips(folder) if p.parent.parent == Path(folder) / "clips" and not has_sidecar(p)]
+    return [p for source in sources for p in clips if p.parent.name == source] if sources else clips
+
+
+def name_in(path: Path) -> str:
+    """The name that a clip's file bears, which holds for all of its bodies."""
+    return _file_of(path)[0].stem
 
 
 def labelled(folder: str | Path) -> list[Labelled]:

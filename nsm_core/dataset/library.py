@@ -18,7 +18,7 @@ from ..errors import CaptureError
 from ..limbs import place_wrists
 from ..rotations import Array, quat_normalize, rotate_planar
 from ..skeleton import ARMS, HIPS, INDEX, forward_kinematics, root_of
-from .capture_folder import has_sidecar, labelled, read_capture
+from .capture_folder import labelled, name_in, read_capture, unlabelled
 from .labelled import sit_downs, walks_and_runs
 
 # Clips whose names hold one of these words are left out of level walking: they hop, skip, crouch or carry.
@@ -124,17 +124,9 @@ def _is_level_walk(clip: Clip) -> bool:
 
 def load_walks(folder: str | Path) -> list[Clip]:
     """Read the level idle and walking clips below the capture folder: by labels where there are sidecars, else by name and measure."""
-    paths = [p for source in _WALK_SOURCES for p in sorted((Path(folder) / "clips" / source).glob("*.bvh"))]
-    paths = [p for p in paths if not (p.parent.name == "cmu" and p.stem.split("_")[1] in ("01", "03"))]
-    paths = [
-        p
-        for p in paths
-        if not (
-            p.parent.name == "cmu"
-            and p.stem.startswith(("cmu_02_04", "cmu_02_05", "cmu_02_06", "cmu_02_07", "cmu_02_08", "cmu_02_09", "cmu_02_10", "cmu_06"))
-        )
-    ]
-    named = [read_capture(p, folder) for p in paths if not has_sidecar(p)]
+    other = ("cmu_02_04", "cmu_02_05", "cmu_02_06", "cmu_02_07", "cmu_02_08", "cmu_02_09", "cmu_02_10", "cmu_06", "cmu_01_", "cmu_03_")
+    paths = [p for p in unlabelled(folder, *_WALK_SOURCES) if not (p.parent.name == "cmu" and f"{name_in(p)}_".startswith(other))]
+    named = [read_capture(p, folder) for p in paths]
     return [c for c in named if _is_level_walk(c)] + [c for piece in labelled(folder) for c in walks_and_runs(piece)[0]]
 
 
@@ -143,10 +135,9 @@ _RUN_LEFT_OUT = tuple("hop skip leap jump crouch box side hop2 jump2 quick".spli
 
 def load_runs(folder: str | Path) -> list[Clip]:
     """Read the clips that run, start to run or stop running: by labels where there are sidecars, else by name and measure."""
-    paths = [p for source in _WALK_SOURCES for p in sorted((Path(folder) / "clips" / source).glob("*.bvh"))]
     runs = ("run", "jog", "cmu_02_03", "cmu_09")
-    named = [p for p in paths if any(r in p.stem for r in runs) and not any(word in p.stem for word in _RUN_LEFT_OUT)]
-    clips = [read_capture(p, folder) for p in named if not has_sidecar(p)]
+    paths = [p for p in unlabelled(folder, *_WALK_SOURCES) if any(r in p.stem for r in runs)]
+    clips = [read_capture(p, folder) for p in paths if not any(word in p.stem for word in _RUN_LEFT_OUT)]
     clips = [c for c in clips if c.hips_position[:, 2].min() > 0.6]
     return clips + [c for piece in labelled(folder) for c in walks_and_runs(piece)[1]]
 
@@ -226,7 +217,7 @@ def load_sits(folder: str | Path) -> list[SitDown]:
     """Cut out sit-downs that start and end standing: by labels where there are sidecars, else by name and height; may be empty."""
     sits: list[SitDown] = []
     labels = [cut for piece in labelled(folder) for cut in sit_downs(piece)]
-    paths = [p for p in sorted((Path(folder) / "clips").glob("*/*.bvh")) if p.stem in _SIT_CLIPS and not has_sidecar(p)]
+    paths = [p for p in unlabelled(folder) if name_in(p) in _SIT_CLIPS]
     if not paths and not labels:
         return sits
     arms = neutral(folder).local_rotations[0, _ARM_JOINTS]
