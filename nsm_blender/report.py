@@ -13,7 +13,7 @@ from nsm_core.control.take import TakeRequest, TakeResult, goal_errors
 from nsm_core.evaluation.handling import all_depths
 from nsm_core.evaluation.metrics import depth_report, travel_report
 from nsm_core.sensors.query import Union
-from nsm_core.skeleton import forward_kinematics, root_of
+from nsm_core.skeleton import ARMS, forward_kinematics, root_of
 
 from .keying import KeyedTake
 from .shown import OFF, ShownTake
@@ -24,6 +24,7 @@ _DONE = {
     "carry": "set down", "open": "passed", "climb": "climbed",
 }  # fmt: skip
 _ERRORS = ("position_error_cm", "rotation_error_deg", "network_position_error_cm", "network_rotation_error_deg")
+_WRISTS = [arm[2] for arm in ARMS]
 _HAND_ERRORS = ("hand_error_cm", "hand_rotation_deg", "network_hand_error_cm", "network_hand_rotation_deg")
 
 
@@ -57,7 +58,7 @@ def build_report(name: str, result: TakeResult, shown: ShownTake, keyed: KeyedTa
 
 
 def _goal_report(goal: GoalResult, shown: ShownTake, prop: Prop | None) -> dict[str, Any]:
-    """One goal, judged by what is seen at the frame at which it was judged."""
+    """One goal, judged by what is seen at the frame at which it was judged; hands, at the one at which they take its prop."""
     values = {key: getattr(goal, key) for key in (*_ERRORS, *(_HAND_ERRORS if goal.action in ("carry", "open") else ()))}
     reached, reason = bool(goal.reached), goal.reason
     if math.isfinite(goal.position_error_cm) and goal.place is not None:
@@ -70,6 +71,10 @@ def _goal_report(goal: GoalResult, shown: ShownTake, prop: Prop | None) -> dict[
         values["position_error_cm"], values["rotation_error_deg"] = goal_errors(goal, position, heading)
         if reached and values["position_error_cm"] > goal.position_error_cm + 100 * OFF:
             reached, reason = False, f"On screen it is {values['position_error_cm']:.1f} cm off: {_what_is_off(shown)}"
+    if goal.taken is not None and prop is not None and 0 <= goal.taken.frame < len(shown.hips):
+        frame = goal.taken.frame
+        joints = forward_kinematics(shown.hips[frame], shown.local[frame], shown.offsets.astype(np.float64))[0]
+        values["hand_error_cm"], values["hand_rotation_deg"] = goal.taken.errors(joints[_WRISTS], shown.poses[prop.name][frame])
     return {
         "object": goal.object,
         "action": goal.action,

@@ -1,9 +1,9 @@
 """A keyed take as the scene shows it: evaluated bones and moved objects, frame by frame, beside the motion that was made.
 
 Whatever else plays in a scene, a report must tell of what is seen.  Evaluating costs as much as the scene is heavy, so the
-first frame, the last, those at which goals were judged and a dozen between are looked at, then ever more between these, until
-all are seen or a tenth of the time that the take itself took (``SHARE``) is spent.  Between frames looked at, the difference
-from the motion made is taken as linear.
+first frame, the last, those at which goals were judged or things taken, and a dozen between are looked at, then ever more
+between these, until all are seen or a tenth of the time that the take itself took (``SHARE``) is spent.  Between frames looked
+at, the difference from the motion made is taken as linear.
 """
 
 from __future__ import annotations
@@ -65,7 +65,8 @@ def look_at(
     """
     count = keyed.frame_end - keyed.frame_start + 1
     budget = max(SHARE * sum(result.stage_ms.values()) / 1000 * len(result.hips_position), 0.2)
-    judged = {min(round(goal.end_frame / FPS * keyed.fps), count - 1) for goal in result.goals}
+    moments = [goal.end_frame for goal in result.goals] + [goal.taken.frame for goal in result.goals if goal.taken is not None]
+    judged = {min(round(max(moment, 0) / FPS * keyed.fps), count - 1) for moment in moments}
     look = _Look(keyed, frame, things)
     spent, step = 0.0, max(1, count // _FEWEST)
     coarse = step

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..conventions import CONTACTS
 from ..errors import GoalError
-from ..rotations import Array
+from ..rotations import Array, rotate_planar, wrap_angle
 from ..sensors.cuboid import InteractionVolume
 from .props import Box, Leaf, Prop
 from .terrain import Terrain
@@ -54,6 +54,31 @@ class Goal:
 
 
 @dataclass
+class Taken:
+    """Where hands should be on a prop at the moment when they take it.
+
+    ``hands`` 0 right, 1 left; ``places`` (N, 3) of their wrists in the prop's frame, metres; ``frame`` of the take, -1 unknown.
+    """
+
+    hands: list[int]
+    places: Array
+    frame: int = -1
+
+    def errors(self, wrists: Array, pose: Array) -> tuple[float, float]:
+        """Mean centimetres of wrists (2, 3), right and left, from their places on the prop at ``pose`` (4,), world frame.
+
+        And, for two hands, degrees by which their axis is turned about the vertical; nan for one.
+        """
+        places = rotate_planar(np.asarray(self.places, dtype=np.float64), np.float64(pose[3])) + pose[:3]
+        held = np.asarray(wrists, dtype=np.float64)[self.hands]
+        away = 100 * float(np.linalg.norm(held - places, axis=1).mean())
+        if len(held) < 2:
+            return away, float("nan")
+        turns = [np.arctan2(*(p[1] - p[0])[[1, 0]]) for p in (places, held)]
+        return away, float(np.degrees(abs(wrap_angle(turns[1] - turns[0]))))
+
+
+@dataclass
 class GoalResult:
     """What became of a goal; errors at the end of its transition, of the pose that is keyed and of the network alone.
 
@@ -61,6 +86,7 @@ class GoalResult:
     those at the end of the grasp (carry: mean of both wrists and the turn of their axis; open: the one hand); nan elsewhere.
     ``reason``: why it was given up, a sentence, where in the middle of a take no way led to it; empty where its time ran out.
     ``place`` and ``facing`` are what the errors were measured to, over the first ``axes`` axes; None where nothing was measured.
+    ``taken`` is what the hands' were measured to.
     """
 
     object: str
@@ -81,6 +107,7 @@ class GoalResult:
     place: Array | None = None
     facing: float = 0.0
     axes: int = 3
+    taken: Taken | None = None
 
 
 @dataclass

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..conventions import DT, HAND_CONTACTS
@@ -10,6 +12,7 @@ from ..sensors.query import DistanceQuery
 from .berth import Berth, kept_out
 from .elbows import Elbows
 from .foot_lock import smooth_step
+from .goals import Taken
 from .props import WRIST_BEHIND, Box
 from .reaching import Hold, Pose
 
@@ -53,7 +56,7 @@ class Carrying:
         self.prop, self.facing, self.goal, self.solids, self.ik = box, float(facing), np.array(goal, dtype=np.float64), solids, ik
         self.state = "reach"
         self.hold, self._elbows = Hold([0, 1], further), Elbows()
-        self.errors: dict[str, float] = {}  # of the hands and of the place, in the names of GoalResult
+        self.errors: dict[str, Any] = {}  # of the hands and of the place, in the names of GoalResult
         self._recent: list[Array] = []
         self._offset, self._since = np.zeros(4), 0
         self._draw, self._drawn, self._waited = 0.0, 0, 0
@@ -261,8 +264,6 @@ class Carrying:
             self.state = "placed"
 
     def _measure_grasp(self, pose: Pose) -> None:
-        places = self.grasps()
+        taken = self.errors["taken"] = Taken([0, 1], self.prop.to_local(self.grasps()))
         for name, wrists in (("hand", pose.arms()[1]), ("network_hand", pose.wrists + np.append(self._from, 0.0))):
-            axes = [np.arctan2(*(p[1] - p[0])[[1, 0]]) for p in (places, wrists)]
-            self.errors[f"{name}_error_cm"] = 100 * float(np.linalg.norm(wrists - places, axis=1).mean())
-            self.errors[f"{name}_rotation_deg"] = float(np.degrees(abs(wrap_angle(axes[1] - axes[0]))))
+            self.errors[f"{name}_error_cm"], self.errors[f"{name}_rotation_deg"] = taken.errors(wrists, self.prop.pose)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..conventions import DT, HAND_CONTACTS
 from ..rotations import Array, heading_to_direction, wrap_angle
 from ..sensors.query import DistanceQuery
 from .foot_lock import smooth_step
+from .goals import Taken
 from .leaf_room import NEARLY, LeafRoom, Spheres, body_spheres
 from .props import WIDE_OPEN, Leaf, Passage
 from .reaching import Hold, Pose
@@ -43,7 +46,7 @@ class Opening:
         self.prop, self.way, self.ik = leaf, way, ik
         self.state = "reach"
         self.hold = Hold([way.hand], crouch=float(np.clip(UPRIGHT - leaf.handle[2], 0.0, CROUCH)))
-        self.errors: dict[str, float] = {}
+        self.errors: dict[str, Any] = {}
         self.widest = _widest(leaf, solids)
         self._rest, self._slip = WIDE_OPEN, 0
         self._room = LeafRoom(leaf)
@@ -125,8 +128,9 @@ class Opening:
         self.hold.apply(pose if self.ik else Pose(pose.hips, pose.local, pose.wrists), place[None])
         self._last = body_spheres(pose, self._arm)  # it may have leant to the handle
         if grasping:
-            self.errors["hand_error_cm"] = 100 * float(np.linalg.norm(pose.arms()[1][hand] - self.grip()))
-            self.errors["network_hand_error_cm"] = 100 * float(np.linalg.norm(wrist - self.grip()))
+            taken = self.errors["taken"] = Taken([hand], self.prop.to_local(self.grip())[None])
+            for name, wrists in (("hand", pose.arms()[1]), ("network_hand", pose.wrists)):
+                self.errors[f"{name}_error_cm"] = taken.errors(wrists, self.prop.pose)[0]
 
     @property
     def _arm(self) -> int | None:

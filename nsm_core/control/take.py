@@ -251,6 +251,10 @@ class TakeRunner:
         hips = hips + np.array((0, 0, level), dtype=hips.dtype)
         seat = d.stage.seat() if d.stage is not None else None
         kept_hips, kept = self._finishing.apply(hips, rotations, self._moment(contact), seat, d.grasps, level)
+        for grasp in d.grasps:
+            taken = grasp.errors.get("taken")
+            if taken is not None and taken.frame < 0:
+                taken.frame = len(self._frames)
         for name, pose in self.prop_poses().items():
             self._poses[name].append(pose)
         self._frames.append((kept_hips, kept, hips, rotations, contact.copy(), s.root[0].copy(), s.style_past[0, -1].copy(), experts))
