@@ -129,7 +129,24 @@ def uneven_root(armature):
     with_root(armature).scale = (1, 2, 1)
 
 
+def driven_inheritance(armature):
+    armature.data.driver_add('bones["Chest"].use_inherit_rotation').driver.expression = "frame < 10"
+
+
+def driven_rest(armature):
+    armature.data.driver_add("pose_position").driver.expression = "0 if frame < 10 else 1"
+
+
+def keyed_rest(armature):
+    for frame, position in ((1, "REST"), (20, "POSE")):
+        armature.data.pose_position = position
+        armature.data.keyframe_insert("pose_position", frame=frame)
+
+
 REFUSED = {
+    driven_inheritance: "Hero is animated .use inherit rotation of its bone Chest.*remove that driver",
+    driven_rest: "Hero is animated .pose position",
+    keyed_rest: "Hero is animated .pose position",
     ik_on_a_joint: "IK.*LeftKnee.*mute",
     ik_from_a_helper: "IK.*helper.*moves LeftAnkle.*mute",
     limit: "Limit Rotation.*RightElbow",
@@ -163,5 +180,54 @@ def test_what_keys_cannot_rule_is_refused_by_its_name(armature, layer):
         require_keyable(armature)
     assert str(raised.value).endswith(".")
     with pytest.raises(NsmError):
+        key_take(armature, *wandering_take())
+    assert len(bpy.data.actions) == had
+
+
+def copied_scale(armature, owner):
+    balloon = empty("Balloon", (0, 0, 0))
+    for frame, size in ((1, 1.0), (20, 2.0)):
+        balloon.scale = (size,) * 3
+        balloon.keyframe_insert("scale", frame=frame)
+    owner.constraints.new("COPY_SCALE").target = balloon
+
+
+def object_copies_a_scale(armature):
+    copied_scale(armature, armature)
+
+
+def root_copies_a_scale(armature):
+    copied_scale(armature, with_root(armature))
+
+
+def parent_copies_a_scale(armature):
+    armature.parent = empty("Cart", (0, 0, 0))
+    copied_scale(armature, armature.parent)
+
+
+def root_grows_on_a_strip(armature):
+    root = with_root(armature)
+    for frame, size in ((1, 1.0), (20, 2.0)):
+        root.scale = (size,) * 3
+        root.keyframe_insert("scale", frame=frame)
+    pushed_down(armature)
+
+
+def root_driven_to_grow(armature):
+    root = with_root(armature)
+    for axis in range(3):
+        root.driver_add("scale", axis).driver.expression = "1 + frame / 20"
+
+
+@pytest.mark.parametrize(
+    "layer",
+    [object_copies_a_scale, root_copies_a_scale, parent_copies_a_scale, root_grows_on_a_strip, root_driven_to_grow],
+    ids=lambda f: f.__name__,
+)
+def test_a_size_that_changes_by_whatever_means_is_refused_with_nothing_keyed(armature, layer):
+    layer(armature)
+    bpy.context.scene.frame_set(1)
+    had = len(bpy.data.actions)
+    with pytest.raises(NsmError, match="Hero changes its size during the take"):
         key_take(armature, *wandering_take())
     assert len(bpy.data.actions) == had

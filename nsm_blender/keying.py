@@ -116,6 +116,7 @@ def key_take_steps(
         mount = Mount.of(armature)
         if carried(armature):
             mount = Mount.over((yield from along(scene, frames, lambda: Mount.of(armature))))
+            mount.require_one_size(armature.name)
         location, basis = bone_channels(armature, placement, mount, hips, local)
         others = channels_of_strips(armature)
         for j, joint in enumerate(JOINTS):

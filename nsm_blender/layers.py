@@ -20,6 +20,7 @@ from .mount import Mount
 
 _STRING = r'\["((?:[^"\\]|\\.)*)"\]'
 _BONE_PATH = re.compile(rf"pose\.bones{_STRING}\.(\w+)(?:{_STRING}\.(\w+))?$")
+_FLAG_PATH = re.compile(rf"bones{_STRING}\.(use_inherit_rotation|use_local_location|use_inherit_scale|inherit_scale)$")
 _ROTATION_OF = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}
 _SWITCHES = {"influence", "mute", "enabled"}
 _SCALES = {"scale", "delta_scale"}
@@ -69,6 +70,7 @@ def require_keyable(armature: bpy.types.Object) -> None:
     Mount.of(armature)
     _require_no_constraints(armature, bones)
     _require_no_drivers(armature, bones)
+    _require_flags_kept(armature, bones)
     _require_size_kept(armature)
 
 
@@ -196,8 +198,29 @@ def _require_no_drivers(armature: bpy.types.Object, bones: list[str]) -> None:
             )
 
 
+def _require_flags_kept(armature: bpy.types.Object, bones: list[str]) -> None:
+    """Raise SkeletonError where what the armature's data says of its bones is animated: keys are made for what it says now."""
+    data = armature.data
+    for path in (*driven(data), *(curve.data_path for curve in strip_curves(data, own_action=True) if varies(curve))):
+        match = _FLAG_PATH.match(path)
+        if path == "pose_position" or match and _plain(match[1]) in bones:
+            what = path if match is None else f"{match[2]} of its bone {_plain(match[1])}"
+            raise SkeletonError(
+                f"The armature data {data.name} of {armature.name} is animated ({what.replace('_', ' ')}), so that keys do not rule the "
+                "pose; remove that driver or these keys and generate again."
+            )
+
+
 def _require_size_kept(armature: bpy.types.Object) -> None:
     """Raise SkeletonError where the size of the armature, or of what it is parented to, is animated."""
+    above = {bone.name for bone in armature.data.bones["Hips"].parent_recursive}
+    grown = [*driven(armature), *(curve.data_path for curve in strip_curves(armature) if varies(curve))]
+    for match in filter(None, map(_BONE_PATH.match, grown)):
+        if match[2] == "scale" and match[3] is None and _plain(match[1]) in above:
+            raise SkeletonError(
+                f"The armature {armature.name} changes its size during the take (the scale of its bone {_plain(match[1])} is animated); "
+                "remove these keys or drivers."
+            )
     carrier: bpy.types.Object | None = armature
     while carrier is not None:
         data, curves = carrier.animation_data, list(strip_curves(carrier, own_action=carrier != armature))

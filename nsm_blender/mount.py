@@ -64,6 +64,15 @@ class Mount:
         """By how much the bones above the hips scale them, in the first frame."""
         return float(np.cbrt(abs(np.linalg.det(self.frame[0, :3, :3]))))
 
+    def require_one_size(self, name: str) -> None:
+        """Raise SkeletonError where the armature ``name`` grows or shrinks over the frames: no keys of rotations make up for that."""
+        sizes = np.cbrt(np.abs(np.linalg.det(self.matrix[:, :3, :3]) * np.linalg.det(self.frame[:, :3, :3])))
+        if sizes.max() > 1.001 * sizes.min():
+            raise SkeletonError(
+                f"The armature {name} changes its size during the take, {sizes.max() / sizes.min():.2f} times as large at one frame as at "
+                "another; find the scale that is animated on it, its root bone or its parents, or the constraint that copies one."
+            )
+
     def location(self, hips: Array) -> Array:
         """Location channels (T, 3) of the hips bone that put the hips at world points (T, 3)."""
         inverse = np.linalg.inv(self.matrix)
