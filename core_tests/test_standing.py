@@ -145,7 +145,8 @@ def test_elbows_go_round_the_corners_of_a_wide_crate():
         hips, local = standing()
         for arm, sign in zip(ARMS, (-1.0, 1.0), strict=True):  # hanging: elbows stay low when wrists are raised
             local[arm[0]] = quat_from_rotvec(np.array((0, sign * 1.35, 0)))
-        pose = Pose(hips, place_limbs(hips, local, ARMS, box.to_world(box.grasps(0.0))), np.zeros((2, 3)))
+        further = box.to_world(box.grasps(0.0)) - (0, 0.04, 0)  # than one holds it, so that arms must go round
+        pose = Pose(hips, place_limbs(hips, local, ARMS, further), np.zeros((2, 3)))
         wrists = pose.arms()[1]
         elbows.apply(pose, box, True)
         np.testing.assert_allclose(pose.arms()[1], wrists, atol=1e-6)

@@ -15,7 +15,7 @@ MARGIN = 0.01  # metres between skin and box
 _TRIES = np.radians(np.arange(-30, 101, 10))
 _PRICE = 0.02  # metres inside the box that half a turn of the elbow is worth
 _UPPER, _LOWER = np.linspace(0.3, 1, 6), np.linspace(0, 0.85, 6)  # places along the bones
-_RADII = np.concatenate((0.045 - 0.005 * _UPPER, 0.04 - 0.01 * _LOWER))
+_RADII = np.concatenate((0.054 - 0.014 * _UPPER, 0.043 - 0.016 * _LOWER))  # as the body is seen
 _OUTWARD = np.array((1.0, -1.0))  # the sense about the line from shoulder to wrist that lifts the right and the left elbow out
 
 

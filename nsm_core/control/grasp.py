@@ -8,7 +8,7 @@ import numpy as np
 
 from ..conventions import DT, HAND_CONTACTS
 from ..rotations import Array, heading_to_direction, rotate_planar, wrap_angle
-from ..sensors.query import DistanceQuery
+from ..sensors.query import DistanceQuery, Union
 from .berth import Berth, kept_out
 from .elbows import Elbows
 from .foot_lock import smooth_step
@@ -71,6 +71,7 @@ class Carrying:
         self._leaving, self._settling = True, SETTLING
         self._late = np.zeros(4)  # how far the box stays behind the hands, lest it goes into something
         self._seen = box.pose.copy()  # the box as the network has it in its hands
+        self._around = Union((solids, box))  # what hands go round on their way
         self._show(self._from)
 
     @property
@@ -90,8 +91,8 @@ class Carrying:
         return self.hold.weight if self.state in ("reach", "held") else 0.0
 
     def touches(self, hand: int) -> bool:
-        """Whether a hand is meant to touch the prop, and so is not kept off it."""
-        return True
+        """Whether a hand is meant to touch the prop, and so is not kept off it: one that is not yet led to it is."""
+        return self.state != "reach" or self.hold.weight > 0
 
     def _show(self, lean: Array) -> None:
         """Show the network the box where its hands are, ``lean`` (2,) metres nearer than it is."""
@@ -141,7 +142,7 @@ class Carrying:
         elif self.state == "falling":
             self._drop()
         moved = pose if self.ik else Pose(pose.hips, pose.local, pose.wrists)
-        self.hold.apply(moved, self.grasps())
+        self.hold.apply(moved, self.grasps(), self._around)
         self._elbows.apply(moved, self.prop, self.hold.busy)
         if grasping:
             self._measure_grasp(pose)

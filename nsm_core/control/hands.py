@@ -18,6 +18,7 @@ FURTHEST, EASE, SPEED = 0.12, 0.3, 0.02  # metres a wrist is moved at most; shar
 # Hands that hold: turned up at most, share and radians a frame by which that changes; places along the hand, and how thick it is.
 # Those still on their way look ahead by so many metres.
 MOST_TURN, TURN_EASE, TURN_SPEED, LOOK = np.radians(80), 0.5, np.radians(9), 0.04
+STILL_TURNED = 20  # frames for which one that has let go stays turned up where there is something under it
 _ALONG, _FINGERS = np.array((0.4, 0.6, 0.8, 1.0)), np.array((0.026, 0.023, 0.02, 0.017))
 _STEP = 0.01  # metres between the samples of the distance's slope
 _TIPS = np.array([END_SITES[JOINTS[arm[2]]] for arm in ARMS], dtype=np.float64)
@@ -30,6 +31,7 @@ class HandClearance:
         self.query = query
         self._push = np.zeros((2, 3))
         self._raised = np.zeros(2)  # radians by which hands that hold are turned up at the wrist
+        self._axis, self._let_go = np.zeros((2, 3)), np.full(2, STILL_TURNED)  # about which, hand frame; frames since they let go
 
     def apply(
         self,
@@ -94,11 +96,16 @@ class HandClearance:
         axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-9)
         for side in (0, 1):
             wanted = -self._raised[side]
-            if held[side] > 0:
+            self._let_go[side] = 0 if held[side] > 0 else self._let_go[side] + 1
+            if self._let_go[side] == 0:
+                self._axis[side] = rotate(quat_conjugate(hand[side]), axis[side])
+            else:  # seen from the hand, so that it does not turn over as the fingers swing past
+                axis[side] = rotate(hand[side], self._axis[side])
+            if self._let_go[side] < STILL_TURNED:
                 turned = rotate(quat_from_axis_angle(axis[side], np.asarray(self._raised[side]))[None], fingers[side][None])[0]
                 points = position[side] + _ALONG[:, None] * turned
                 distance = queries[side].signed_distance(points.astype(np.float32), 0.1).astype(np.float64)
-                depth = _FINGERS + LOOK * (held[side] < 1) - distance
+                depth = _FINGERS + LOOK * (0 < held[side] < 1) - distance
                 deepest = int(depth.argmax())
                 wanted = float(depth[deepest]) / (_ALONG[deepest] * float(np.linalg.norm(fingers[side])))
             self._raised[side] = np.clip(self._raised[side] + np.clip(TURN_EASE * wanted, -TURN_SPEED, TURN_SPEED), 0, MOST_TURN)

@@ -19,7 +19,7 @@ from ..sensors.query import DistanceQuery
 WRIST_OFF_SIDE, WRIST_BEHIND, WRIST_BELOW = 0.03, 0.085, 0.1
 BODY_TO_BOX = 0.24
 # Of a box too tall or deep for that: how far the wrists are under its top and behind its near face at most, metres.
-GRIP_UNDER_TOP, GRIP_IN = 0.22, 0.15
+GRIP_UNDER_TOP, GRIP_IN = 0.22, 0.11
 WIDEST_BOX, HEAVIEST_SIDE = 0.6, 0.6  # metres across and in depth that two hands hold
 
 # Doors: places on the floor seen from the handle and the opening, metres.

@@ -9,8 +9,10 @@ import numpy as np
 from ..conventions import DT
 from ..limbs import SOFT_REACH, chain_frames, mul, place_limbs, rotate
 from ..rotations import Array, quat_conjugate, quat_from_rotvec
+from ..sensors.query import DistanceQuery
 from ..skeleton import ARMS, FEET, INDEX, OFFSETS
 from .foot_lock import smooth_step
+from .hand_ways import HandWays
 
 ARM = float(np.linalg.norm(OFFSETS[list(ARMS[0][1:])], axis=-1).sum())  # from shoulder to wrist, metres
 TAKE_TIME, LET_GO_TIME = 0.3, 0.4  # seconds in which a hand is drawn onto its place, and given back
@@ -21,7 +23,7 @@ TOUCH, WAIT = 0.005, 15  # metres that an arm may lack to hold; frames after whi
 GONE = 0.5  # metres from which on a hand that was being drawn is given up
 MOST_LEAN, LEAN_SPEED = np.radians(25), np.radians(75)  # of the trunk; radians a second
 LED_SPEED, LEAN_FURTHER = 0.6, np.radians(100)  # m/s at which hands are led further than the network has them; lean for that, a metre
-ARC, ARC_SHARE = 0.08, 0.5  # metres at most, and a metre that they are led further, by which hands go over an edge
+ARC, ARC_SHARE = 0.08, 0.5  # metres at most, and a metre that they are led further, by which hands go off the straight way
 LEANT_REACH = 0.96  # of its length to which an arm is stretched by who leans: a straight one snaps as it bends
 MOST_SHIFT, SHIFT_SPEED = 0.08, 0.3  # of the hips, metres; m/s
 _DOWNWARDS = 0.35  # share of the way to a place that leads down, from which bent knees help
@@ -58,7 +60,7 @@ class Hold:
         self.hands = hands
         self._slower = 1 + further / LED_SPEED / TAKE_TIME
         self._stretched = LEANT_REACH if further else SOFT_REACH
-        self._arc = min(ARC, ARC_SHARE * further)
+        self._ways = HandWays(hands, min(ARC, ARC_SHARE * further))
         self._most_lean = MOST_LEAN + LEAN_FURTHER * further
         self._crouch, self._sunk = crouch, 0.0
         self.lean_share = 1.0  # 0..1 of that, as far as there is room to lean
@@ -89,7 +91,8 @@ class Hold:
         touching = bool((labels > 0.5).all())
         drawn = self.near > DWELL or far < THERE or touching and far < NEAR_IN_CONTACT
         if drawn or (self.weight > 0 and far < GONE):
-            self.weight = min(1.0, self.weight + (1 + touching * (SWIFT - 1) / self._slower**2) * DT / (TAKE_TIME * self._slower))
+            pace = (1 + touching * (SWIFT - 1) / self._slower**2) * self._ways.ready
+            self.weight = min(1.0, self.weight + pace * DT / (TAKE_TIME * self._slower))
         else:
             self.weight = max(0.0, self.weight - DT / LET_GO_TIME)
 
@@ -107,17 +110,18 @@ class Hold:
         self._left, self._fade = self._added.copy(), 1.0
         self.weight = 0.0
 
-    def apply(self, pose: Pose, places: Array) -> None:
-        """Lead the hands of ``pose`` in place to ``places`` (n, 3), as far as they are held."""
+    def apply(self, pose: Pose, places: Array, solids: DistanceQuery | None = None) -> None:
+        """Lead the hands of ``pose`` in place to ``places`` (n, 3), as far as they are held; on their way they go round ``solids``."""
         if not self.busy:
             return
         shoulders, now = (points[self.hands] for points in pose.arms())
-        self._fade = max(0.0, self._fade - DT / (LET_GO_TIME * self._slower))
-        held = float(smooth_step(self.weight))
-        left = float(smooth_step(self._fade)) * self._left
+        self._fade = max(0.0, self._fade - self._ways.ready * DT / (LET_GO_TIME * self._slower))
+        held, left = float(smooth_step(self.weight)), float(smooth_step(self._fade))
         # Hands that take hold anew while the last hold still fades go from where they are.
-        self._added = held * (places - now) + (1 - held) * left
-        targets = now + self._added + 4 * held * (1 - held) * self._arc * _arcs(places)
+        self._added = held * (places - now) + (1 - held) * left * self._left
+        back = self.weight <= 0
+        to, share = (now + self._left, left) if back else (places, held)
+        targets = now + self._added + self._ways.off_the_line(pose.hips, pose.local, now, to, share, places, solids, back)
         shoulders = self._reach_out(pose, shoulders, targets)
         pose.local = place_limbs(pose.hips, pose.local, tuple(ARMS[h] for h in self.hands), targets)
         self._missing = float(np.linalg.norm(targets - shoulders, axis=1).max()) - ARM if self.weight >= 1 else np.inf
@@ -159,15 +163,6 @@ class Hold:
         wanted = min(float(np.linalg.norm(lack)) / down, self._crouch) if down > _DOWNWARDS else 0.0
         self._sunk = float(_follow(np.array((self._sunk,)), np.array((wanted,)), SHIFT_SPEED * DT)[0])
         _move_hips(pose, np.array((0.0, 0.0, -self._sunk)))
-
-
-def _arcs(places: Array) -> Array:
-    """Directions (n, 3) in which hands on their way to ``places`` (n, 3) go off the straight line: over edges, and two round corners."""
-    if len(places) == 1:
-        return np.array(((0.0, 0.0, 1.0),))
-    across = places[1] - places[0]
-    across = across / max(float(np.linalg.norm(across)), 1e-9)
-    return np.stack((-across, across)) + (0.0, 0.0, 1.0)
 
 
 def _lack(ways: Array, stretched: float) -> Array:
