@@ -6,15 +6,41 @@ A limb keeps the plane it is bent in; a nearly straight one bends as the joint d
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from .rotations import Array, cross, quat_conjugate
+from .components import (
+    Arrays,
+    Numbers,
+    Quaternion,
+    Vector,
+    along,
+    cross,
+    dot,
+    inverse,
+    length,
+    minus,
+    packed,
+    plus,
+    product,
+    split,
+    times,
+    turned,
+    unit,
+)
+from .rotations import Array
 from .rotations import quat_mul as mul
 from .rotations import quat_rotate as rotate
-from .skeleton import ARMS, FEET, INDEX, OFFSETS, PARENTS
+from .skeleton import ARMS, FEET, INDEX, OFFSETS, PARENTS, J
 
 # Hinge axis of knee and elbow in the rest frame of the upper bone: turning the lower bone about it flexes the joint.
-_HINGES = {INDEX["RightKnee"]: (1, 0, 0), INDEX["LeftKnee"]: (1, 0, 0), INDEX["RightElbow"]: (0, 0, 1), INDEX["LeftElbow"]: (0, 0, -1)}
+_HINGES = np.zeros((J, 3))
+_HINGES[[INDEX["RightKnee"], INDEX["LeftKnee"]], 0] = 1
+_HINGES[[INDEX["RightElbow"], INDEX["LeftElbow"]], 2] = 1, -1
+_BONES = OFFSETS.astype(np.float64).tolist()
+_REST = {chain[1:3]: (_BONES[chain[1]], _BONES[chain[2]], _HINGES[chain[1]].tolist()) for chain in (*FEET, *ARMS)}
+_FEW = 4  # poses up to which numbers are quicker than arrays
 # Of the length of the straight limb: where the reach begins to soften, its end, and the tightest fold.
 SOFT_REACH, FULL_REACH, TIGHTEST = 0.99, 0.9995, 0.15
 # The plane of a bend this small is noise (sine of the bend); and of its sine by the new one, where it is not to be magnified.
@@ -34,7 +60,7 @@ def solve_two_bone(hip: Array, knee: Array, ankle: Array, target: Array, hinge: 
     Returns:
         The new knee and ankle, (..., 3), and the axis (..., 3) about which the limb is now bent.
     """
-    knee, ankle, axis = _solve(hip, knee, ankle, target, hinge)[:3]
+    knee, ankle, axis = (packed(v) for v in _solve(Arrays, *(split(np.asarray(v)) for v in (hip, knee, ankle, target, hinge)))[:3])
     return knee, ankle, axis
 
 
@@ -68,27 +94,31 @@ def place_limbs(
 
     The limbs must not hang on one another.
     """
-    dtype = local_rotations.dtype
+    dtype, lead = local_rotations.dtype, local_rotations.shape[:-2]
     local = local_rotations.astype(np.float64)
     starts, middles, ends = (list(joints) for joints in zip(*chains, strict=True))
-    position, parent = chain_frames(hips_position, local, tuple(starts))
-    upper = mul(parent, local[..., starts, :])
-    lower = mul(upper, local[..., middles, :])
-    if end_rotations is None:
-        end_rotations = mul(lower, local[..., ends, :])
-    hinges = np.array([_HINGES[m] for m in middles], dtype=np.float64)
-    rest = np.stack((OFFSETS[middles], OFFSETS[ends], hinges)).reshape((3,) + (1,) * (local.ndim - 2) + (len(starts), 3))
-    vectors = rotate(np.stack((upper, lower, upper)), rest)
-    bones = vectors[:2]
-    knee = position + bones[0]
-    new_knee, new_ankle, axis, old_axis = _solve(position, knee, knee + bones[1], np.asarray(targets, dtype=np.float64), vectors[2])
-    # Each bone turns by what carries its direction and the bending axis from before to after.
-    turn = _carry(bones, old_axis, np.stack((new_knee - position, new_ankle - new_knee)), axis)
-    new_upper, new_lower = mul(turn[0], upper), mul(turn[1], lower)
-    local[..., starts, :] = mul(quat_conjugate(parent), new_upper)
-    local[..., middles, :] = mul(quat_conjugate(new_upper), new_lower)
-    local[..., ends, :] = mul(quat_conjugate(new_lower), np.asarray(end_rotations, dtype=np.float64))
-    return local.astype(dtype)
+    targets = np.broadcast_to(np.asarray(targets, dtype=np.float64), (*lead, len(chains), 3))
+    if end_rotations is not None:
+        end_rotations = np.broadcast_to(np.asarray(end_rotations, dtype=np.float64), (*lead, len(chains), 4))
+    if local.size > _FEW * J * 4:
+        position, parent = (split(a) for a in chain_frames(hips_position, local, tuple(starts)))
+        old = tuple(split(local[..., joints, :]) for joints in (starts, middles, ends))
+        rest = tuple(split(a) for a in (OFFSETS[middles].astype(np.float64), OFFSETS[ends].astype(np.float64), _HINGES[middles]))
+        end = None if end_rotations is None else split(end_rotations)
+        new = _place(Arrays, position, parent, old, rest, split(targets), end)
+        for joints, rotation in zip((starts, middles, ends), new, strict=True):
+            local[..., joints, :] = packed(rotation)
+        return local.astype(dtype)
+    poses, goals = local.reshape(-1, J, 4), targets.reshape(-1, len(chains), 3).tolist()
+    hips = np.broadcast_to(np.asarray(hips_position, dtype=np.float64), (*lead, 3)).reshape(-1, 3).tolist()
+    last = None if end_rotations is None else end_rotations.reshape(-1, len(chains), 4).tolist()
+    for n, pose in enumerate(poses.tolist()):
+        new = []
+        for k, ((position, parent), chain) in enumerate(zip(_frames(hips[n], pose, starts), chains, strict=True)):
+            old, end = [pose[j] for j in chain], None if last is None else last[n][k]
+            new.extend(_place(Numbers, position, parent, old, _REST[chain[1:]], goals[n][k], end))
+        poses[n, [j for chain in chains for j in chain]] = new
+    return poses.reshape(local.shape).astype(dtype, copy=False)
 
 
 def place_ankles(
@@ -117,6 +147,10 @@ def solve_leg_with_toe(hips_position: Array, local_rotations: Array, side: int, 
 
 def chain_frames(hips_position: Array, local_rotations: Array, joints: tuple[int, ...]) -> tuple[Array, Array]:
     """World position (..., L, 3) of ``joints`` and world rotation (..., L, 4) of their parents, walking only their ancestors."""
+    if local_rotations.ndim == 2:
+        frames = _frames(np.asarray(hips_position).tolist(), local_rotations.tolist(), joints)
+        position, rotation = (np.array(a, dtype=local_rotations.dtype) for a in zip(*frames, strict=True))
+        return position, rotation
     known = {0: (np.asarray(hips_position, dtype=local_rotations.dtype), local_rotations[..., 0, :])}
 
     def frame(j: int) -> tuple[Array, Array]:
@@ -130,78 +164,110 @@ def chain_frames(hips_position: Array, local_rotations: Array, joints: tuple[int
     return np.stack([p for p, _ in parents], axis=-2) + rotate(rotation, OFFSETS[list(joints)].astype(rotation.dtype)), rotation
 
 
+def _frames(hips: list, pose: list, joints: Sequence[int]) -> list[tuple[Vector, Quaternion]]:
+    """``chain_frames`` of one pose in numbers: position and parent's rotation of each joint."""
+    known = {0: (hips, pose[0])}
+
+    def frame(j: int) -> tuple[Vector, Quaternion]:
+        if j not in known:
+            p, r = frame(PARENTS[j])
+            known[j] = (plus(p, turned(r, _BONES[j])), product(r, pose[j]))
+        return known[j]
+
+    parents = [(frame(PARENTS[j]), _BONES[j]) for j in joints]
+    return [(plus(p, turned(r, bone)), r) for (p, r), bone in parents]
+
+
 def leg_reach() -> float:
     """Length of a leg, hip joint to ankle, that is reached without softening, metres."""
     return SOFT_REACH * float(np.linalg.norm(OFFSETS[list(FEET[0][1:3])], axis=-1).sum())
 
 
-def _solve(hip: Array, knee: Array, ankle: Array, target: Array, hinge: Array) -> tuple[Array, Array, Array, Array]:
-    """``solve_two_bone`` that also returns the axis about which the limb was bent before."""
-    upper, lower = knee - hip, ankle - knee
-    a, b = _length(upper), _length(lower)
-    before, before_length = _unit(ankle - hip)
-    way, distance = _unit(target - hip)
-    way = np.where(distance > 1e-6, way, before)
-    distance = _soften(distance, before_length, a + b)
+def _place(
+    of: type,
+    start: Vector,
+    parent: Quaternion,
+    old: Sequence[Quaternion],
+    rest: tuple[Vector, Vector, Vector],
+    target: Vector,
+    end_rotation: Quaternion | None,
+) -> tuple[Quaternion, Quaternion, Quaternion]:
+    """New local rotations of a limb's three joints in components; ``rest`` are its two bones and its hinge in the rest pose."""
+    upper = product(parent, old[0])
+    lower = product(upper, old[1])
+    if end_rotation is None:
+        end_rotation = product(lower, old[2])
+    first, second, hinge = turned(upper, rest[0]), turned(lower, rest[1]), turned(upper, rest[2])
+    knee = plus(start, first)
+    new_knee, new_ankle, axis, old_axis = _solve(of, start, knee, plus(knee, second), target, hinge)
+    # Each bone turns by what carries its direction and the bending axis from before to after.
+    new_upper = product(_carry(of, first, old_axis, minus(new_knee, start), axis), upper)
+    new_lower = product(_carry(of, second, old_axis, minus(new_ankle, new_knee), axis), lower)
+    return product(inverse(parent), new_upper), product(inverse(new_upper), new_lower), product(inverse(new_lower), end_rotation)
+
+
+def _solve(of: type, hip: Vector, knee: Vector, ankle: Vector, target: Vector, hinge: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+    """``solve_two_bone`` in components that also returns the axis about which the limb was bent before."""
+    upper, lower = minus(knee, hip), minus(ankle, knee)
+    a, b = length(of, upper), length(of, lower)
+    before, before_length = _unit(of, minus(ankle, hip))
+    way, distance = _unit(of, minus(target, hip))
+    there = distance > 1e-6
+    way = tuple([of.where(there, w, v) for w, v in zip(way, before, strict=True)])
+    distance = _soften(of, distance, before_length, a + b)
 
     # The plane of the bend: the limb's own where it is clearly bent, else the joint's hinge.  A limb that was nearly straight
     # and is to bend much would magnify the noise of its own plane into swings of the knee.
-    bend = cross(upper, lower) / (a * b)
-    hinge = _unit(hinge - before * _dot(hinge, before))[0]
-    sine = _length(bend)
+    bend = times(cross(upper, lower), 1 / (a * b))
+    hinge = unit(of, along(hinge, before, -dot(hinge, before)))
+    sine = length(of, bend)
     new_cosine = (distance * distance - a * a - b * b) / (2 * a * b)
-    new_sine = np.sqrt(np.maximum(1 - new_cosine * new_cosine, 1e-6))
-    own = _ramp(sine, _STRAIGHT, _BENT) * np.maximum(_ramp(sine / new_sine, _MAGNIFIED, _LIKE), _ramp(sine, 0.4, 0.6))
-    own = np.where(_dot(bend, hinge) > 0, own, 0)
-    old_axis = _unit(own * bend / np.maximum(sine, 1e-9) + (1 - own) * hinge)[0]
+    new_sine = of.sqrt(of.most(1 - new_cosine * new_cosine, 1e-6))
+    own = _ramp(of, sine, _STRAIGHT, _BENT) * of.most(_ramp(of, sine / new_sine, _MAGNIFIED, _LIKE), _ramp(of, sine, 0.4, 0.6))
+    own = of.where(dot(bend, hinge) > 0, own, 0.0)
+    old_axis = unit(of, along(times(hinge, 1 - own), bend, own / of.most(sine, 1e-9)))
     # Swing that plane along with the line from start to end.
-    w, c = cross(before, way), _dot(before, way)
+    w, c = cross(before, way), dot(before, way)
     wn = cross(w, old_axis)
-    axis = old_axis + wn + cross(w, wn) / np.maximum(1 + c, 1e-6)
-    axis = _unit(axis - way * _dot(axis, way))[0]
+    axis = along(plus(old_axis, wn), cross(w, wn), 1 / of.most(1 + c, 1e-6))
+    axis = unit(of, along(axis, way, -dot(axis, way)))
 
-    cosine = np.clip((a * a + distance * distance - b * b) / (2 * a * distance), -1, 1)
-    new_knee = hip + a * (cosine * way + np.sqrt(1 - cosine * cosine) * cross(way, axis))
-    return new_knee, hip + distance * way, axis, old_axis
+    cosine = _within_one(of, (a * a + distance * distance - b * b) / (2 * a * distance))
+    new_knee = along(along(hip, way, a * cosine), cross(way, axis), a * of.sqrt(1 - cosine * cosine))
+    return new_knee, along(hip, way, distance), axis, old_axis
 
 
-def _soften(distance: Array, before: Array, length: Array) -> Array:
+def _soften(of: type, distance: float, before: float, straight: float) -> float:
     """Clamp the distance a limb spans: soft near full length, but never shorter than it already was for the same target."""
-    start = np.maximum(SOFT_REACH * length, np.minimum(before, (FULL_REACH - 1e-4) * length))
-    room = FULL_REACH * length - start
-    over = np.maximum(distance - start, 0)
-    return np.maximum(np.where(over > 0, start + room * -np.expm1(-over / room), distance), TIGHTEST * length)
+    start = of.most(SOFT_REACH * straight, of.least(before, (FULL_REACH - 1e-4) * straight))
+    room = FULL_REACH * straight - start
+    over = of.most(distance - start, 0.0)
+    return of.most(of.where(over > 0, start + room * -of.expm1(-over / room), distance), TIGHTEST * straight)
 
 
-def _carry(bone: Array, axis: Array, new_bone: Array, new_axis: Array) -> Array:
-    """Rotations (..., 4) that turn bones onto new bones and, about them, the bending axis onto the new one, all (..., 3)."""
-    x, new_x = _unit(bone)[0], _unit(new_bone)[0]
-    y, new_y = _unit(axis - x * _dot(axis, x))[0], _unit(new_axis - new_x * _dot(new_axis, new_x))[0]
-    cosine = _dot(x, new_x)
+def _carry(of: type, bone: Vector, axis: Vector, new_bone: Vector, new_axis: Vector) -> Quaternion:
+    """Rotations that turn bones onto new bones and, about them, the bending axis onto the new one, in components."""
+    x, new_x = unit(of, bone), unit(of, new_bone)
+    y, new_y = unit(of, along(axis, x, -dot(axis, x))), unit(of, along(new_axis, new_x, -dot(new_axis, new_x)))
+    over = 1 + dot(x, new_x)
     # A bone turned right about swings on its bending axis.
-    swing = np.concatenate((np.maximum(1 + cosine, 0), np.where(1 + cosine < 1e-9, y, cross(x, new_x))), axis=-1)
-    swing = _unit(swing)[0]
-    y = rotate(swing, y)
-    cosine = np.clip(_dot(y, new_y), -1, 1)
-    twist = np.concatenate(
-        (np.sqrt((1 + cosine) / 2), np.copysign(np.sqrt((1 - cosine) / 2), _dot(cross(y, new_y), new_x)) * new_x), axis=-1
-    )
-    return mul(twist, swing)
+    about = over < 1e-9
+    swing = unit(of, (of.most(over, 0.0), *[of.where(about, p, q) for p, q in zip(y, cross(x, new_x), strict=True)]))
+    y = turned(swing, y)
+    cosine = _within_one(of, dot(y, new_y))
+    half = of.copysign(of.sqrt((1 - cosine) / 2), dot(cross(y, new_y), new_x))
+    return product((of.sqrt((1 + cosine) / 2), *times(new_x, half)), swing)
 
 
-def _ramp(x: Array, low: float, high: float) -> Array:
-    t = np.clip((x - low) / (high - low), 0, 1)
+def _ramp(of: type, x: float, low: float, high: float) -> float:
+    t = of.most(of.least((x - low) / (high - low), 1.0), 0.0)
     return t * t * (3 - 2 * t)
 
 
-def _dot(a: Array, b: Array) -> Array:
-    return (a * b).sum(-1, keepdims=True)
+def _within_one(of: type, x: float) -> float:
+    return of.most(of.least(x, 1.0), -1.0)
 
 
-def _length(v: Array) -> Array:
-    return np.sqrt((v * v).sum(-1, keepdims=True))
-
-
-def _unit(v: Array) -> tuple[Array, Array]:
-    n = _length(v)
-    return v / np.maximum(n, 1e-9), n
+def _unit(of: type, v: Vector) -> tuple[Vector, float]:
+    far = length(of, v)
+    return times(v, 1 / of.most(far, 1e-9)), far

@@ -1,12 +1,14 @@
 """Rotations as (..., 4) quaternions (w, x, y, z) and (..., 3, 3) matrices; planar headings.
 
 Everything is vectorised over leading axes and keeps the dtype of its input.  A frame has few rotations, and there every call
-counts; a take has many, and there every pass over memory does: the products are written out in both ways.
+counts; a take has many, and there every pass over memory does: the products stand in both ways.
 """
 
 from __future__ import annotations
 
 import numpy as np
+
+from . import components
 
 Array = np.ndarray
 
@@ -37,17 +39,7 @@ def cross(a: Array, b: Array) -> Array:
     if a.size + b.size <= _FEW and a.dtype in _CROSS and b.dtype in _CROSS:
         pairs = a[..., :, None] * b[..., None, :]
         return pairs.reshape(*pairs.shape[:-2], 9) @ _CROSS[pairs.dtype]
-    a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
-    b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
-    return _packed(a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0)
-
-
-def _packed(*components: Array) -> Array:
-    """Components of one shape (...) along a new last axis."""
-    out = np.empty((*components[0].shape, len(components)), dtype=components[0].dtype)
-    for k, component in enumerate(components):
-        out[..., k] = component
-    return out
+    return components.packed(components.cross(components.split(a), components.split(b)))
 
 
 def quat_normalize(q: Array) -> Array:
@@ -63,14 +55,7 @@ def quat_mul(a: Array, b: Array) -> Array:
     if a.size + b.size <= _FEW and a.dtype in _MATRIX:
         matrix = a @ _MATRIX[a.dtype]
         return (matrix.reshape(*a.shape, 4) @ b[..., None])[..., 0]
-    aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
-    bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
-    return _packed(
-        aw * bw - ax * bx - ay * by - az * bz,
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-    )
+    return components.packed(components.product(components.split(a), components.split(b)))
 
 
 def quat_conjugate(q: Array) -> Array:
@@ -84,9 +69,7 @@ def quat_rotate(q: Array, v: Array) -> Array:
         pairs = q[..., :, None] * q[..., None, :]
         turn = pairs.reshape(*q.shape[:-1], 16) @ _ROTATION[q.dtype]
         return v + (turn.reshape(*q.shape[:-1], 3, 3) @ v[..., None])[..., 0]
-    u = q[..., 1:]
-    t = 2 * cross(u, v)
-    return v + q[..., :1] * t + cross(u, t)
+    return components.packed(components.turned(components.split(q), components.split(v)))
 
 
 def quat_from_axis_angle(axis: Array, angle: Array) -> Array:
@@ -130,11 +113,11 @@ def quat_from_matrix(m: Array) -> Array:
 def quat_to_matrix(q: Array) -> Array:
     """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
     w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
-    return _packed(
+    return components.packed((
         1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
         2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
         2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
-    ).reshape(*q.shape[:-1], 3, 3)  # fmt: skip
+    )).reshape(*q.shape[:-1], 3, 3)  # fmt: skip
 
 
 def quat_slerp(a: Array, b: Array, t: Array) -> Array:
