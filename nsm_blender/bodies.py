@@ -124,9 +124,9 @@ def main_turn(points: Array) -> float:
     flat = points[:: max(1, len(points) // 20000), :2]
 
     def areas(angles: Array) -> Array:
-        along = flat @ np.stack((np.cos(angles), np.sin(angles)))
-        across = flat @ np.stack((-np.sin(angles), np.cos(angles)))
-        return np.ptp(along, axis=0) * np.ptp(across, axis=0)
+        along = np.stack((np.cos(angles), np.sin(angles)), 1) @ flat.T  # a row an angle: many times faster to go through
+        across = np.stack((-np.sin(angles), np.cos(angles)), 1) @ flat.T
+        return np.ptp(along, axis=1) * np.ptp(across, axis=1)
 
     coarse = np.deg2rad(np.arange(-45, 45))
     area = areas(coarse)

@@ -13,13 +13,13 @@ from mathutils.bvhtree import BVHTree
 from nsm_core.control.terrain import FLOOR_TOP
 from nsm_core.rotations import Array
 from nsm_core.sensors.cylinder import SPHERE_RADIUS
-from nsm_core.sensors.reading import Reading, digest
+from nsm_core.sensors.reading import Reading
 
 from .beside import freely
 from .evaluated import COLLIDER_PROPERTY, Seen, Snapshot, object_mesh_triangles
 from .ground import ROOM_WIDTH, floor_faces, is_ground
 from .scene import WorldFrame
-from .solids import Solid, is_litter, solids_of
+from .solids import Solid, is_litter, placed, solids_of
 
 __all__ = ["COLLIDER_PROPERTY", "BVHQuery", "collider_shapes", "gather_colliders", "object_mesh_triangles"]
 
@@ -137,16 +137,19 @@ class BVHQuery:
         shape = np.ceil((high - low) / cell).astype(int) + 2 * margin + 1
         self._near_low, self._near_cell = (low - margin * cell).astype(np.float32), np.float32(cell)
         near = np.zeros(tuple(shape), dtype=bool)
-        middles: dict[int, Array] = {}
+        alike: dict[tuple[int, bool], list[Solid]] = {}
         for solid in self.solids:
-            reading = solid.reading
-            if id(reading) not in middles:
-                middles[id(reading)] = _blocks(reading)
-            places = middles[id(reading)] @ (solid.size * solid.turn.T) + solid.origin
-            if floor and _is_wide(solid):
-                places = places[places[:, 2] > FLOOR_TOP]
-            at = ((places - self._near_low) / cell).astype(np.int64)
-            near[tuple(at.T)] = True
+            alike.setdefault((id(solid.reading), floor and _is_wide(solid)), []).append(solid)
+        for (_, wide), copies in alike.items():
+            middles = _blocks(copies[0].reading)
+            several = max(1, _PAIRS // max(len(middles), 1))
+            for first in range(0, len(copies), several):
+                some = copies[first : first + several]
+                turned = middles @ np.array([s.size * s.turn.T for s in some])
+                places = (turned + np.array([s.origin for s in some])[:, None]).reshape(-1, 3)
+                if wide:
+                    places = places[places[:, 2] > FLOOR_TOP]
+                near[tuple(((places - self._near_low) / cell).astype(np.int64).T)] = True
         for axis in range(3):
             line = np.moveaxis(near, axis, 0)
             spread = line.copy()
@@ -320,7 +323,7 @@ def scene_solids(seen: Sequence[Seen], frame: WorldFrame, said: Callable[[float]
 
 def obstacles(solids: Iterable[Solid]) -> list[Solid]:
     """Those that are not walked over."""
-    return [s for s in solids if not is_ground(s.vertices)]
+    return [s for s in solids if not is_ground(s)]
 
 
 def solid_seen(snapshot: Snapshot, scene: bpy.types.Scene, exclude: Iterable[bpy.types.Object]) -> list[Seen]:
@@ -338,8 +341,7 @@ def belonging_to(scene: bpy.types.Scene, owners: Iterable[bpy.types.Object]) -> 
 def query_of(solids: Sequence[Solid]) -> BVHQuery:
     """The query over what is solid above the floor; the one made last for the same solids is given again."""
     global _last
-    key = digest(*(a for s in solids for a in (s.turn, s.origin, np.array((id(s.reading), s.size), dtype=np.float64))))
-    names = [s.owner for s in solids]
+    key, names = placed(solids), [s.owner for s in solids]
     last = _last
     if last is None or last[0] != (key, names):
         # The query holds its readings, so that none of their numbers is given to another one while it is kept.

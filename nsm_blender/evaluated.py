@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
+from typing import Any
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 from mathutils.geometry import tessellate_polygon
 
 from nsm_core.errors import GeometryError
@@ -140,9 +144,9 @@ class Snapshot:
         Instances of collections, vertices, particles and geometry nodes come once each, with the object that makes them as
         owner; so do hidden meshes that are marked as colliders.
         """
-        made, meshes, done = cls(), {}, 0
+        made, known, done = cls(), {}, 0
         while done is not None:
-            done = made._slice(evaluated(), meshes, done)
+            done = made._slice(evaluated(), known, done)
             yield
         return made
 
@@ -156,44 +160,57 @@ class Snapshot:
             except StopIteration as stop:
                 return stop.value
 
-    def _slice(self, depsgraph: bpy.types.Depsgraph, meshes: dict[tuple[int, ...], tuple[MeshData, bool]], done: int) -> int | None:
+    def _slice(self, depsgraph: bpy.types.Depsgraph, known: dict[tuple[int, ...], Any], done: int) -> int | None:
         """Copy what comes after the first ``done`` instances; how many are done now, None when all are."""
-        until, stopped = time.perf_counter() + _SLICE, None
-        # Blender loses the memory of instances that are not gone through to the end.
-        for index, instance in enumerate(depsgraph.object_instances):
-            if index < done or stopped is not None:
-                continue
+        instances, stopped = iter(depsgraph.object_instances), None
+        deque(islice(instances, done), maxlen=0)
+        until = time.perf_counter() + _SLICE  # going through thousands takes some of these milliseconds itself: begun once there
+        for index, instance in enumerate(instances, done + 1):
             shown = instance.object
             if shown.type == "MESH":  # curves, texts and metaballs come a second time, as the mesh they make
-                owner = (instance.parent if instance.is_instance else shown).original
-                self._add(owner, shown, shown.data, instance.matrix_world, instance.is_instance, meshes)
+                self._add(instance.parent if instance.is_instance else shown, shown, instance.matrix_world, instance.is_instance, known)
             if time.perf_counter() > until:
-                stopped = index + 1
+                stopped = index
+                break
+        # Blender loses the memory of instances that are not gone through to the end.
+        deque(instances, maxlen=0)
         if stopped is not None:
             return stopped
         for hidden in depsgraph.scene.objects:
             if hidden.type == "MESH" and hidden.get(COLLIDER_PROPERTY) and not hidden.visible_get(view_layer=depsgraph.view_layer):
-                self._add(hidden, hidden, hidden.data, hidden.matrix_world, False, meshes)
+                self._add(hidden, hidden, hidden.matrix_world, False, known)
         return None
 
     def _add(
-        self, owner: bpy.types.Object, shown: bpy.types.Object, mesh: bpy.types.Mesh, matrix: Iterable, instance: bool, meshes: dict
+        self, maker: bpy.types.Object, shown: bpy.types.Object, matrix: Matrix, instance: bool, known: dict[tuple[int, ...], Any]
     ) -> None:
+        mesh = shown.data
         key = (mesh.as_pointer(), len(mesh.vertices), len(mesh.loops))
-        if key not in meshes:
-            meshes[key] = MeshData(mesh), not _is_volume(mesh)
-        data, dense = meshes[key]
-        if data.empty:
-            return
-        said = shown.get(COLLIDER_PROPERTY, owner.get(COLLIDER_PROPERTY))
-        outlined = {shown.display_type, owner.display_type} & {"WIRE", "BOUNDS"}
-        place = np.array([x for row in matrix for x in row]).reshape(4, 4)
-        self.seen.append(Seen(owner.name_full, data, place, instance, dense and not outlined, None if said is None else bool(said)))
+        # An object shows a mesh thousands of times: what the two are is asked once.  Of instances ``shown`` is a passing copy.
+        pair = (*key, maker.as_pointer(), shown.original.as_pointer())
+        if pair not in known:
+            if key not in known:
+                known[key] = MeshData(mesh), not _is_volume(mesh)
+            known[pair] = None if known[key][0].empty else _looks(maker.original, shown, *known[key])
+        if known[pair] is not None:
+            owner, data, solid, said = known[pair]
+            # Of a matrix as it is numpy makes an array fifty times more slowly.
+            place = np.array((*matrix[0], *matrix[1], *matrix[2], *matrix[3])).reshape(4, 4)
+            self.seen.append(Seen(owner, data, place, instance, solid, said))
 
     def of(self, owners: Iterable[str]) -> list[Seen]:
         """What belongs to objects of these full names."""
         wanted = set(owners)
         return [s for s in self.seen if s.owner in wanted]
+
+
+def _looks(
+    owner: bpy.types.Object, shown: bpy.types.Object, data: MeshData, dense: bool
+) -> tuple[str, MeshData, bool, bool | None]:
+    """Of an object that shows a mesh: the owner's full name, the mesh, whether it looks solid, and what the animator says of it."""
+    said = shown.get(COLLIDER_PROPERTY, owner.get(COLLIDER_PROPERTY))
+    outlined = {shown.display_type, owner.display_type} & {"WIRE", "BOUNDS"}
+    return owner.name_full, data, dense and not outlined, None if said is None else bool(said)
 
 
 def _is_volume(mesh: bpy.types.Mesh) -> bool:

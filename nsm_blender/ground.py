@@ -10,7 +10,7 @@ import numpy as np
 from nsm_core.control.terrain import FLOOR_TOP, HeightMap, Terrain
 from nsm_core.rotations import Array
 
-from .solids import Solid
+from .solids import Solid, placed
 
 # Metres over the floor under which everything counts as floor, and the longest side from which on a thing of up to FLOOR_TOP
 # does: one steps on a mat or a threshold, but round a shoe, a bowl or a book.
@@ -20,9 +20,11 @@ ROOM_WIDTH = 2.5
 _ON_TOP = 0.015  # metres by which a character may stand over or in the rug that it is placed on
 
 
-def is_ground(vertices: Array) -> bool:
-    """Whether a mesh, ``vertices`` (V, 3) in metres over the character's floor, is walked over as a whole."""
-    low, high = vertices.min(0), vertices.max(0)
+def is_ground(solid: Solid) -> bool:
+    """Whether a mesh is walked over as a whole."""
+    if solid.top_at_least > FLOOR_TOP + 5e-3:  # most of what stands around, without a look at its corners
+        return False
+    low, high = solid.vertices.min(0), solid.vertices.max(0)
     return bool(high[2] < _PAPER or high[2] <= FLOOR_TOP + 1e-4 and (high - low)[:2].max() >= _MAT)
 
 
@@ -35,14 +37,22 @@ def floor_faces(vertices: Array, triangles: Array) -> Array:
 
 def ground_of(shapes: Iterable[Solid]) -> Terrain:
     """The heights of everything that is walked over; ``shapes`` are those of the scene, core frame."""
-    maps = []
-    for shape in shapes:
+    maps = (_top_of(shape) for shape in shapes)
+    return Terrain(found for found in maps if found is not None)
+
+
+def _top_of(shape: Solid) -> HeightMap | None:
+    """What of a mesh is walked over; as long as its reading is kept, it is found once for where it stands."""
+    low, high = shape.bounds
+    whole = is_ground(shape)
+    if not whole and not ((high - low)[:2] > ROOM_WIDTH).all():
+        return None
+    kept, key = shape.reading.kept, placed([shape])
+    if kept.get("top", (b"", None))[0] != key:
         points = shape.vertices
-        chosen = shape.triangles if is_ground(points) else shape.triangles[floor_faces(points, shape.triangles)]
-        found = HeightMap.over(points[chosen]) if len(chosen) else None
-        if found is not None:
-            maps.append(found)
-    return Terrain(maps)
+        chosen = shape.triangles if whole else shape.triangles[floor_faces(points, shape.triangles)]
+        kept["top"] = key, HeightMap.over(points[chosen]) if len(chosen) else None
+    return kept["top"][1]
 
 
 def floor_under(place: Array, scale: float, scene: bpy.types.Scene, but: Iterable[bpy.types.Object]) -> float:
@@ -50,19 +60,32 @@ def floor_under(place: Array, scale: float, scene: bpy.types.Scene, but: Iterabl
 
     Who is placed on a rug that lies on the world's floor, or on a floor of the scene, walks off it one step down.
     """
-    left_out, boxes = set(but), []
-    for candidate in scene.objects:
-        if candidate.type == "MESH" and candidate not in left_out and candidate.visible_get():
-            matrix = np.array(candidate.matrix_world)
-            corners = np.array(candidate.bound_box) @ matrix[:3, :3].T + matrix[:3, 3]
-            boxes.append((corners.min(0), corners.max(0)))
+    boxes = _boxes_around(place[:2], scene, set(but))
 
-    def under(high: Array, low: Array, height: float) -> bool:
-        return bool((low[:2] <= place[:2]).all() and (place[:2] <= high[:2]).all()) and abs(float(high[2]) - height) <= _ON_TOP * scale
+    def ends_at(high: Array, height: float) -> bool:
+        return abs(float(high[2]) - height) <= _ON_TOP * scale
 
     floor = float(place[2])
     for low, high in boxes:
-        if under(high, low, float(place[2])) and 0.004 * scale < high[2] - low[2] <= FLOOR_TOP * scale:
-            rests = abs(float(low[2])) < 1e-3 * scale or any(under(h, b, float(low[2])) and h is not high for b, h in boxes)
+        if ends_at(high, float(place[2])) and 0.004 * scale < high[2] - low[2] <= FLOOR_TOP * scale:
+            rests = abs(float(low[2])) < 1e-3 * scale or any(ends_at(h, float(low[2])) and h is not high for _, h in boxes)
             floor = min(floor, float(low[2])) if rests else floor
     return floor
+
+
+def _boxes_around(place: Array, scene: bpy.types.Scene, but: set[bpy.types.Object]) -> list[tuple[Array, Array]]:
+    """Corners (3,), (3,), Blender units, of the boxes around the meshes that are seen over or under ``place`` (2,).
+
+    Thousands of objects are asked at once: one by one they would keep the window for seconds.
+    """
+    objects = scene.objects
+    matrices, corners = np.empty(16 * len(objects), np.float32), np.empty(24 * len(objects), np.float32)
+    objects.foreach_get("matrix_world", matrices)
+    objects.foreach_get("bound_box", corners)
+    with np.errstate(invalid="ignore", over="ignore"):  # broken scales
+        columns = matrices.reshape(-1, 4, 4).astype(np.float64)
+        corners = corners.reshape(-1, 8, 3).astype(np.float64) @ columns[:, :3, :3] + columns[:, 3:, :3]
+    low, high = corners.min(1), corners.max(1)
+    near = np.flatnonzero(((low[:, :2] <= place) & (place <= high[:, :2])).all(1))
+    seen = [k for k, o in ((int(k), objects[int(k)]) for k in near) if o.type == "MESH" and o not in but and o.visible_get()]
+    return [(low[k], high[k]) for k in seen]

@@ -35,7 +35,7 @@ class FrameState:
         for target, kept in self._moved:
             with suppress(*LOST):
                 for name, moving in _with_bones(target):
-                    if name in kept and transform_of(moving) != kept[name]:
+                    if name in kept:
                         _set(moving, kept[name])
 
 
@@ -162,10 +162,14 @@ def _with_bones(target: bpy.types.Object) -> Iterator[tuple[str | None, bpy.type
 
 
 def _set(moving: bpy.types.Object | bpy.types.PoseBone, transform: dict[str, Any]) -> None:
-    """Set the channels of an object or bone; one that is gone or linked is passed over."""
+    """Set the channels of an object or bone that differ; one that is gone or linked is passed over.
+
+    Whatever is set, be it to what it is, has Blender evaluate and draw the scene anew.
+    """
     with suppress(*LOST):
         for channel, value in transform.items():
-            setattr(moving, channel, value)
+            if tuple(getattr(moving, channel)) != value:
+                setattr(moving, channel, value)
 
 
 def _try(step: Callable[[], Any]) -> None:

@@ -35,6 +35,7 @@ class Session:
         self.scene, self.character = scene, spec.character
         self.fraction, self.text = 0.0, "Starting"
         self.over, self.why = False, ""
+        self.posed = False  # whether the last tick has changed what the scene looks like
         self._ended = ended
         self._watch = Watch(spec, scene)
         self._state = SceneState(scene, spec.character, moved_by(spec.goals))
@@ -56,6 +57,7 @@ class Session:
             changed = self._watch.changed()
             if changed:
                 raise NsmError(changed)
+            self.posed = False
             progress = self._step(time.perf_counter() + budget)
             if isinstance(progress, Take):
                 self._close()
@@ -101,12 +103,12 @@ class Session:
         if progress.hips_world is None:
             return
         self._preview = self._preview or Preview(self.character)
-        self._shown = True
+        self._shown = self.posed = True
         self._preview.show(progress.hips_world, progress.local_rotations, progress.moved)
 
     def _put_back(self) -> None:
         if self._shown:
-            self._shown = False
+            self._shown, self.posed = False, True
             self._state.restore()
 
     def _stop(self, why: str) -> None:

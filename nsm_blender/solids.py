@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -48,10 +48,16 @@ class Solid:
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Corners (3,), (3,) of the upright box around it, core frame."""
-        low, high = self.reading.low, self.reading.high
-        middle = self.size * (self.turn @ ((low + high) / 2)) + self.origin
-        half = self.size * (np.abs(self.turn) @ ((high - low) / 2))
-        return middle - half, middle + half
+        return self._box[:2]
+
+    @cached_property
+    def top_at_least(self) -> float:
+        """A height that it reaches for certain, core frame; its own where it stands upright."""
+        return self._box[2]
+
+    @cached_property
+    def _box(self) -> tuple[Array, Array, float]:
+        return next(_boxes([self.reading], self.turn[None], np.array([self.size]), self.origin[None]))
 
     def at(self, points: Array) -> Array:
         """Codes (N,) of the reading at points (N, 3), core frame."""
@@ -92,16 +98,42 @@ def solids_of(seen: Sequence[Seen], frame: WorldFrame, said: Callable[[float], N
         require_finite(matrix, s.owner)
     turns, sizes, stretches = parted(matrices)
     steps = np.ceil(_SIZES * np.log2(sizes) - 1e-5)
+    wholes = 2 ** (steps / _SIZES)
+    rounded = np.round(stretches.reshape(-1, 9), 6) + 0.0  # no zero below zero
     found: dict[tuple, Reading] = {}
-    out = []
-    for i, s in enumerate(seen):
-        key = (s.mesh.digest, int(steps[i]), *np.round(stretches[i].ravel(), 6).tolist())
-        whole = float(2 ** (steps[i] / _SIZES))
+    readings = []
+    for i, (s, *key) in enumerate(zip(seen, steps.tolist(), map(bytes, rounded), strict=True)):
+        key = (s.mesh.digest, *key)
         if key not in found:
-            found[key] = READINGS.get(key, lambda s=s, i=i, whole=whole: _read(s, whole * stretches[i]))  # type: ignore[misc]
+            found[key] = READINGS.get(key, lambda s=s, i=i: _read(s, wholes[i] * stretches[i]))  # type: ignore[misc]
             said(i / len(seen))
-        out.append(Solid(s.owner, found[key], turns[i], float(sizes[i]) / whole, matrices[i, :3, 3].copy()))
+        readings.append(found[key])
+    sizes, origins = sizes / wholes, matrices[:, :3, 3].copy()
+    out = [Solid(s.owner, *of) for s, *of in zip(seen, readings, turns, sizes.tolist(), origins, strict=True)]
+    for solid, box in zip(out, _boxes(readings, turns, sizes, origins), strict=True):
+        vars(solid)["_box"] = box
     return out
+
+
+def _boxes(readings: Sequence[Reading], turns: Array, sizes: Array, origins: Array) -> Iterator[tuple[Array, Array, float]]:
+    """Lowest and highest corners (3,), (3,) of the boxes around readings so placed (N,), and heights that they reach for certain."""
+    low, high = (np.array([getattr(r, side) for r in readings]) for side in ("low", "high"))
+    turns, sizes = turns.astype(np.float64), sizes[:, None]
+    middle = sizes * (turns @ ((low + high) / 2)[..., None])[..., 0] + origins
+    reach = sizes[..., None] * np.abs(turns) * ((high - low) / 2)[:, None]  # of each of its axes along those of the world
+    half = reach.sum(-1)
+    # Something touches its end of each axis, at worst where the other two lead lowest.
+    tops = middle[:, 2] + (2 * reach[:, 2].max(-1) - half[:, 2])
+    return zip(middle - half, middle + half, tops.tolist(), strict=True)
+
+
+def placed(solids: Sequence[Solid]) -> bytes:
+    """A short name for these solids where they are, as long as their readings are kept."""
+    if not solids:
+        return b""
+    return digest(
+        np.array([s.turn for s in solids]), np.array([s.origin for s in solids]), np.array([(id(s.reading), s.size) for s in solids], float)
+    )
 
 
 def _read(seen: Seen, linear: Array) -> Reading:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Generator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, TypeVar
@@ -17,7 +19,7 @@ from nsm_core import inference
 from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner
 from nsm_core.conventions import FPS
-from nsm_core.errors import GoalError, SkeletonError
+from nsm_core.errors import GoalError, NsmError, SkeletonError
 from nsm_core.rotations import Array
 
 from .actions import require_learned
@@ -82,6 +84,18 @@ def shipped_model(path: str | None = None) -> inference.Model:
     return inference.load_model(path)
 
 
+def _loading() -> threading.Thread:
+    """Have the bundled network loaded while the scene is read; what goes wrong is told where the network is needed."""
+
+    def load() -> None:
+        with suppress(NsmError):
+            shipped_model()
+
+    thread = threading.Thread(target=load, daemon=True)
+    thread.start()
+    return thread
+
+
 def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | None = None) -> Generator[Progress, None, Take]:
     """Generate and key one take, yielding every few milliseconds; the generator's value is the Take.
 
@@ -90,9 +104,10 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | No
     """
     require_character(spec.character, scene)
     require_keyable(spec.character)
+    loading = _loading() if model is None else None
     request, frame, things = yield from prepare(spec, scene)
-    if model is None:
-        model = yield from _waited("Loading the network", lambda _: shipped_model())
+    if loading is not None:
+        model = yield from _waited("Loading the network", lambda _: loading.join() or shipped_model())
     require_learned((goal.action for goal in request.goals), model.metadata)
     runner = yield from _waited("Planning the ways", lambda _: TakeRunner(model, request))
     result = yield from _growing(runner, frame, things)

@@ -99,9 +99,9 @@ def _main_direction(samples: Array) -> float:
     """Turn, in -45..45 degrees, of the smallest rectangle around the footprint; 0 unless that is much smaller."""
     flat = samples[:: max(1, len(samples) // 20000), :2]
     angles = np.deg2rad(np.arange(-45, 45))
-    along = flat @ np.stack((np.cos(angles), np.sin(angles)))
-    across = flat @ np.stack((-np.sin(angles), np.cos(angles)))
-    area = np.ptp(along, axis=0) * np.ptp(across, axis=0)
+    along = np.stack((np.cos(angles), np.sin(angles)), 1) @ flat.T  # a row an angle: many times faster to go through
+    across = np.stack((-np.sin(angles), np.cos(angles)), 1) @ flat.T
+    area = np.ptp(along, axis=1) * np.ptp(across, axis=1)
     best = int(area.argmin())
     return float(angles[best]) if area[best] < 0.85 * area[45] else 0.0
 

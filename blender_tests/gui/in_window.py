@@ -165,6 +165,10 @@ class Log:
             "worst": [(w, round(1000 * s), round(1000 * c)) for w, _, s, c in sorted(own, key=lambda row: -row[3])[:12]],
         }
 
+    def since(self, begun: float) -> list[tuple[str, int, int]]:
+        """What has happened since ``begun``: what, after how many milliseconds, and how many it took."""
+        return [(w, round(1000 * (at - begun)), round(1000 * s)) for w, at, s, _ in sorted(self.rows, key=lambda r: r[1]) if at >= begun]
+
     def silence(self) -> float:
         """Longest time by the clock between two redraws, seconds."""
         times = [begin for what, begin, _, _ in self.rows if what.startswith("redraw")]
@@ -215,6 +219,7 @@ def steps(log: Log):
     while running.current() is not None and log.motion is None and time.perf_counter() - clicked < _LATE:
         yield 0.1
     figures["first_motion_s"] = (log.motion or time.perf_counter()) - clicked
+    figures["until_motion"] = log.since(clicked)
     yield 1.0
     picture("2-growing")
     while running.current() is not None and time.perf_counter() - clicked < _LATE:
@@ -234,6 +239,7 @@ def steps(log: Log):
     while running.current() is not None and log.motion is None and time.perf_counter() - clicked < _LATE:
         yield 0.1
     figures["first_motion_again_s"] = (log.motion or time.perf_counter()) - clicked
+    figures["until_motion_again"] = log.since(clicked)
     yield 0.5
     pressed = time.perf_counter()
     window.event_simulate(type="ESC", value="PRESS", x=640, y=360)

@@ -71,7 +71,8 @@ class _Signs:
         if context.workspace not in self._workspaces:
             self._workspaces.append(context.workspace)
         context.workspace.status_text_set(f"NSM: {session.text}   ESC: cancel and restore")
-        _redraw(context)
+        # The scene itself, which may take seconds to draw, only where something in it has changed.
+        _redraw(context, ("WINDOW", "UI") if session.posed else ("UI",))
         self._tagged = time.perf_counter()
 
     def remove(self) -> None:
@@ -83,7 +84,7 @@ class _Signs:
         for take_away in (lambda: manager.event_timer_remove(timer), manager.progress_end, self._restore_cursors, self._clear_status):
             with suppress(ReferenceError, AttributeError, RuntimeError):  # windows and workspaces may be gone
                 take_away()
-        _redraw(self._context)
+        _redraw(self._context, ("WINDOW", "UI"))
 
     def _restore_cursors(self) -> None:
         for window in self._context.window_manager.windows:  # progress_end knows the active one alone
@@ -180,11 +181,13 @@ class NSM_OT_generate(bpy.types.Operator):
         return {"CANCELLED"}
 
 
-def _redraw(context: bpy.types.Context) -> None:
+def _redraw(context: bpy.types.Context, regions: tuple[str, ...]) -> None:
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
-                area.tag_redraw()
+                for region in area.regions:
+                    if region.type in regions:
+                        region.tag_redraw()
 
 
 CLASSES = (NSM_OT_generate,)

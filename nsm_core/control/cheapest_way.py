@@ -22,13 +22,15 @@ def cheapest(price: Array, start: tuple[int, int], goal: tuple[int, int]) -> Arr
     prices, inf = price.ravel().tolist(), float("inf")
     if prices[first] == inf or prices[last] == inf:
         return None
-    gi, gj = divmod(last, width)
-    steps = [(di * width + dj, _DIAGONAL if di and dj else 1.0) for di in (-1, 0, 1) for dj in (-1, 0, 1) if di or dj]
+    di, dj = (np.abs(np.arange(n) - at) for n, at in zip(price.shape, divmod(last, width), strict=True))
+    ahead = np.maximum(di[:, None], dj) + (_DIAGONAL - 1) * np.minimum(di[:, None], dj)  # the least that is left to go
+    left = ahead.ravel().tolist()
+    steps = [(di * width + dj, 0.5 * _DIAGONAL if di and dj else 0.5) for di in (-1, 0, 1) for dj in (-1, 0, 1) if di or dj]
     cost, parent, done = [inf] * len(prices), [first] * len(prices), bytearray(len(prices))
     cost[first] = 0.0
-    queue = [(0.0, first)]
+    queue, push, pop = [(0.0, first)], heapq.heappush, heapq.heappop
     while queue:
-        _, here = heapq.heappop(queue)
+        _, here = pop(queue)
         if done[here]:
             continue
         if here == last:
@@ -37,15 +39,10 @@ def cheapest(price: Array, start: tuple[int, int], goal: tuple[int, int]) -> Arr
         base, own = cost[here], prices[here]
         for offset, length in steps:
             there = here + offset
-            p = prices[there]
-            if p == inf or done[there]:
-                continue
-            new = base + length * 0.5 * (own + p)
-            if new < cost[there]:
+            new = base + length * (own + prices[there])
+            if new < cost[there]:  # infinite where none may go, and never less where one has been
                 cost[there], parent[there] = new, here
-                i, j = divmod(there, width)
-                di, dj = abs(i - gi), abs(j - gj)
-                heapq.heappush(queue, (new + max(di, dj) + (_DIAGONAL - 1) * min(di, dj), there))
+                push(queue, (new + left[there], there))
     else:
         return None
     way = [last]

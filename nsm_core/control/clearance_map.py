@@ -94,12 +94,15 @@ class ClearanceMap:
         half_diagonal = every * self._spacing * np.sqrt(0.5)
         coarse = nodes[:, ::every, ::every] + every * self._spacing / 2
         reach = self._far + half_diagonal + self._spacing
-        near = (look(self._query, coarse.reshape(-1, 2), reach + 1e-3) < reach).reshape(coarse.shape[:3])
-        near = near.repeat(every, 1).repeat(every, 2)[:, : nodes.shape[1], : nodes.shape[2]]
-        out = np.full(nodes.shape[:3], self._far)
-        if near.any():
-            out[near] = look(self._query, nodes[near], self._far)
-        return out
+        found = np.asarray(self._query.signed_distance(body_at(coarse.reshape(-1, 2)), reach + 1e-3))
+        near = (found < reach).reshape(len(HEIGHTS), *coarse.shape[:3])
+        near = near.repeat(every, 2).repeat(every, 3)[:, :, : nodes.shape[1], : nodes.shape[2]]
+        out = np.full(near.shape, self._far)
+        height, *at = np.nonzero(near)
+        if len(height):
+            points = np.column_stack((nodes[tuple(at)], np.array(HEIGHTS)[height])).astype(np.float32)
+            out[near] = self._query.signed_distance(points, self._far)
+        return out.min(0)
 
     def _at(self, points: Array, what: slice) -> Array:
         """Interpolate ``what`` of the nodes (clearance, its two slopes) at floor points (..., 2)."""
