@@ -4,7 +4,8 @@
   demo       furnish two rooms, let the character sit, open a door, carry a box, climb and run; writes out/demo
              (a .blend, a picture, a video); --two-seats: walk and sit alone
   test       run all tests; --matrix adds every Blender version this machine has a Python for;
-             other arguments go to pytest (for example: test core_tests/test_network.py -k gradient)
+             other arguments go to pytest (for example: test core_tests/test_network.py -k gradient);
+             whole suites run on all cores, a file to a process (-n 0: one after the other)
   build      write the extension for Blender to dist/
   train      train the network from a capture folder (arguments: see `train --help`)
   annotate   propose labels, contacts, phases and goals of captures (arguments: see `annotate --help`)
@@ -29,6 +30,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent
 WINDOWS = os.name == "nt"
 SUITES = ("core_tests", "blender_tests")
+WORKERS = ["-n", str(max(1, min(os.cpu_count() or 1, 8))), "--dist", "loadgroup"]  # the groups are the conftest's
 
 
 class Failure(Exception):
@@ -174,6 +176,8 @@ def main_environment(*groups: str) -> Path:
 def run(*command: object) -> int:
     """Run a command in the project folder and return its exit code."""
     environment = {**os.environ, "PYTHONNOUSERSITE": "1", "PYTHONUTF8": "1"}
+    if "pytest" in command and "-n" in command:  # a process a core leaves no core for threads that wait for each other
+        environment |= {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
     try:
         return subprocess.run([str(part) for part in command], cwd=ROOT, env=environment).returncode
     except KeyboardInterrupt:
@@ -234,7 +238,8 @@ def run_suite(python: Path, suite: str, where: str, rest: list[str]) -> tuple[st
     others = [s for s in SUITES if s != suite]
     own = [a for a in rest if not any(a.replace("\\", "/").startswith(s) for s in others)]
     named = any(suite in a for a in own)
-    code = run(python, "-m", "pytest", *own, *([] if named else [suite]))
+    workers = [] if named or any(a.startswith("-n") for a in own) else WORKERS
+    code = run(python, "-m", "pytest", *workers, *own, *([] if named else [suite]))
     if code == 5 and rest:
         return f"{suite} with {where}", "skipped, no test matches"
     return f"{suite} with {where}", "passed" if code == 0 else f"FAILED (exit code {code})"

@@ -18,6 +18,16 @@ from nsm_core.networks.config import NsmConfig
 from nsm_core.weights_file import save_weights
 
 LAYOUT = layout_description()
+SHARING = ("test_dataset", "test_features", "test_fresh", "test_switched", "test_training", "test_unstitched")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items) -> None:
+    """On several cores a file's tests stay together, and so do the files that look at the same composed takes."""
+    if config.pluginmanager.hasplugin("xdist"):
+        for item in items:
+            name = item.path.stem
+            item.add_marker(pytest.mark.xdist_group("composed" if name in SHARING else name))
 
 
 def random_arrays(config: NsmConfig, seed: int = 0) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:

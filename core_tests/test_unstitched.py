@@ -29,8 +29,8 @@ def composed(folder: Path, shares: dict[str, float] | None, count: int, source=N
 
 
 def test_every_take_is_one_captured_piece(folder):
-    takes = composed(folder, None, 25)
-    assert len(takes) > 12
+    takes = composed(folder, None, 14)
+    assert len(takes) > 6
     for take in takes:
         assert len({piece[0] for piece in take.provenance}) == 1, "it is stitched of several clips"
         speed = np.linalg.norm(np.diff(annotate(take).joint_position, axis=0), axis=-1) * 30

@@ -31,6 +31,7 @@ from nsm_core.errors import GoalError, JobError, NsmError, OutputError, Skeleton
 from .goals import GoalSpec
 from .job_paths import refuse_used
 from .jobs import Job, JobTake, read_job
+from .leaving import leave
 from .outputs import require_writable, save_blend, write_json
 from .render import contact_sheet, video
 from .takes import Take, TakeSpec, generate
@@ -206,4 +207,4 @@ def _say(line: str) -> None:
 
 if __name__ == "__main__":
     _arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
-    sys.exit(main(_arguments))
+    leave(main(_arguments))

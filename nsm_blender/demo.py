@@ -27,6 +27,7 @@ from . import outputs, render, takes
 from .character import add_character
 from .goals import GoalSpec
 from .house import House, build_house
+from .leaving import leave
 from .report import goal_line
 from .room import Room, build_room
 
@@ -194,6 +195,4 @@ def _parser() -> argparse.ArgumentParser:
 
 if __name__ == "__main__":
     given = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [] if bpy.app.binary_path else sys.argv[1:]
-    code = main(given)
-    if code:
-        sys.exit(code)
+    leave(main(given))
