@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..limbs import chain_frames, leg_reach, mul, place_limbs, rotate
+from ..limbs import chain_frames, leg_reach, mul, place_limbs, rotate, solve_two_bone
 from ..rotations import Array, quat_conjugate, quat_from_axis_angle
 from ..sensors.query import DistanceQuery
 from ..skeleton import OFFSETS
@@ -19,6 +19,7 @@ CLIMBING = 0.25  # label from which on somebody climbs
 MARGIN = 0.02  # metres off the flesh from which on legs give way
 # Changes, in this order: hips x, y, z, metres; splay of the right and left knee, in SPLAY radians per metre; lift of the feet.
 SPLAY = 8.0
+_SPLAYED = SPLAY * np.array((1.0, -1.0))
 LEAST = np.array((-0.1, -0.1, -0.03, 0.0, 0.0, 0.0, 0.0))
 MOST = np.array((0.1, 0.1, 0.1, 0.11, 0.11, 0.2, 0.2))
 STIFF = np.array((0.25, 0.25, 0.25, 0.15, 0.15, 0.15, 0.15))  # how dear a metre of each is, as against a metre in the solid
@@ -85,8 +86,7 @@ class LegClearance:
 
     def _misses(self, pose: Pose, changes: Array) -> Array:
         """How far (N, P) points of the legs are in the margin, and legs out of reach (the last two), metres, by ``changes`` (N, 7)."""
-        hips, local = pose.changed(changes)
-        joints = chain_frames(hips, local, (*(leg[0] for leg in LEGS), *_KNEES, *ANKLES))[0].reshape(len(hips), 3, 2, 3)
+        joints = pose.joints_by(changes)
         far = np.linalg.norm(pose.targets(changes) - joints[:, 0], axis=-1)
         if self._came is not None:  # where legs are now, and where they will be if they go on as they came
             joints = np.concatenate((joints, joints + AHEAD * (pose.joints - self._came)))
@@ -102,7 +102,7 @@ class LegClearance:
         over = top - points[..., 2]
         distance = np.where((distance < 0) & (over < _OVER), np.minimum(distance, -over), distance)
         deep = np.maximum(0, radii + self._margin - distance)
-        deep = deep.reshape(-1, len(hips), 2 * len(radii)).max(0)
+        deep = deep.reshape(-1, len(changes), 2 * len(radii)).max(0)
         return np.concatenate((deep, STRETCH * np.maximum(0, far - np.maximum(leg_reach(), pose.length))), axis=1)
 
 
@@ -118,6 +118,7 @@ class Pose:
         self.ankles = knees + rotate(lower, OFFSETS[list(ANKLES)].astype(np.float64))
         self.joints = np.stack((starts, knees, self.ankles))
         self.feet, self.upper, self.parents = mul(lower, local[list(ANKLES)]), upper, parents
+        self.hinge = rotate(upper, np.array((1.0, 0.0, 0.0)))
         way = self.ankles - starts
         self.length = np.linalg.norm(way, axis=-1)
         self.down = way / self.length[:, None]
@@ -128,11 +129,19 @@ class Pose:
         out[..., 2] += changes[:, 5:]
         return out
 
+    def joints_by(self, changes: Array) -> Array:
+        """Hip joints, knees and ankles (N, 3, 2, 3) as ``changed`` puts them."""
+        start, knee, ankle = (joint + changes[:, None, :3] for joint in self.joints)
+        turn = quat_from_axis_angle(np.broadcast_to(self.down, start.shape), _SPLAYED * changes[:, 3:5])
+        bent, hinge = rotate(turn, knee - start), rotate(turn, self.hinge)  # the ankle lies on the axis
+        knee, ankle, _ = solve_two_bone(start, start + bent, ankle, self.targets(changes), hinge)
+        return np.stack((start, knee, ankle), axis=1)
+
     def changed(self, changes: Array) -> tuple[Array, Array]:
         """Hips (N, 3) and local rotations (N, 23, 4) by ``changes`` (N, 7)."""
         hips = self.hips + changes[:, :3]
         local = np.repeat(self.local[None], len(changes), axis=0)
-        turn = quat_from_axis_angle(np.broadcast_to(self.down, (len(changes), 2, 3)), SPLAY * changes[:, 3:5] * (1, -1))
+        turn = quat_from_axis_angle(np.broadcast_to(self.down, (len(changes), 2, 3)), _SPLAYED * changes[:, 3:5])
         upper = mul(turn, np.broadcast_to(self.upper, turn.shape))
         local[:, [leg[0] for leg in LEGS]] = mul(quat_conjugate(np.broadcast_to(self.parents, turn.shape)), upper)
         feet = np.broadcast_to(self.feet, turn.shape)
