@@ -129,9 +129,9 @@ def quat_slerp(a: Array, b: Array, t: Array) -> Array:
 def matrix_from_forward_up(forward: Array, up: Array) -> Array:
     """Rotation matrices (..., 3, 3) with -Y along ``forward`` exactly and Z near ``up``, both (..., 3)."""
     y = -forward / np.maximum(np.linalg.norm(forward, axis=-1, keepdims=True), 1e-9)
-    x = np.cross(y, up)
+    x = cross(y, up)
     x = x / np.maximum(np.linalg.norm(x, axis=-1, keepdims=True), 1e-9)
-    return np.stack((x, y, np.cross(x, y)), axis=-1)
+    return np.stack((x, y, cross(x, y)), axis=-1)
 
 
 def heading_to_direction(heading: Array) -> Array:

@@ -64,7 +64,7 @@ def _levels() -> list[tuple[Array, Array]]:
 
 
 _PARENTS = np.array(PARENTS)
-_LEVELS = _levels()
+LEVELS = _levels()
 
 
 def forward_kinematics(hips_position: Array, local_rotations: Array, offsets: Array = OFFSETS) -> tuple[Array, Array]:
@@ -76,10 +76,10 @@ def forward_kinematics(hips_position: Array, local_rotations: Array, offsets: Ar
     rotations = np.empty_like(local_rotations)
     positions[..., 0, :] = hips_position
     rotations[..., 0, :] = local_rotations[..., 0, :]
-    for joints, parents in _LEVELS:
+    for joints, parents in LEVELS:
         rotations[..., joints, :] = quat_mul(rotations[..., parents, :], local_rotations[..., joints, :])
     bones = quat_rotate(rotations[..., _PARENTS[1:], :], offsets[1:].astype(positions.dtype))
-    for joints, parents in _LEVELS:
+    for joints, parents in LEVELS:
         positions[..., joints, :] = positions[..., parents, :] + bones[..., joints - 1, :]
     return positions, rotations
 

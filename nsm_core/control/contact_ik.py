@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..conventions import FOOT_CONTACTS, FPS, HIP_CONTACT
-from ..limbs import chain_frames, leg_reach, mul, place_limbs, rotate
+from ..limbs import leg_reach, limb_frames, mul, place_limbs, rotate
 from ..rotations import Array, heading_quat, heading_to_direction, wrap_angle
 from ..skeleton import FEET, OFFSETS, TOE_HEIGHT
 from .foot_lock import LEGS, TOE_OFFSET, detect_foot_contacts, foot_heading, lock_feet, smooth_step, sole_depth
@@ -71,8 +71,8 @@ class ContactIK:
         """
         dtype = local_rotations.dtype
         hips, local = hips_position.astype(np.float64), local_rotations.astype(np.float64)
-        starts, parents = chain_frames(hips, local, (LEGS[0][0], LEGS[1][0]))
-        toes, feet = self._feet_of(starts, parents, local)
+        joints, rotations, _ = limb_frames(hips, local, FEET)
+        toes, feet = joints[:, 3], rotations[:, 2]
         foot_headings = foot_heading(feet)
         own = self._footing.raise_to_low(level, self.dt)
         toes[:, 2] += own
@@ -117,14 +117,6 @@ class ContactIK:
             foot.step()
         for foot, other in zip(self._feet, self._feet[::-1], strict=True):
             foot.wait_for(other)
-
-    def _feet_of(self, starts: Array, parents: Array, local: Array) -> tuple[Array, Array]:
-        """Toe joints (2, 3) and ankle rotations (2, 4), world, of the pose that came in."""
-        position, rotation = starts, parents
-        for k in range(3):
-            rotation = mul(rotation, local[[leg[k] for leg in FEET]])
-            position = position + rotate(rotation, OFFSETS[FEET[0][k + 1]].astype(np.float64))
-        return position, rotation
 
     def _look(self, toes: Array, headings: Array, ankle_heights: Array) -> Array:
         """Heights (2,) of the ground under the feet; feet that stand against a riser are brought off it."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..limbs import chain_frames, mul, rotate
+from ..limbs import limb_frames, mul, rotate
 from ..rotations import Array, quat_conjugate, quat_from_axis_angle, rotate_planar
-from ..skeleton import ARMS, OFFSETS
+from ..skeleton import ARMS
 from .props import Box
 from .reaching import Pose
 
@@ -30,12 +30,8 @@ class Elbows:
         if not near and np.abs(self.swivel).max() < 1e-3:
             self.swivel[:] = 0
             return
-        starts, parents = chain_frames(pose.hips, pose.local, tuple(arm[0] for arm in ARMS))
-        upper = mul(parents, pose.local[[arm[0] for arm in ARMS]])
-        lower = mul(upper, pose.local[[arm[1] for arm in ARMS]])
-        hands = mul(lower, pose.local[[arm[2] for arm in ARMS]])
-        elbows = starts + rotate(upper, OFFSETS[[arm[1] for arm in ARMS]].astype(np.float64))
-        wrists = elbows + rotate(lower, OFFSETS[[arm[2] for arm in ARMS]].astype(np.float64))
+        joints, rotations, parents = limb_frames(pose.hips, pose.local, ARMS)
+        (starts, elbows, wrists), (upper, lower, hands) = (np.swapaxes(a, 0, 1) for a in (joints, rotations))
         line = wrists - starts
         line = line / np.maximum(np.linalg.norm(line, axis=-1, keepdims=True), 1e-9)
         wanted = self._wanted(box, starts, elbows, wrists, line) if near else np.zeros(2)

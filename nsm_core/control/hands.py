@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..limbs import chain_frames, mul, place_limbs, rotate
-from ..rotations import Array, quat_conjugate, quat_from_axis_angle
+from ..limbs import limb_frames, mul, place_limbs, rotate
+from ..rotations import Array, cross, quat_conjugate, quat_from_axis_angle
 from ..sensors.query import DistanceQuery
-from ..skeleton import ARMS, END_SITES, JOINTS, OFFSETS
+from ..skeleton import ARMS, END_SITES, JOINTS
 
 # Places on an arm that are kept out: share of the way from elbow to wrist (0..1) or from wrist to finger tips (1..2); radius, metres.
 # On the hand they lie closer than a table top is thick.
@@ -84,15 +84,11 @@ class HandClearance:
 
     def _turn_up(self, hips: Array, local: Array, held: tuple[float, float], queries: tuple[DistanceQuery, DistanceQuery]) -> Array:
         """New local rotations (23, 4): hands that hold, and so stay where they are, lift their fingers off what lies under them."""
-        starts, rotation = chain_frames(hips, local, tuple(arm[0] for arm in ARMS))
-        position = starts
-        for k in (0, 1):
-            rotation = mul(rotation, local[[arm[k] for arm in ARMS]])
-            position = position + rotate(rotation, OFFSETS[[arm[k + 1] for arm in ARMS]].astype(np.float64))
-        hand = mul(rotation, local[[arm[2] for arm in ARMS]])
+        joints, rotations, _ = limb_frames(hips, local, ARMS)
+        starts, position, rotation, hand = joints[:, 0], joints[:, 2], rotations[:, 1], rotations[:, 2]
         fingers, ahead = rotate(hand, _TIPS), (position - starts) * (1, 1, 0)
         # A hand that hangs straight down is turned up forward.
-        axis = np.cross(fingers, ahead * 0.3 + (0, 0, 1))
+        axis = cross(fingers, ahead * 0.3 + (0, 0, 1))
         axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-9)
         for side in (0, 1):
             wanted = -self._raised[side]
@@ -117,16 +113,10 @@ class HandClearance:
 
     def _probe(self, hips: Array, local: Array) -> tuple[Array, Array]:
         """Wrists (2, 3) and probe points (2, P, 3), world, of the pose moved by the present push."""
-        position, rotation = chain_frames(hips, local, tuple(arm[0] for arm in ARMS))
-        joints = []
-        for k in range(3):
-            rotation = mul(rotation, local[[arm[k] for arm in ARMS]])
-            joints.append(position)
-            if k < 2:
-                position = position + rotate(rotation, OFFSETS[[arm[k + 1] for arm in ARMS]].astype(np.float64))
-        _, elbow, wrist = joints
+        joints, rotations, _ = limb_frames(hips, local, ARMS)
+        elbow, wrist = joints[:, 1], joints[:, 2]
         moved = wrist + self._push
-        tip = moved + rotate(rotation, _TIPS)
+        tip = moved + rotate(rotations[:, 2], _TIPS)
         forearm = elbow[:, None] + _SHARES[None, :, None] * (moved - elbow)[:, None]
         hand = moved[:, None] + (_SHARES[None, :, None] - 1) * (tip - moved)[:, None]
         return wrist, np.where(_SHARES[None, :, None] <= 1, forearm, hand)

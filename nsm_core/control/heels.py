@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..limbs import chain_frames, mul, place_limbs, rotate
+from ..limbs import limb_frames, mul, place_limbs, rotate
 from ..rotations import Array, quat_from_axis_angle
-from ..skeleton import FEET, HIP_OVER_SEAT, OFFSETS
+from ..skeleton import FEET, HIP_OVER_SEAT
 from .foot_lock import LEGS, TOE_OFFSET
 
 KNEE_OVER_SEAT = 0.05  # metres that a knee keeps over the level of the seat
@@ -29,13 +29,8 @@ class Heels:
         if hip_goal is None and not self.lift.any():
             return local_rotations
         hips, local = hips_position.astype(np.float64), local_rotations.astype(np.float64)
-        position, rotation = chain_frames(hips, local, tuple(leg[0] for leg in LEGS))
-        joints = [position]
-        for k in range(3):
-            rotation = mul(rotation, local[[leg[k] for leg in FEET]])
-            position = position + rotate(rotation, OFFSETS[FEET[0][k + 1]].astype(np.float64))
-            joints.append(position)
-        _, knees, _, toes = joints
+        joints, rotations, _ = limb_frames(hips, local, FEET)
+        knees, toes, rotation = joints[:, 1], joints[:, 3], rotations[:, 2]
         wanted = np.zeros(2)
         if hip_goal is not None and seated > 0.3:
             wanted = np.clip(float(hip_goal[2]) - HIP_OVER_SEAT + KNEE_OVER_SEAT - knees[:, 2], 0, MOST) * min(1.0, (seated - 0.3) / 0.5)

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..limbs import chain_frames, leg_reach, mul, place_limbs, rotate, solve_two_bone
+from ..limbs import leg_reach, limb_frames, mul, place_limbs, rotate, solve_two_bone
 from ..rotations import Array, quat_conjugate, quat_from_axis_angle
 from ..sensors.query import DistanceQuery
 from ..skeleton import OFFSETS
-from .foot_lock import ANKLES, LEGS, TOE_OFFSET
+from .foot_lock import LEGS, TOE_OFFSET
 from .terrain import Terrain
 
 CLIMBING = 0.25  # label from which on somebody climbs
@@ -111,15 +111,11 @@ class Pose:
 
     def __init__(self, hips: Array, local: Array) -> None:
         self.hips, self.local = hips, local
-        starts, parents = chain_frames(hips, local, (LEGS[0][0], LEGS[1][0]))
-        upper = mul(parents, local[[leg[0] for leg in LEGS]])
-        lower = mul(upper, local[_KNEES])
-        knees = starts + rotate(upper, OFFSETS[_KNEES].astype(np.float64))
-        self.ankles = knees + rotate(lower, OFFSETS[list(ANKLES)].astype(np.float64))
-        self.joints = np.stack((starts, knees, self.ankles))
-        self.feet, self.upper, self.parents = mul(lower, local[list(ANKLES)]), upper, parents
-        self.hinge = rotate(upper, np.array((1.0, 0.0, 0.0)))
-        way = self.ankles - starts
+        joints, rotations, self.parents = limb_frames(hips, local, LEGS)
+        self.joints, self.ankles = np.swapaxes(joints, 0, 1), joints[:, 2]
+        self.upper, self.feet = rotations[:, 0], rotations[:, 2]
+        self.hinge = rotate(self.upper, np.array((1.0, 0.0, 0.0)))
+        way = self.ankles - joints[:, 0]
         self.length = np.linalg.norm(way, axis=-1)
         self.down = way / self.length[:, None]
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from ..components import cross, dot, turned
 from ..errors import GoalError
 from ..inference import Model
 from ..limbs import place_limbs
@@ -14,7 +17,6 @@ from ..rotations import (
     quat_from_matrix,
     quat_from_rotvec,
     quat_mul,
-    quat_rotate,
     quat_to_matrix,
 )
 from ..series import State, standing_state
@@ -22,6 +24,7 @@ from ..skeleton import ARMS, FEET, HIPS, OFFSETS, J, forward_kinematics, local_f
 
 _LEGS = tuple(leg[:3] for leg in FEET)
 _ELBOWS = tuple((elbow, np.array((0.0, 0.0, sign))) for (_, elbow, _), sign in zip(ARMS, (1, -1), strict=True))  # and their hinges
+_ARM_BONES = tuple((OFFSETS[elbow].tolist(), OFFSETS[wrist].tolist()) for _, elbow, wrist in ARMS)
 
 
 def pose_of(state: State) -> tuple[Array, Array]:
@@ -43,9 +46,9 @@ def pose_of(state: State) -> tuple[Array, Array]:
 def unbend_elbows(local: Array) -> Array:
     """Straighten elbows of local rotations (23, 4) that bend backward, as noisy captures teach now and then; returns new ones."""
     local = local.copy()
-    for (elbow, hinge), wrist in zip(_ELBOWS, (arm[2] for arm in ARMS), strict=True):
-        upper, lower = OFFSETS[elbow], quat_rotate(local[elbow], OFFSETS[wrist].astype(local.dtype))
-        flexion = float(np.arctan2(np.cross(upper, lower) @ hinge, upper @ lower))
+    for (elbow, hinge), (upper, bone) in zip(_ELBOWS, _ARM_BONES, strict=True):
+        lower = turned(local[elbow].tolist(), bone)
+        flexion = math.atan2(hinge[2] * cross(upper, lower)[2], dot(upper, lower))
         if flexion < 0:
             local[elbow] = quat_mul(quat_from_rotvec(-flexion * hinge), local[elbow])
     return local

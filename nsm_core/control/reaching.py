@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..conventions import DT
-from ..limbs import SOFT_REACH, chain_frames, mul, place_limbs, rotate
+from ..limbs import SOFT_REACH, chain_frames, limb_frames, mul, place_limbs, rotate
 from ..rotations import Array, quat_conjugate, quat_from_rotvec
 from ..sensors.query import DistanceQuery
 from ..skeleton import ARMS, FEET, INDEX, OFFSETS
@@ -41,12 +41,8 @@ class Pose:
 
     def arms(self) -> tuple[Array, Array]:
         """Shoulders and wrists (2, 3), right and left, world, of the pose as it is now."""
-        position, rotation = chain_frames(self.hips, self.local, tuple(arm[0] for arm in ARMS))
-        shoulder = position
-        for k in (0, 1):
-            rotation = mul(rotation, self.local[[arm[k] for arm in ARMS]])
-            position = position + rotate(rotation, OFFSETS[[arm[k + 1] for arm in ARMS]].astype(np.float64))
-        return shoulder, position
+        joints, _, _ = limb_frames(self.hips, self.local, ARMS)
+        return joints[:, 0], joints[:, 2]
 
 
 class Hold:
@@ -189,8 +185,5 @@ def _follow(now: Array, wanted: Array, step: float) -> Array:
 
 def _ankles(pose: Pose) -> tuple[Array, Array]:
     """Ankles (2, 3) and their world rotations (2, 4) as they are now."""
-    position, rotation = chain_frames(pose.hips, pose.local, tuple(leg[0] for leg in _LEGS))
-    for k in (0, 1):
-        rotation = mul(rotation, pose.local[[leg[k] for leg in _LEGS]])
-        position = position + rotate(rotation, OFFSETS[[leg[k + 1] for leg in _LEGS]].astype(np.float64))
-    return position, mul(rotation, pose.local[[leg[2] for leg in _LEGS]])
+    joints, rotations, _ = limb_frames(pose.hips, pose.local, _LEGS)
+    return joints[:, 2], rotations[:, 2]

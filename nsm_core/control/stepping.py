@@ -14,7 +14,7 @@ from ..conventions import DT
 from ..features import Prediction, integrate_position
 from ..rotations import Array, wrap_angle
 from ..series import FUTURE, State
-from ..skeleton import OFFSETS, PARENTS
+from ..skeleton import LEVELS, OFFSETS
 
 _LENGTHS = np.linalg.norm(OFFSETS, axis=1)
 
@@ -39,10 +39,11 @@ def goal_centric_weights(distance: Array) -> Array:
 def restore_bone_lengths(positions: Array) -> Array:
     """Give bones the skeleton's lengths, parents first: each joint of (B, J, 3) keeps its direction from its parent's new place."""
     restored = positions.copy()
-    for j in range(1, positions.shape[1]):
-        bone = restored[:, j] - restored[:, PARENTS[j]]
+    for joints, parents in LEVELS:
+        above = restored[:, parents]
+        bone = restored[:, joints] - above
         length = np.maximum(np.linalg.norm(bone, axis=-1, keepdims=True), 1e-6)
-        restored[:, j] = restored[:, PARENTS[j]] + bone * (_LENGTHS[j] / length)
+        restored[:, joints] = above + bone * (_LENGTHS[joints, None] / length)
     return restored
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..limbs import chain_frames, mul, place_limbs, rotate
+from ..limbs import limb_frames, place_limbs, rotate
 from ..rotations import Array
 from ..sensors.query import DistanceQuery
-from ..skeleton import END_SITES, FEET, JOINTS, OFFSETS
+from ..skeleton import END_SITES, FEET, JOINTS
 from .foot_lock import LEGS
 
 FURTHEST, EASE, SPEED = 0.14, 0.3, 0.012  # metres a foot is brought back at most; share and metres a frame by which that changes
@@ -28,13 +28,9 @@ class ToeClearance:
         if query is None and not self.back.any():
             return local_rotations
         hips, local = hips_position.astype(np.float64), local_rotations.astype(np.float64)
-        position, rotation = chain_frames(hips, local, tuple(leg[0] for leg in FEET))
-        for k in (0, 1):
-            rotation = mul(rotation, local[[leg[k] for leg in FEET]])
-            position = position + rotate(rotation, OFFSETS[[leg[k + 1] for leg in FEET]].astype(np.float64))
-        ankles, feet = position, mul(rotation, local[[leg[2] for leg in FEET]])
-        toes = ankles + rotate(feet, OFFSETS[[leg[3] for leg in FEET]].astype(np.float64))
-        tips = rotate(mul(feet, local[[leg[3] for leg in FEET]]), np.broadcast_to(_TIP, (2, 3)))
+        joints, rotations, _ = limb_frames(hips, local, FEET)
+        ankles, toes, feet = joints[:, 2], joints[:, 3], rotations[:, 2]
+        tips = rotate(rotations[:, 3], _TIP)
         way = tips * (1, 1, 0)
         way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
         wanted = -self.back

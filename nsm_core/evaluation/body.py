@@ -8,6 +8,7 @@ the clearances that they need; this set is for measuring alone.)
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -110,6 +111,7 @@ class Body:
         return cls(np.stack(centres, axis=1), np.stack(radii, axis=1), np.array(hand), np.array(forearm), names)
 
 
+@cache
 def _length(c: Capsule) -> float:
     """Length of a capsule in the T-pose, rounded, so that it has as many spheres whatever a pose's arithmetic."""
     rest = forward_kinematics(OFFSETS[0].astype(np.float64), np.tile((1.0, 0, 0, 0), (len(OFFSETS), 1)), OFFSETS.astype(np.float64))[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -37,10 +38,16 @@ class BoxGroup:
     halves: Array
     heading: float | None
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Corners (3,), (3,) of the box around all boxes, object frame."""
         return (self.centres - self.halves).min(0), (self.centres + self.halves).max(0)
+
+    @cached_property
+    def sphere(self) -> tuple[Array, float]:
+        """Middle (3,), world, and radius of the sphere around that box, metres."""
+        lo, hi = self.bounds
+        return self.position + self.matrix @ ((lo + hi) / 2), float(np.linalg.norm(hi - lo)) / 2
 
 
 def box_group(position: Array, rotation: Array | float, mins: Array, maxs: Array) -> BoxGroup:
@@ -94,12 +101,12 @@ class Cuboids:
             return out
         low, high = points.min(0), points.max(0)
         for group in self.groups:
-            lo, hi = group.bounds
             # The object's bounding sphere against the bounding box of all points.
-            centre = group.position + group.matrix @ ((lo + hi) / 2)
-            reach = float(np.linalg.norm(hi - lo)) / 2 + max_distance
+            centre, radius = group.sphere
+            reach = radius + max_distance
             if (centre + reach < low).any() or (centre - reach > high).any():
                 continue
+            lo, hi = group.bounds
             local = ((points - group.position) @ group.matrix).astype(np.float32)
             near = np.flatnonzero(((local > lo - max_distance) & (local < hi + max_distance)).all(1))
             if len(near):
