@@ -9,7 +9,7 @@ from pathlib import Path
 from .bvh_parse import FASTEST, SLOWEST
 from .errors import CaptureError, SkeletonError
 from .skeleton import JOINTS
-from .validate import is_number, listed, read_toml, shown, table
+from .validate import is_number, read_toml, shown, table
 
 FOLDER = Path(__file__).parent / "mappings"
 SIDES = ("Right", "Left")
@@ -53,6 +53,12 @@ def load_mapping(path: str | Path) -> Mapping:
         if len(names) != 1:
             raise CaptureError(f"{path.name}: {target} must name one joint of the file, in quotes.")
         joints[target] = names[0]
+    for target, joint in joints.items():
+        others = [other for other, same in joints.items() if same == joint and other != target]
+        if others:
+            raise CaptureError(
+                f"{path.name}: {target} and {others[0]} both name {shown(joint, 80)}; give each its own, or leave one out."
+            )
     missing = [n for n in REQUIRED if n not in joints]
     if missing and joints:
         raise SkeletonError(f"{path.name} names no joint for {', '.join(missing)}; add a line for each under [joints].")
@@ -63,6 +69,8 @@ def load_mapping(path: str | Path) -> Mapping:
         value = found.get(key, "auto")
         if value != "auto" and value not in _AXES:
             raise CaptureError(f'{path.name}: {key} must be "auto" or one of {", ".join(_AXES)}, not {shown(value)}.')
+    if found.get("up", "auto")[1:] == found.get("forward", "auto")[1:] != "uto":
+        raise CaptureError(f"{path.name}: up and forward are along one axis, {found['up'][1:]}; correct one of them, or say \"auto\".")
     rest = found.get("rest", "auto")
     if not isinstance(rest, str) or not re.fullmatch(r"auto|offsets|motion|frame [0-9]{1,9}", rest):
         raise CaptureError(f'{path.name}: rest must be "auto", "offsets", "motion" or such as "frame 0", not {shown(rest)}.')
@@ -102,7 +110,7 @@ def wanted_names(found: dict, name: str) -> dict[str, list[str]]:
 
 
 def _names(names: object, target: str, name: str) -> list[str]:
-    names = listed([names] if isinstance(names, str) else names, f"{name}: {target}", CaptureError, 100)
-    if not names or not all(isinstance(n, str) for n in names):
-        raise CaptureError(f"{name}: {target} must name one joint of the file, in quotes.")
+    names = [names] if isinstance(names, str) else names
+    if not isinstance(names, list) or not names or len(names) > 100 or not all(isinstance(n, str) and n.strip() for n in names):
+        raise CaptureError(f"{name}: {target} must name one joint of the file, in quotes, not {shown(names)}.")
     return names

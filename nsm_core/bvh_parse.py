@@ -35,6 +35,7 @@ class Hierarchy:
     offsets: list[list[float]] = field(default_factory=list)
     channels: list[tuple[int, str, str]] = field(default_factory=list)
     motion: int = 0
+    placed: set[int] = field(default_factory=set)  # joints whose offset is written
 
     def bare(self, name: str) -> Bvh:
         """The hierarchy as a file without frames."""
@@ -51,6 +52,9 @@ def parse(path: str | Path, rate: float | None = None) -> Bvh:
     path = Path(path)
     lines = _lines(path)
     found, notes = _hierarchy(path.name, lines), []
+    unplaced = [name for j, name in enumerate(found.names) if j not in found.placed and found.parents[j] >= 0]
+    if unplaced:
+        notes.append(f"{path.name}: {len(unplaced)} joints, such as {unplaced[0]}, have no OFFSET; they are read where their parents are.")
     frames, interval, start = _head(path.name, lines, found.motion, rate, notes)
     values = _rows(path.name, lines, start, frames, len(found.channels), notes)
     count = len(values)
@@ -100,6 +104,7 @@ def _hierarchy(name: str, lines: list[str]) -> Hierarchy:
             elif key == "OFFSET" and stack:
                 stop = words.index("}") if "}" in words else len(words)
                 found.offsets[stack[-1]] = _offset(words[:stop], where)
+                found.placed.add(stack[-1])
                 words = words[stop:]
             elif key == "CHANNELS":
                 if not stack:

@@ -1,8 +1,21 @@
 """One tree of errors; every message is a plain sentence that says what to do next."""
 
+from __future__ import annotations
+
+import re
+
+_LONGEST_WORD = 1000  # letters: more than any path that a system opens by name
+
 
 class NsmError(Exception):
-    """Base of everything this project raises on bad input."""
+    """Base of everything this project raises on bad input.
+
+    Whatever names of files, joints or objects a message quotes, it stays one line that any terminal can print.
+    """
+
+    def __init__(self, message: object = "") -> None:
+        text = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in str(message))
+        super().__init__(re.sub(rf"(\S{{100}})\S{{{_LONGEST_WORD},}}", r"\1...", text))
 
 
 class SkeletonError(NsmError):

@@ -44,7 +44,12 @@ def read_text(path: Path, error: type[NsmError], advice: str = "check the path",
 
 
 def decoded(data: bytes) -> str:
-    """Text of bytes, without a byte order mark; what is no text at all comes out as letters without sense."""
+    """Text of bytes, without marks before it or behind it; what is no text at all comes out as letters without sense."""
+    # Marks that two programs have set, letters without width that are copied along from web pages, the end of a text under DOS.
+    return _letters(data).lstrip("\ufeff\u200b\u2060").rstrip("\x1a")
+
+
+def _letters(data: bytes) -> str:
     for mark, encoding in _MARKS:
         if data.startswith(mark):
             return data.decode(encoding, errors="replace")

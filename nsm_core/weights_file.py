@@ -7,6 +7,7 @@ can never be fed with, or read by, another layout than the one it was trained on
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
@@ -144,6 +145,8 @@ def _unusable(name: str, values: Array) -> str:
 def _read(path: Path) -> dict[str, Array]:
     """All arrays of a weights file, or WeightsError."""
     try:
+        if path.exists() and not path.is_file():
+            raise OSError(errno.EINVAL, "it is no file")  # a folder, or a pipe that would be waited for
         with open(path, "rb") as file:
             beginning = file.read(2)
         if beginning != b"PK":

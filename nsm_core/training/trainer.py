@@ -45,6 +45,8 @@ class TrainingSettings:
 
 def read_checkpoint(path: str | Path) -> dict[str, Any]:
     """What ``Trainer.save`` wrote, by plain types and tensors alone; WeightsError where a file is none, or holds no numbers."""
+    if Path(path).exists() and not Path(path).is_file():  # a pipe would be waited for
+        raise WeightsError(f"{path} is no file; choose a checkpoint of this project.")
     try:
         state = torch.load(path, weights_only=True, map_location="cpu")
         networks = [state[name] for name in ("net", "average") if name in state]
