@@ -31,6 +31,8 @@ _FEW = 200  # points are asked at once without letting Blender go on
 # Triangles in one tree: Blender builds it in one go, in some 30 ms.  Triangles from which a mesh has trees of its own, which are
 # kept with its reading, and those that all copies of one mesh may have before they share them, each being asked by itself;
 # pairs of points and solids compared at once.
+# Share of its distance by which a point must be over a face at least so that the face alone tells its side.
+_SQUARE = 0.999
 _CHUNK, _LARGE, _MANY, _PAIRS = 36_000, 12_000, 200_000, 1 << 20
 
 
@@ -262,10 +264,30 @@ def _nearest(
             continue
         distance[i] = d * size
         if touching:
-            side = sides[face]
-            inside[i] = side and sum(n * (a - b) for n, a, b in zip(normal, point, place, strict=True)) * side < 0
+            height = sides[face] * _height(normal, point, place)
+            if height < 0 or abs(height) < _SQUARE * d:
+                height = _judged(chunk, point, place, d)
+            inside[i] = height < 0
         if owners is not None and (owners[i] < 0 or not inside[i]):
             owners[i] = chunk.owners[face] if only is None else only
+
+
+def _height(normal: Sequence[float], point: Sequence[float], place: Sequence[float]) -> float:
+    """How far a point is over a face that looks along ``normal`` through ``place``."""
+    return sum(n * (a - b) for n, a, b in zip(normal, point, place, strict=True))
+
+
+def _judged(chunk: _Chunk, point: Sequence[float], place: Sequence[float], distance: float) -> float:
+    """How far a point is over the face, of those that meet in ``place``, that says most: negative inside a closed part.
+
+    Next to a sharp edge or corner a point may lie behind the plane of one of its faces and yet be outside; the face that it is
+    farthest over or under tells.  Where two say as much, as the two leaves of a fold without thickness do, it is outside.
+    """
+    most, least, within = 0.0, 0.0, max(1e-5, 1e-4 * distance)
+    for _, normal, face, _ in chunk.tree.find_nearest_range(place, within):
+        height = chunk.sides[face] * _height(normal, point, place)
+        most, least = max(most, height), min(least, height)
+    return least if -least > most + 1e-3 * distance else max(most, 0.0)
 
 
 def _blocks(reading: Reading) -> Array:
