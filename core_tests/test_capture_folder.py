@@ -117,3 +117,17 @@ def test_clips_known_by_name_are_read_with_all_their_bodies_and_hidden_files_are
     assert sorted(c.name for c in load_runs(tmp_path)) == ["jog", "jog.2"]
     assert [p.name for p in unlabelled(tmp_path, "quaternius", "cmu")][:2] == ["jog.2.bvh", "jog.bvh"]
     assert {name_in(p) for p in unlabelled(tmp_path)} == {"cmu_02_01", "walk", "quick_run", "jog"}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links and pipes are made otherwise there")
+def test_settings_that_cannot_be_read_are_told_not_passed_over(tmp_path, capsys):
+    bvh_write.write(tmp_path / "walk.bvh", *walk(2.0, 0.0, 2.2))
+    there = tmp_path / "mapping.toml"
+    makers = (there.mkdir, lambda: there.symlink_to(tmp_path / "gone.toml"), lambda: there.symlink_to(there), lambda: os.mkfifo(there))
+    for make in makers:
+        make()
+        with pytest.raises(CaptureError, match=r"^mapping\.toml cannot be read .*\.$"):
+            read_capture(capture_paths(tmp_path)[0], tmp_path)
+        assert main(["annotate", str(tmp_path), "--no-pictures"]) == 1
+        assert "walk.bvh: mapping.toml cannot be read" in capsys.readouterr().err
+        there.rmdir() if there.is_dir() else there.unlink()

@@ -172,7 +172,7 @@ def _metadata(path: Path, stored: Array | None) -> dict[str, Any]:
         ours = False
     if not ours:
         raise WeightsError(f"{path} is not a weights file of this project; choose one that `dev.py train` wrote.")
-    if metadata.get("version") != VERSION:
+    if metadata.get("version") != VERSION or isinstance(metadata["version"], bool):
         raise WeightsError(
             f"{path} has format version {shown(metadata.get('version'))} and this program reads version {VERSION}; "
             "update the program or train the weights again."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -71,7 +72,7 @@ def _bodies(path: Path, stamp: int, mapping: Path | None, mapping_stamp: int) ->
 def mapping_path(path: Path, folder: str | Path) -> Path | None:
     """The ``mapping.toml`` that holds for a clip: in its own folder or the nearest above it, up to the capture folder."""
     for parent in path.parents:
-        if (parent / MAPPING).is_file():
+        if os.path.lexists(parent / MAPPING):  # a link to nothing, or a folder, is told where it is read
             return parent / MAPPING
         if parent == Path(folder):
             break
