@@ -10,7 +10,7 @@
   train      train the network from a capture folder (arguments: see `train --help`)
   annotate   propose labels, contacts, phases and goals of captures (arguments: see `annotate --help`)
   evaluate   print the tables of figures (arguments: see `evaluate --help`)
-  bench      measure the speed of the network
+  bench      measure the speed of the network and of takes, by stage
   lint       check the style with ruff
 
 The first run makes .venv and installs pinned packages; later runs reuse it.

@@ -1,4 +1,4 @@
-"""Speed of the network: by stage, per character, and as ratios that hold on other machines."""
+"""Speed of the network and of whole takes: by stage, per character, and as ratios that hold on other machines."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--threads", type=int, default=1, help="threads of the matrix library (default 1)")
     parser.add_argument("--frames", type=int, default=300, help="frames measured per row (default 300)")
     parser.add_argument("--training", action="store_true", help="also measure training steps (needs PyTorch)")
+    parser.add_argument("--no-takes", action="store_true", help="measure the network alone")
     options = parser.parse_args(arguments)
     wanted = {name: str(options.threads) for name in THREAD_VARIABLES}
     if any(os.environ.get(name) != value for name, value in wanted.items()):
@@ -46,6 +47,8 @@ def main(arguments: list[str]) -> int:
         torch.set_num_threads(options.threads)
     report_frame(ours, theirs, options.frames)
     report_batches([m for m in (ours, theirs) if m], max(options.frames // 20, 5))
+    if "stance" in ours.metadata and not options.no_takes:
+        report_takes(ours)
     if options.training and theirs:
         report_training(ours.config, options.threads)
     return 0
@@ -108,6 +111,33 @@ def report_frame(ours: NumpyModel, theirs: Model | None, frames: int) -> None:
         y, other = ours.predict(x, gating)[0], theirs.predict(x, gating)[0]
         print(f"  largest difference of the two {np.abs(y - other).max():.1e}")
     print(f"  real time {DT * 1e3:.1f} ms: {DT * 1e3 / total:.1f} x faster")
+
+
+def report_takes(model: Model) -> None:
+    """One take of each action: milliseconds a frame by stage, and ratios of the same run.
+
+    Sensing is the scene as it is felt; planning, the goals and the ways to them; state, the network's input and output; correction,
+    what makes of its pose the one that is kept.
+    """
+    from .evaluation import carrying, climbing, doors, locomotion, sitting
+    from .evaluation.rollout import roll
+
+    asked = {
+        "walk in a room": locomotion.request(locomotion.trials(1)[0]),
+        "sit": sitting.request(sitting.trials(1, 1)[0]),
+        "carry": carrying.request(carrying.trials(1, 1)[0]),
+        "open, push": doors.request(doors.trials(1, 1)[0]),
+        "open, pull": doors.request(doors.trials(1, 3)[2]),
+        "climb": climbing.request(climbing.trials(1, 2)[1]),
+    }
+    columns = {"sensing": "sensors", "planning": "goals", "network": "network", "state": "blending", "correction": "ik"}
+    print("\none take, ms a frame  frames" + "".join(f"{name:>11s}" for name in columns) + "      whole  correction/network  x real time")
+    for name, request in asked.items():
+        take = roll(model, request)
+        ms = [take.stage_ms[stage] for stage in columns.values()]
+        ratio = take.stage_ms["ik"] / take.stage_ms["network"]
+        values = "".join(f"{value:11.2f}" for value in ms)
+        print(f"  {name:18s}{len(take.root):8d}{values}{sum(ms):11.2f}{ratio:20.2f}{DT * 1e3 / sum(ms):13.1f}")
 
 
 def report_batches(models: list[Model], count: int) -> None:

@@ -28,6 +28,7 @@ from .components import (
     times,
     turned,
     unit,
+    unit_turn,
 )
 from .rotations import Array
 from .rotations import quat_mul as mul
@@ -97,9 +98,9 @@ def place_limbs(
     dtype, lead = local_rotations.dtype, local_rotations.shape[:-2]
     local = local_rotations.astype(np.float64)
     starts, middles, ends = (list(joints) for joints in zip(*chains, strict=True))
-    targets = np.broadcast_to(np.asarray(targets, dtype=np.float64), (*lead, len(chains), 3))
+    targets = _filled(targets, (*lead, len(chains), 3))
     if end_rotations is not None:
-        end_rotations = np.broadcast_to(np.asarray(end_rotations, dtype=np.float64), (*lead, len(chains), 4))
+        end_rotations = _filled(end_rotations, (*lead, len(chains), 4))
     if local.size > _FEW * J * 4:
         position, parent = (split(a) for a in chain_frames(hips_position, local, tuple(starts)))
         old = tuple(split(local[..., joints, :]) for joints in (starts, middles, ends))
@@ -110,7 +111,7 @@ def place_limbs(
             local[..., joints, :] = packed(rotation)
         return local.astype(dtype)
     poses, goals = local.reshape(-1, J, 4), targets.reshape(-1, len(chains), 3).tolist()
-    hips = np.broadcast_to(np.asarray(hips_position, dtype=np.float64), (*lead, 3)).reshape(-1, 3).tolist()
+    hips = _filled(hips_position, (*lead, 3)).reshape(-1, 3).tolist()
     last = None if end_rotations is None else end_rotations.reshape(-1, len(chains), 4).tolist()
     for n, pose in enumerate(poses.tolist()):
         new = []
@@ -201,6 +202,12 @@ def leg_reach() -> float:
     return SOFT_REACH * float(np.linalg.norm(OFFSETS[list(FEET[0][1:3])], axis=-1).sum())
 
 
+def _filled(values: Array, shape: tuple[int, ...]) -> Array:
+    """Values as float64 of a shape."""
+    values = np.asarray(values, dtype=np.float64)
+    return values if values.shape == shape else np.broadcast_to(values, shape)
+
+
 def _place(
     of: type,
     start: Vector,
@@ -270,7 +277,7 @@ def _carry(of: type, bone: Vector, axis: Vector, new_bone: Vector, new_axis: Vec
     over = 1 + dot(x, new_x)
     # A bone turned right about swings on its bending axis.
     about = over < 1e-9
-    swing = unit(of, (of.most(over, 0.0), *[of.where(about, p, q) for p, q in zip(y, cross(x, new_x), strict=True)]))
+    swing = unit_turn(of, (of.most(over, 0.0), *[of.where(about, p, q) for p, q in zip(y, cross(x, new_x), strict=True)]))
     y = turned(swing, y)
     cosine = _within_one(of, dot(y, new_y))
     half = of.copysign(of.sqrt((1 - cosine) / 2), dot(cross(y, new_y), new_x))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..components import clamp
 from ..conventions import FPS
 from ..limbs import leg_reach, mul, place_limbs, rotate
 from ..rotations import Array, direction_to_heading, heading_quat, quat_from_axis_angle
@@ -180,5 +181,5 @@ def foot_heading(feet: Array) -> Array:
 
 
 def smooth_step(t: Array) -> Array:
-    t = np.clip(t, 0, 1)
+    t = clamp(t, 0.0, 1.0) if isinstance(t, float) else np.clip(t, 0, 1)
     return t * t * (3 - 2 * t)

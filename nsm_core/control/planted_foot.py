@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..components import clamp
 from ..rotations import Array, wrap_angle
 from ..skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from .foot_lock import smooth_step
@@ -107,11 +108,11 @@ class Foot:
             longest = MAX_STRETCH + self.play + float(np.hypot(*self.back))  # but not into a riser
             self.anchor += stretch * max(0.0, 1 - longest / max(float(np.hypot(*stretch)), 1e-9))
             turn = float(wrap_angle(self.anchor_heading - heading))
-            self.turn = float(np.clip(turn, -MAX_PIVOT, MAX_PIVOT))  # past that the foot pivots on its ball
+            self.turn = clamp(turn, -MAX_PIVOT, MAX_PIVOT)  # past that the foot pivots on its ball
             self.anchor_heading += self.turn - turn
             self.shift[:2] = self.anchor - toe[:2]
-            settle = float(np.clip(TOE_HEIGHT - toe[2], -play, play))
-            self.shift[2] += float(np.clip(settle - self.shift[2], -speed * dt, speed * dt))
+            settle = clamp(float(TOE_HEIGHT - toe[2]), -play, play)
+            self.shift[2] += clamp(float(settle - self.shift[2]), -speed * dt, speed * dt)
         self._clear_the_floor(toe, ankle_height, dt, over, stay)
 
     def _clear_the_floor(self, toe: Array, ankle_height: float, dt: float, over: float, stay: float) -> None:
@@ -121,15 +122,15 @@ class Foot:
         self.before = now
         wanted, self.swing = 0.0, 0.0
         if not self.locked:
-            self.swing = share = float(smooth_step(np.clip((speed - SLOW_FOOT) / (FAST_FOOT - SLOW_FOOT), 0, 1)))
+            self.swing = share = float(smooth_step((speed - SLOW_FOOT) / (FAST_FOOT - SLOW_FOOT)))
             low = max(TOE_HEIGHT - toe[2], ANKLE_HEIGHT - ankle_height)
             wanted = share * max(0.0, CLEARANCE + low - self.shift[2], over - self.shift[2])
             if self.refused and self.fading < STEP_DOWN:
                 wanted = max(wanted, STEP_LIFT + low - self.shift[2])
         wanted = max(wanted, min(stay - self.shift[2], self.lift))
         up, down, ease = (EDGE_UP, EDGE_DOWN, EDGE_EASE) if max(over, self.lift) > 2 * CLEARANCE else (LIFT_UP, LIFT_DOWN, LIFT_EASE)
-        step = float(np.clip(ease * (wanted - self.lift), -down * dt, up * dt))
-        self.rise = float(np.clip(step, self.rise - 2 * GATHER * dt * dt, max(self.rise, 0.0) + GATHER * dt * dt))
+        step = clamp(float(ease * (wanted - self.lift)), -down * dt, up * dt)
+        self.rise = clamp(step, self.rise - 2 * GATHER * dt * dt, max(self.rise, 0.0) + GATHER * dt * dt)
         self.lift += self.rise
         self.lift = 0.0 if self.lift < 1e-5 else self.lift
 
