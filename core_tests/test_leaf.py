@@ -7,7 +7,8 @@ import pytest
 from actors import Actor, drive
 
 from nsm_core.control.goals import Goal
-from nsm_core.control.opening import CLEARS, FASTEST, Opening
+from nsm_core.control.leaf_room import NEARLY, LeafRoom, body_spheres
+from nsm_core.control.opening import EDGE_HEIGHT, EDGE_IN, FASTEST, Opening
 from nsm_core.control.props import WIDE_OPEN, Leaf, passage, sense
 from nsm_core.control.reaching import Pose
 from nsm_core.conventions import GOAL_ACTIONS
@@ -54,7 +55,7 @@ def test_door_is_passed_and_stays_open(passed):
     there = actor.frames[opened.end_frame]["root"]
     assert np.linalg.norm(there[:2] - way.beyond) < 0.35
     angle = swing * actor.track("Door")[:, 3]
-    assert (WIDE_OPEN if way.push else CLEARS) - 0.02 < angle[-1] < WIDE_OPEN + 0.02 and np.ptp(angle[-10:]) == 0
+    assert np.radians(74) < angle[-1] < WIDE_OPEN + 0.02 and np.ptp(angle[-10:]) == 0
     assert opened.hand_error_cm < 1 and 1 < opened.network_hand_error_cm < 8
 
 
@@ -67,15 +68,20 @@ def test_leaf_never_closes_and_never_flies(passed):
     assert np.ptp(angle[: held + 1]) == 0, "it stays shut until a hand holds it"
 
 
-def test_pulled_leaf_turns_with_the_hand_and_swings_on_only_a_little(passed):
+def test_a_leaf_let_go_only_slows_down_unless_the_body_moves_it(passed):
     actor, swing = passed
-    if passage(door(swing), actor.frames[0]["root"][:2]).push:
-        pytest.skip("a pushed leaf is held until it is wide open")
     angle, led = swing * actor.track("Door")[:, 3], states(actor)
     let_go = len(led) - 1 - led[::-1].index("held")
-    assert angle[let_go] > np.radians(55) and angle[-1] - angle[let_go] < np.radians(30)
-    # It may wait for the body that stands in its way; on its own it is no faster than a nudge makes it.
-    assert np.diff(angle)[let_go + 1 :].max() * 30 < np.radians(75)
+    way = passage(door(swing), actor.frames[0]["root"][:2])
+    assert angle[let_go] > np.radians(60) and angle[-1] - angle[let_go] < np.radians(40 if way.push else 25)
+    leaf, step = door(swing), np.diff(angle)
+    room = LeafRoom(leaf)
+    for k in range(let_go + 2, len(step)):
+        leaf.pose = actor.frames[k]["props"]["Door"]
+        touched = any(
+            room.limits(*body_spheres(Pose(*actor.frames[n]["pose"], np.zeros((2, 3))))[0], NEARLY)[0] > leaf.angle for n in (k, k + 1)
+        )
+        assert touched or step[k] <= max(step[k - 1] - 1e-6, 0), f"frame {k}: it gains speed by itself"
 
 
 def test_hand_stays_on_the_moving_handle(passed):
@@ -86,7 +92,10 @@ def test_hand_stays_on_the_moving_handle(passed):
     for frame, wrist, state in zip(actor.frames, actor.joints[:, WRISTS[way.hand]], states(actor), strict=True):
         if state == "held":
             leaf.pose = frame["props"]["Door"]
-            gaps.append(np.linalg.norm(wrist - leaf.grip(way.side)))
+            # Who pulls may slide from the handle to the free edge.
+            on_leaf = leaf.to_local(wrist) - leaf.to_local(leaf.grip(way.side))
+            slid = np.array((0.0, 0.0, 0.0) if way.push else (leaf.width - EDGE_IN - leaf.handle[0], 0.0, EDGE_HEIGHT - leaf.handle[2]))
+            gaps.append(np.linalg.norm(on_leaf - np.clip(on_leaf @ slid / max(slid @ slid, 1e-9), 0, 1) * slid))
     assert len(gaps) > 10 and np.median(gaps) < 0.01 and max(gaps) < 0.07
     step = np.linalg.norm(np.diff(actor.joints[:, WRISTS], axis=0), axis=2)
     assert step.max() * 30 < 3.0
@@ -125,14 +134,17 @@ def test_open_door_is_walked_through():
     assert not actions[:, GOAL_ACTIONS.index("open")].any()
 
 
-def test_leaf_let_go_early_swings_on_alone():
+def test_a_leaf_let_go_early_stays_and_is_taken_anew():
     actor = Actor([goal(door())], solids=WALL, root=NORTH)
     while "held" not in states(actor) and actor.step():
         pass
-    actor.director.grasps[-1].let_go()
+    first = actor.director.grasps[-1]
+    first.let_go()
     actor.run()
-    assert actor.director.results[0].reached
-    assert actor.track("Door")[-1, 3] == pytest.approx(CLEARS, abs=0.02)
+    assert actor.director.results[0].reached and actor.track("Door")[-1, 3] > np.radians(74)
+    angle, led = actor.track("Door")[:, 3], states(actor)
+    again = len(led) - 1 - led[::-1].index("reach")
+    assert again > led.index("held") and angle[again] < np.radians(10), "it waits for the hand"
 
 
 def still(wrist: np.ndarray, hand: int) -> Pose:
@@ -165,20 +177,24 @@ def test_body_that_pushes_opens_the_leaf_further():
     assert leaf.angle > 0.8
 
 
-def test_leaf_that_swings_on_waits_for_a_body_in_its_way():
+def test_leaf_that_coasts_stops_at_a_body_in_its_way_and_stays_there():
     leaf = door(1.0)  # swings to the north
     work = opening(leaf, NORTH)
-    for _ in range(15):
-        work.apply(still(work.grip(), work.way.hand), np.array(NORTH), np.ones(5))
+    for k in range(60):
+        ahead = leaf.grip(work.way.side, leaf.angle + (0.25 if work.state == "held" else 0.0))
+        work.apply(still(ahead, work.way.hand), np.array(NORTH), np.ones(5))
+        if leaf.angle > 0.3:
+            break
+    assert work.state == "held"
     work.let_go()
     body = np.array((0.3, -1.4, 0.0))  # in the quarter that the leaf sweeps
     for _ in range(150):
         work.apply(still(np.full(3, 9.0), work.way.hand), body, np.zeros(5))
     stopped = leaf.angle
-    assert 0.2 < stopped < 1.0
+    assert 0.3 < stopped < 1.0
     for _ in range(150):
         work.apply(still(np.full(3, 9.0), work.way.hand), np.array((0.4, -3.2, 0.0)), np.zeros(5))
-    assert leaf.angle == pytest.approx(CLEARS, abs=0.02) and not work.active
+    assert leaf.angle == stopped and not work.active
 
 
 def test_leaf_stops_at_what_stands_behind_it():

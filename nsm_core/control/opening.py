@@ -21,17 +21,18 @@ OUT_OF_REACH, OUT_FRAMES = 0.03, 2  # metres that arm and trunk lack to the grip
 SETTLING = 0.5  # seconds in which the leaf takes up the difference between the handle and the hand that took it
 BODY, AHEAD = 0.25, 0.34  # metres about the root that a leaf in motion meets, and that it keeps off: feet reach ahead of the body
 PASSED = 0.25  # metres beyond the opening at which a leaf is passed
-SWING_SPEED, SWING_SLOWS = 1.3, 3.0  # radians a second, and a second squared, of a leaf that swings on by itself and comes to rest
-SWING_GAINS, SWING_BRAKES = 4.0, 8.0  # radians a second squared: the most that its speed changes by
-COAST = np.radians(15)  # how far a pulled leaf swings on by itself, unless it has to go further to let the body pass
-CLEARS = np.radians(82)  # how far a pulled leaf is open at least when it rests: who passes hardly has to move it further
+# Radians a second squared: hinges slow a leaf that nobody moves, a stop the one that comes to it; and the most that speed changes by.
+FRICTION, SWING_SLOWS, SWING_GAINS, SWING_BRAKES = 0.8, 3.0, 4.0, 8.0
 SLIP_FRAMES, PAST_EDGE = 5, 0.08  # in which a hand slides off a pulled leaf, and metres beyond its free edge where it is off
+# Who pulls a leaf by a handle that goes out of reach goes on by its free edge: metres from the edge, height, and frames to get there.
+EDGE_IN, EDGE_HEIGHT, EDGE_FRAMES = 0.03, 1.1, 12
 WIDEST = np.radians(125)
-SHOVED = 5.0  # radians a second at which a body shoves a leaf that it would else go through
+SHOVED, SHOVED_BACK = 5.0, 2.0  # radians a second at which a body shoves a leaf that it would else go through, open or back
 NARROW = 0.2  # metres: half a body that faces the edge of a leaf swinging past it
 PULLING, AT_PLACE = 0.6, 0.3  # radians a second at which a leaf comes at least once the body stands back, within so many metres
 # Height of a handle that is held upright, metres, and how far hips sink at most for a lower one, before the trunk leans to the leaf.
 UPRIGHT, CROUCH = 0.9, 0.25
+STILL = np.radians(0.2)  # radians a second below which a leaf rests
 _CLEAR = 0.02  # metres between an open leaf and what stands behind it
 
 
@@ -48,11 +49,10 @@ class Opening:
         self.hold = Hold([way.hand], crouch=float(np.clip(UPRIGHT - leaf.handle[2], 0.0, CROUCH)))
         self.errors: dict[str, Any] = {}
         self.widest = _widest(leaf, solids)
-        self._rest, self._slip = WIDE_OPEN, 0
+        self._slip, self._along = 0, 0
         self._room = LeafRoom(leaf)
         self._last: tuple[Spheres, Spheres] | None = None  # the body and its trunk in the last frame, as they were kept
         self._least, self._soft, self._most = -np.inf, -np.inf, np.inf  # angles that the body leaves to the leaf
-        self._own = SWING_SPEED  # radians a second of the leaf by itself: one that was pulled gains no speed
         self._speed, self._pace, self._since, self._offset, self._out = 0.0, 0.0, 0, 0.0, 0
         handle = np.asarray(leaf.handle, dtype=np.float64)
         self._grip_angle = float(np.arctan2(handle[1] + way.side * leaf.thickness / 2, handle[0]))
@@ -90,7 +90,7 @@ class Opening:
 
     def yield_only(self) -> None:
         """Take no hand to a leaf that stands open: it only gives way to the body that passes it."""
-        self.state, self._rest = "released", self.angle
+        self.state = "released"
 
     def give_way(self) -> None:
         """Leave the leaf to another hold of it: this hand only returns."""
@@ -116,13 +116,16 @@ class Opening:
                 self._pace = min(self._pace + PULLING * DT / SETTLING, PULLING)
                 wanted = max(wanted, self.angle + self._pace * DT / EASE)
             self._turn(max(wanted, self._pushed(root)))
-            self._out = self._out + 1 if self.hold.lacking > OUT_OF_REACH else 0
-            enough = self.angle > (LET_GO_PUSH if self.way.push else LET_GO_PULL)
+            if not self.way.push and (self._along or self.hold.lacking > 0 and self.angle < LET_GO_PULL):
+                self._along = min(self._along + 1, EDGE_FRAMES)
+            changing = 0 < self._along < EDGE_FRAMES
+            self._out = self._out + 1 if self.hold.lacking > OUT_OF_REACH and not changing else 0
+            enough = self.angle > LET_GO_PUSH if self.way.push else self.angle > LET_GO_PULL and not self.in_way(root)
             if enough or self._out >= OUT_FRAMES or self.passed(root):
                 self._free_leaf()
         elif self.state == "released":
             self._swing(root)
-        place = self.grip()
+        place = self._held_at()
         if self.state == "released" and self.hold.weight > 0:
             place = self._slipped()
         self.hold.apply(pose if self.ik else Pose(pose.hips, pose.local, pose.wrists), place[None])
@@ -151,13 +154,15 @@ class Opening:
         """Whether the body is through the opening."""
         return float((np.asarray(root[:2]) - self.way.middle) @ heading_to_direction(np.array(self.way.heading))) > PASSED
 
+    def in_way(self, root: Array) -> bool:
+        """Whether the body stands on the side to which the leaf opens, so that it has to go round the free edge first."""
+        return np.isfinite(self._most) or self._body(root)[1] > self.angle
+
     def _free_leaf(self) -> None:
-        """Let the leaf swing on by itself; the hand that pulled it slips off it first, lest the leaf swings through it."""
-        self.state, self._own = "released", SWING_SPEED if self.way.push else min(max(self._speed, PULLING), SWING_SPEED)
+        """Let the leaf coast; the hand that pulled it slips off it first, lest the leaf swings through it."""
+        self.state = "released"
         if self.way.push:
             self.hold.release()
-        else:
-            self._rest = float(np.clip(self.angle + COAST, CLEARS, WIDE_OPEN))
 
     def _slipped(self) -> Array:
         """World place (3,) of a hand that slides from the handle over the free edge, where it lets go."""
@@ -165,8 +170,16 @@ class Opening:
         if self._slip >= SLIP_FRAMES:
             self.hold.release()
         leaf = self.prop
-        off = (leaf.width + PAST_EDGE - float(leaf.handle[0])) * float(smooth_step(self._slip / SLIP_FRAMES))
-        return self.grip() + leaf.to_world((off, 0.0, 0.0)) - leaf.pose[:3]
+        now = leaf.to_local(self._held_at())
+        off = (leaf.width + PAST_EDGE - float(now[0])) * float(smooth_step(self._slip / SLIP_FRAMES))
+        return leaf.to_world(now + (off, 0.0, 0.0))
+
+    def _held_at(self) -> Array:
+        """World place (3,) of the hand on the leaf: its handle, or on the way from there to its free edge."""
+        leaf, handle = self.prop, self.prop.handle
+        to_edge = np.array((leaf.width - EDGE_IN - float(handle[0]), 0.0, max(EDGE_HEIGHT - float(handle[2]), 0.0)))
+        share = float(smooth_step(self._along / EDGE_FRAMES))
+        return leaf.to_world(leaf.to_local(self.grip()) + share * to_edge)
 
     # --- the leaf --------------------------------------------------------------------------------------------------
 
@@ -177,30 +190,32 @@ class Opening:
         return float(leaf.swing * wrap_angle(np.arctan2(local[1], local[0]) - self._grip_angle))
 
     def _turn(self, wanted: float) -> None:
-        """Turn the leaf towards an angle: never back, never too fast."""
+        """Turn the leaf towards an angle: not back, and never too fast."""
         fastest = FASTEST if self.way.push else min(FASTEST, self._speed + SWING_BRAKES * DT)  # who pulls does not run into it
         step = float(np.clip(EASE * (min(max(wanted, self._soft), self.widest) - self.angle), 0, fastest * DT))
         self._move(step)
 
     def _swing(self, root: Array) -> None:
-        """Let the leaf swing on by itself, damped, to where it rests or to where the body is in its way."""
-        stops = self.angle + self._speed**2 / (2 * SWING_BRAKES)  # a leaf that a body has pushed does not stop dead when it is past
-        goal = min(max(self._rest, self._pushed(root), stops), self.widest, self._blocked(root))
-        pushed = self._pushed(root) > self.angle
-        wanted = min(float(np.sqrt(2 * SWING_SLOWS * max(goal - self.angle, 0.0))), FASTEST if pushed else self._own)
+        """Let the leaf coast, ever slower, until it is wide open or a body is in its way; only a body that passes moves it further."""
+        pushed = min(self._pushed(root), self.widest)
+        stop = min(max(WIDE_OPEN, pushed), self.widest, self._blocked(root))
+        coasting = min(max(self._speed - FRICTION * DT, 0.0), float(np.sqrt(2 * SWING_SLOWS * max(stop - self.angle, 0.0))))
+        given = min(float(np.sqrt(2 * SWING_SLOWS * max(pushed - self.angle, 0.0))), FASTEST)
+        wanted = max(coasting, given)
         self._speed += float(np.clip(wanted - self._speed, -SWING_BRAKES * DT, SWING_GAINS * DT))
-        self._move(min(self._speed * DT, max(goal - self.angle, 0.0)))
-        if self._pushed(root) <= self.angle and goal - self.angle < 1e-3 and goal >= min(self._rest, self.widest) - 1e-3:
+        self._move(min(self._speed * DT, max(stop - self.angle, 0.0)))
+        if pushed <= self.angle and self._speed < STILL:
             self._speed = 0.0
             if self.passed(root) and not np.isfinite(self._soft):
                 self.state = "free"
 
     def _move(self, step: float) -> None:
-        """Turn the leaf by ``step`` radians, less where the body is in its way and more where the body shoves it."""
+        """Turn the leaf by ``step`` radians: less, or back, where the body is in its way, and more where the body shoves it."""
         angle = self.angle
-        step = min(step, max(self._most - angle, 0.0))
+        if self._most < angle + step:
+            step = max(self._most - angle, -SHOVED_BACK * DT, -angle) if self._least < self._most else min(step, 0.0)
         step = max(step, min(self._least - angle, SHOVED * DT, self.widest - angle))
-        self._speed = step / DT
+        self._speed = max(step, 0.0) / DT
         self._set(angle + step)
 
     def _stands_back(self, root: Array) -> bool:

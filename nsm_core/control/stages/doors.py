@@ -15,6 +15,8 @@ from .places import Stage
 HANDLE = 2.5  # metres from which the handle itself is commanded
 # A leaf half open that turns by less than this a frame, before a body that stands, is let go after so many frames.
 STILL, STUCK = np.radians(0.3), 30
+SHORT = np.radians(8)  # a leaf let go that has come to within this of what lets one pass is moved on by who passes
+AGAIN = 2  # times that one takes a leaf anew that was let go too soon
 FURTHER = 0.3  # metres that one steps back from a leaf that does not clear the body
 PUSHED_ON = np.radians(40)  # a leaf that stands open by more, away from one, is pushed on in walking through
 ARRIVED = 0.35  # metres to the place beyond that count as there
@@ -27,7 +29,8 @@ class Pass(Stage):
         super().__init__(goal)
         leaf = goal.prop
         self.ground, self._count = ground, ground.pause()
-        self._stuck, self._stepped, self._angle = 0, 0, leaf.angle
+        self._stuck, self._stepped, self._angle, self._again = 0, 0, leaf.angle, 0
+        self._solids, self._ik = solids, ik
         self.way: Passage = passage(leaf, moment.root[:2].astype(np.float64))
         self.grasp = Opening(leaf, self.way, solids, ik)
         heading = self.way.heading
@@ -37,9 +40,12 @@ class Pass(Stage):
             self.part = 2
             self.approach = Approach(ground, self.way.beyond, heading, Command("idle", beyond, heading), REACH, anyway=True)
             return
-        facing = self.way.facing
-        final = Command("open", leaf.grip(self.way.side).astype(np.float32), facing, thing=leaf)
-        self.approach = Approach(ground, self.way.reach, facing, final, HANDLE)
+        self._reach()
+
+    def _reach(self) -> None:
+        """Go to where the handle is taken."""
+        facing, place = self.way.facing, self.grasp.grip().astype(np.float32)
+        self.approach = Approach(self.ground, self.way.reach, facing, Command("open", place, facing, thing=self.goal.prop), HANDLE)
 
     def update(self, moment: Moment) -> Command:
         leaf, way, grasp = self.goal.prop, self.way, self.grasp
@@ -47,19 +53,31 @@ class Pass(Stage):
             self._count -= 1
             if self._count <= 0:
                 self._next(1 if not way.push and leaf.angle < OPENED else 2)
-        elif self.part == 1 and leaf.angle < OPENED and grasp.state == "held":
-            turned, self._angle = leaf.angle - self._angle, leaf.angle
-            self._stuck = self._stuck + 1 if moment.speed < 0.1 and turned < STILL else 0
-            if self._stuck > STUCK:
-                grasp.let_go()  # the leaf swings on alone
-        elif self.part == 1 and (leaf.angle >= OPENED or (grasp.state == "free")):
-            self._next(2)
-        elif self.part == 1 and grasp.state == "released":
-            self._stuck = self._stuck + 1 if moment.speed < 0.05 else 0
-            if self._stuck > STUCK:  # one stands in the leaf's way
-                self._stuck, self._stepped = 0, self._stepped + 1
-                self._next(1 if self._stepped == 1 else 2)
+        elif self.part == 1:
+            self._pull(moment)
         return self.approach.update(moment, self.arrived)
+
+    def _pull(self, moment: Moment) -> None:
+        """Stand back until the leaf lets one pass: further where one stands in its way, and take it anew where it was let go too soon."""
+        leaf, grasp = self.goal.prop, self.grasp
+        turned, self._angle = leaf.angle - self._angle, leaf.angle
+        self._stuck = self._stuck + 1 if moment.speed < 0.1 and turned < STILL else 0
+        root = moment.root.astype(np.float64)
+        if leaf.angle >= OPENED - (0 if grasp.state == "held" else SHORT) and (not grasp.in_way(root) or self._stuck > STUCK):
+            self._next(2)
+        elif self._stuck > STUCK or grasp.state == "free":
+            self._stuck = 0
+            if grasp.state != "held" and self._again < AGAIN:
+                self._again, self.part, self._count = self._again + 1, 0, self.ground.pause()
+                self.way = passage(leaf, moment.root[:2].astype(np.float64))
+                self.grasp = Opening(leaf, self.way, self._solids, self._ik)
+                self._reach()
+            elif self._stepped == 0:
+                self._stepped = 1
+                self._next(1)
+            else:
+                grasp.let_go()
+                self._next(2)
 
     def _next(self, part: int) -> None:
         self.part, way = part, self.way
