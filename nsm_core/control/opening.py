@@ -22,7 +22,7 @@ SETTLING = 0.5  # seconds in which the leaf takes up the difference between the 
 BODY, AHEAD = 0.25, 0.34  # metres about the root that a leaf in motion meets, and that it keeps off: feet reach ahead of the body
 PASSED = 0.25  # metres beyond the opening at which a leaf is passed
 # Radians a second squared: hinges slow a leaf that nobody moves, a stop the one that comes to it; and the most that speed changes by.
-FRICTION, SWING_SLOWS, SWING_GAINS, SWING_BRAKES = 0.8, 3.0, 4.0, 8.0
+FRICTION, SWING_SLOWS, SWING_GAINS, SWING_BRAKES = 1.2, 3.0, 4.0, 8.0
 SLIP_FRAMES, PAST_EDGE = 5, 0.08  # in which a hand slides off a pulled leaf, and metres beyond its free edge where it is off
 # Who pulls a leaf by a handle that goes out of reach goes on by its free edge: metres from the edge, height, and frames to get there.
 EDGE_IN, EDGE_HEIGHT, EDGE_FRAMES = 0.03, 1.1, 12

@@ -38,7 +38,8 @@ class Pass(Stage):
         if leaf.angle > (PUSHED_ON if self.way.push else OPENED - 0.2):
             self.grasp.yield_only()
             self.part = 2
-            self.approach = Approach(ground, self.way.beyond, heading, Command("idle", beyond, heading), REACH, anyway=True)
+            aside = leaf if self.way.push and leaf.angle < OPENED else None  # it gives way: no way round it, close past the jamb
+            self.approach = Approach(ground, self.way.beyond, heading, Command("idle", beyond, heading), REACH, thing=aside, anyway=True)
             return
         self._reach()
 
