@@ -8,10 +8,11 @@ from actors import Actor, drive
 
 from nsm_core.control.goals import Goal
 from nsm_core.control.leaf_room import NEARLY, LeafRoom, body_spheres
-from nsm_core.control.opening import EDGE_HEIGHT, EDGE_IN, FASTEST, Opening
+from nsm_core.control.opening import EDGE_HEIGHT, EDGE_IN, FASTEST, Opening, require_room
 from nsm_core.control.props import WIDE_OPEN, Leaf, passage, sense
 from nsm_core.control.reaching import Pose
 from nsm_core.conventions import GOAL_ACTIONS
+from nsm_core.errors import GoalError
 from nsm_core.rotations import wrap_angle
 from nsm_core.sensors.query import Cuboids
 from nsm_core.skeleton import INDEX, J
@@ -180,7 +181,7 @@ def test_body_that_pushes_opens_the_leaf_further():
 def test_leaf_that_coasts_stops_at_a_body_in_its_way_and_stays_there():
     leaf = door(1.0)  # swings to the north
     work = opening(leaf, NORTH)
-    for k in range(60):
+    for _ in range(60):
         ahead = leaf.grip(work.way.side, leaf.angle + (0.25 if work.state == "held" else 0.0))
         work.apply(still(ahead, work.way.hand), np.array(NORTH), np.ones(5))
         if leaf.angle > 0.3:
@@ -200,3 +201,16 @@ def test_leaf_that_coasts_stops_at_a_body_in_its_way_and_stays_there():
 def test_leaf_stops_at_what_stands_behind_it():
     cupboard = Cuboids([((1.0, -1.2), 0.0, np.array([(-0.4, -0.3, 0.0)]), np.array([(0.4, 0.3, 1.8)]))])
     assert opening(door(), NORTH).widest > WIDE_OPEN > opening(door(), NORTH, cupboard).widest
+
+
+@pytest.mark.parametrize("swing", [1.0, -1.0])
+def test_a_leaf_without_room_to_open_is_told(swing):
+    require_room(door(swing), WALL)
+    buried = Cuboids([((0, -2), 0.0, np.array([(-2, -0.06, 0)]), np.array([(3, 0.06, 2.4)]))])
+    crate = Cuboids([((0.5, -2.0 + swing * 0.35), 0.0, np.array([(-0.2, -0.2, 0.0)]), np.array([(0.2, 0.2, 1.0)]))])
+    for solids in (buried, crate):
+        with pytest.raises(GoalError, match="Door opens by only .* degrees before"):
+            require_room(door(swing), solids)
+    wide = door(swing)
+    wide.pose[3] = swing * 1.4
+    require_room(wide, buried)

@@ -17,6 +17,8 @@ from mathutils import Matrix
 
 from nsm_core import inference
 from nsm_core.control.goals import Goal
+from nsm_core.control.opening import require_room
+from nsm_core.control.props import Leaf
 from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner
 from nsm_core.conventions import FPS
 from nsm_core.errors import GoalError, NsmError, SkeletonError
@@ -213,6 +215,9 @@ def prepare(
         _go_to(scene, spec.start_frame)
         things = {target.name: Thing.of(target, frame, around.left[target][0]) for target in moving_alone}
         environment, ground = around.query, around.ground
+        for goal in goals:
+            if isinstance(goal.prop, Leaf):
+                require_room(goal.prop, environment)
     finally:
         state.restore()
     request = TakeRequest(

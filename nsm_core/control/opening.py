@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..conventions import DT, HAND_CONTACTS
+from ..errors import GoalError
 from ..rotations import Array, heading_to_direction, wrap_angle
 from ..sensors.query import DistanceQuery
 from .foot_lock import smooth_step
@@ -29,6 +30,7 @@ EDGE_IN, EDGE_HEIGHT, EDGE_FRAMES = 0.03, 1.1, 12
 WIDEST = np.radians(125)
 SHOVED, SHOVED_BACK = 5.0, 2.0  # radians a second at which a body shoves a leaf that it would else go through, open or back
 NARROW = 0.2  # metres: half a body that faces the edge of a leaf swinging past it
+LEAST_WIDE = np.radians(55)  # a leaf that cannot open so far lets nobody pass
 PULLING, AT_PLACE = 0.6, 0.3  # radians a second at which a leaf comes at least once the body stands back, within so many metres
 # Height of a handle that is held upright, metres, and how far hips sink at most for a lower one, before the trunk leans to the leaf.
 UPRIGHT, CROUCH = 0.9, 0.25
@@ -243,6 +245,16 @@ class Opening:
         if away > self.prop.width + NARROW or away < 1e-3 or beside <= self.angle:
             return max(self.angle, min(WIDEST, self._most))
         return max(self.angle, min(beside - float(np.arcsin(min(1.0, NARROW / away))), self._most))
+
+
+def require_room(leaf: Leaf, solids: DistanceQuery) -> None:
+    """Raise GoalError where ``solids`` let a leaf open too little for anyone to pass."""
+    widest = _widest(leaf, solids)
+    if widest < LEAST_WIDE:
+        raise GoalError(
+            f"{leaf.name} opens by only {np.degrees(widest):.0f} degrees before it meets what stands about it, too little to pass; "
+            "make room for it, turn its swing round on its hinge point, or cut its opening in the wall wider."
+        )
 
 
 def _widest(leaf: Leaf, solids: DistanceQuery) -> float:
