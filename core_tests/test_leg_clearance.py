@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nsm_core.control.foot_lock import ANKLES, LEGS
-from nsm_core.control.leg_clearance import LegClearance
+from nsm_core.control.leg_clearance import LEAST, MOST, LegClearance, Pose
 from nsm_core.dataset.clearance import leg_depths
 from nsm_core.dataset.footholds import Block
 from nsm_core.evaluation.metrics import jumps
@@ -73,3 +73,10 @@ def test_the_legs_go_back_when_the_climb_is_over(query):
         hips, out = legs.apply(HIPS, local, 0.0, (True, True))
     np.testing.assert_allclose(hips, HIPS, atol=1e-3)
     np.testing.assert_allclose(out[INDEX["RightKnee"]], local[INDEX["RightKnee"]], atol=1e-2)
+
+
+def test_joints_of_changes_are_those_of_the_changed_poses():
+    changes = np.random.default_rng(0).uniform(LEAST, MOST, (6, 7))
+    pose = Pose(HIPS, _crouching())
+    positions = forward_kinematics(*pose.changed(changes))[0]
+    assert np.allclose(pose.joints_by(changes), positions[:, np.array(LEGS).T], atol=1e-9)

@@ -7,9 +7,18 @@ import pytest
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from nsm_core.limbs import chain_frames, leg_reach, place_ankles, place_limbs, place_wrists, solve_leg_with_toe, solve_two_bone
+from nsm_core.limbs import (
+    chain_frames,
+    leg_reach,
+    limb_frames,
+    place_ankles,
+    place_limbs,
+    place_wrists,
+    solve_leg_with_toe,
+    solve_two_bone,
+)
 from nsm_core.rotations import quat_from_rotvec, quat_mul, quat_rotate
-from nsm_core.skeleton import ARMS, FEET, INDEX, OFFSETS, J, forward_kinematics
+from nsm_core.skeleton import ARMS, FEET, INDEX, OFFSETS, PARENTS, J, forward_kinematics
 
 
 def random_poses(count: int, seed: int = 0, dtype: type = np.float64) -> tuple[np.ndarray, np.ndarray]:
@@ -186,3 +195,25 @@ def test_noise_of_a_straight_leg_is_not_magnified():
     local[:, INDEX["RightKnee"]] = quat_from_rotvec(turn)
     positions, _ = forward_kinematics(hips, place_ankles(hips, local, 0, np.tile((-0.09, 0.0, 0.25), (50, 1))))
     assert np.ptp(positions[:, INDEX["RightKnee"], 0]) < 0.06  # the noise itself spreads over half a metre
+
+
+@pytest.mark.parametrize("chains", [FEET, ARMS])
+def test_joints_of_limbs_are_those_of_forward_kinematics(chains):
+    hips, rotations = random_poses(3, seed=5)
+    positions, world = forward_kinematics(hips, rotations)
+    for n in range(3):
+        joints, turns, parents = limb_frames(hips[n], rotations[n], chains)
+        assert np.allclose(joints, positions[n][np.array(chains)]) and np.allclose(turns, world[n][np.array(chains)])
+        assert np.allclose(parents, world[n][[PARENTS[chain[0]] for chain in chains]])
+
+
+def test_arms_of_one_pose_and_of_many_are_placed_alike():
+    """In numbers and in arrays, stretched, folded and turned right about."""
+    hips, rotations = random_poses(40, seed=6)
+    starts = chain_frames(hips, rotations, (ARMS[0][0], ARMS[1][0]))[0]
+    targets = starts + np.random.default_rng(7).normal(0, 0.4, starts.shape)
+    targets[0] = starts[0]
+    many = place_limbs(hips, rotations, ARMS, targets)
+    assert np.isfinite(many).all()
+    for n in range(40):
+        assert np.allclose(many[n], place_limbs(hips[n], rotations[n], ARMS, targets[n]), atol=1e-9)

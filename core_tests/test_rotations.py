@@ -165,3 +165,16 @@ def test_missing_bones_are_named():
         S.require_joints([n for n in S.JOINTS if n != "LeftToe"], "Armature")
     assert "RightToe" not in str(caught.value)
     S.require_joints(S.JOINTS, "Armature")
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_products_of_few_and_of_many_agree_and_keep_their_type(rng, dtype):
+    a, b = quats(rng, N).astype(dtype), quats(rng, N).astype(dtype)
+    v, w = rng.normal(size=(N, 3)).astype(dtype), rng.normal(size=(N, 3)).astype(dtype)
+    for product, one, other in ((R.quat_mul, a, b), (R.quat_rotate, a, v), (R.cross, v, w)):
+        many = product(one, other)
+        few = np.stack([product(one[n], other[n]) for n in range(N)])
+        assert many.dtype == few.dtype == dtype
+        assert np.abs(many - few).max() < 100 * np.finfo(dtype).eps  # of values of a few units
+    assert np.allclose(R.cross(v, w), np.cross(v, w), atol=1e-5)
+    assert np.allclose(R.quat_rotate(a[0], v), R.quat_rotate(np.tile(a[0], (N, 1)), v), atol=1e-5)  # one turn of many vectors
