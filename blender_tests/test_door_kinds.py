@@ -14,7 +14,7 @@ from scenes import LEAF, box, door, mesh_of_boxes
 from nsm_blender.character import add_character
 from nsm_blender.goals import GoalSpec, resolve, show_goal_point
 from nsm_blender.scene import WorldFrame
-from nsm_blender.takes import TakeSpec, finish, prepare
+from nsm_blender.takes import TakeSpec, finish, generate, prepare
 from nsm_core.errors import GoalError
 
 START = (np.array((0.4, -2.0), np.float32), math.pi)
@@ -141,3 +141,11 @@ def test_leaves_of_a_double_door_too_narrow_for_one_to_pass():
     refused(left, "Left measures 0.40 .*: it is too narrow to walk through while the other leaf of this double door stays shut")
     bpy.data.objects.remove(right)
     refused(left, "Left measures 0.40 .*: it is too narrow to walk through\\.")
+
+
+def test_a_leaf_that_cannot_open_is_told_before_the_take_begins():
+    leaf, character = door(handle=True), add_character((0.9, -2.0, 0.0))
+    for y in (-0.5, 0.5):
+        box(f"Crate {y}", (0.2, y - 0.4, 0.0), (0.8, y + 0.4, 0.5))
+    with pytest.raises(GoalError, match="Door opens by only .* degrees before it meets what stands about it"):
+        finish(generate(TakeSpec(character, [GoalSpec("open", leaf)]), bpy.context.scene))

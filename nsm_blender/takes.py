@@ -108,6 +108,9 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | No
     require_keyable(spec.character)
     loading = _loading() if model is None else None
     request, frame, things = yield from prepare(spec, scene)
+    for goal in request.goals:
+        if isinstance(goal.prop, Leaf):
+            require_room(goal.prop, request.environment)
     if loading is not None:
         model = yield from _waited("Loading the network", lambda _: loading.join() or shipped_model())
     require_learned((goal.action for goal in request.goals), model.metadata)
@@ -215,9 +218,6 @@ def prepare(
         _go_to(scene, spec.start_frame)
         things = {target.name: Thing.of(target, frame, around.left[target][0]) for target in moving_alone}
         environment, ground = around.query, around.ground
-        for goal in goals:
-            if isinstance(goal.prop, Leaf):
-                require_room(goal.prop, environment)
     finally:
         state.restore()
     request = TakeRequest(
