@@ -31,6 +31,19 @@ def _products() -> tuple[Array, Array, Array]:
     return matrix, rotation.reshape(16, 9), cross.reshape(9, 3)
 
 
+def _candidates() -> Array:
+    """Form (9, 16) that takes a rotation matrix to its quaternion's outer square (4, 4), four times, less identity."""
+    out = np.zeros((3, 3, 4, 4))
+    for k in range(3):
+        out[k, k] = np.diag([1.0, *(1.0 if k == j else -1.0 for j in range(3))])
+        i, j = (k + 1) % 3, (k + 2) % 3
+        out[j, i, 0, 1 + k] = out[j, i, 1 + k, 0] = 1  # 4 w x = m21 - m12
+        out[i, j, 0, 1 + k] = out[i, j, 1 + k, 0] = -1
+        out[i, j, 1 + i, 1 + j] = out[i, j, 1 + j, 1 + i] = out[j, i, 1 + i, 1 + j] = out[j, i, 1 + j, 1 + i] = 1  # 4 x y = m01 + m10
+    return out.reshape(9, 16)
+
+
+_CANDIDATES = _candidates()
 _MATRIX, _ROTATION, _CROSS = ({np.dtype(t): form.astype(t) for t in (np.float32, np.float64)} for form in _products())
 
 
@@ -95,17 +108,9 @@ def quat_to_rotvec(q: Array) -> Array:
 
 def quat_from_matrix(m: Array) -> Array:
     """Quaternion (..., 4) of rotation matrices (..., 3, 3), by the largest of four candidates."""
-    m00, m11, m22 = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
-    candidates = np.stack(
-        (
-            np.stack((1 + m00 + m11 + m22, m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]), -1),
-            np.stack((m[..., 2, 1] - m[..., 1, 2], 1 + m00 - m11 - m22, m[..., 0, 1] + m[..., 1, 0], m[..., 0, 2] + m[..., 2, 0]), -1),
-            np.stack((m[..., 0, 2] - m[..., 2, 0], m[..., 0, 1] + m[..., 1, 0], 1 - m00 + m11 - m22, m[..., 1, 2] + m[..., 2, 1]), -1),
-            np.stack((m[..., 1, 0] - m[..., 0, 1], m[..., 0, 2] + m[..., 2, 0], m[..., 1, 2] + m[..., 2, 1], 1 - m00 - m11 + m22), -1),
-        ),
-        axis=-2,
-    )
-    diagonal = np.stack((candidates[..., 0, 0], candidates[..., 1, 1], candidates[..., 2, 2], candidates[..., 3, 3]), -1)
+    candidates = (m.reshape(*m.shape[:-2], 9) @ _CANDIDATES.astype(m.dtype, copy=False)).reshape(*m.shape[:-2], 4, 4)
+    candidates = candidates + np.eye(4, dtype=m.dtype)
+    diagonal = np.diagonal(candidates, axis1=-2, axis2=-1)
     best = np.argmax(diagonal, axis=-1)
     return quat_normalize(np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :])
 
