@@ -80,8 +80,12 @@ def test_places_between_things_are_refused_or_right():
     assert further_off(box, 0.0, place[:3], 0.0, solids) < 0.05
     with pytest.raises(GoalError, match="^The place is shut off by something"):  # through its back
         further_off(box, 0.0, place[:3], np.pi, solids, "The place")
+    assert choose_side(box, None, np.array((0.0, 3.0)), place, solids)[0] == 0.0  # and it is taken from there
     with pytest.raises(GoalError, match="room over Crate, too little to lift it out"):
-        choose_side(box, None, np.array((0.0, 3.0)), place, solids)
+        choose_side(box, None, np.array((0.0, 3.0)), place + (0, 0, 0.11, 0), solids)
+    wide = crate((5, 5, 0.13, 0.0), (0.7, 0.3, 0.26))
+    with pytest.raises(GoalError, match="^The place has no room beside it for the hands"):
+        further_off(wide, 0.0, place[:3], 0.0, solids, "The place")
     with pytest.raises(GoalError, match="^The place is taken by something"):
         require_room(box, place + (0.3, 0, 0, 0), solids, "The place")
     low = place - (0, 0, 0.37, 0)

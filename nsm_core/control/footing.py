@@ -37,7 +37,7 @@ class Footing:
         self._pace = np.zeros(2)
         self.heel = np.zeros(2)  # the same under its heel, where that is lower
         self.over = np.full(2, -np.inf)  # by how much a swinging foot must be raised to clear an edge
-        self.stay = np.full(2, -np.inf)  # by how much a raised foot must stay raised, for there is a step under its tip or ball
+        self.stay = np.full(2, -np.inf)  # by how much a raised foot must stay raised, for there is a step under its tip, ball or heel
         self.pace = np.zeros((2, 2))  # how feet move over the floor, m/s
         self._before: Array | None = None
 
@@ -71,6 +71,8 @@ class Footing:
             under = max(h[0], h[3])
             step = under > self.ground[side] + _TOUCHING or max(low[0], low[3]) > self.under[side] + _LOW_EDGE
             self.stay[side] = under - sole + CLEAR if step else -np.inf
+            if h[2] > self.ground[side] + _TOUCHING:  # nor does it come down while its heel would land on an edge
+                self.stay[side] = max(self.stay[side], rear + CLEAR)
             self.over[side] = max(front, rear) + CLEAR if edge else -np.inf
 
     @property

@@ -15,9 +15,9 @@ BODY_TO_EDGE = 0.21  # metres from the root of who reaches over an edge to that 
 FURTHEST = 0.32  # metres that a body leans over an edge beyond where it stands before a box at the edge
 TOES_CLEAR = 0.06  # metres that one stands further from a box on the floor: toes are longer than knees
 DEEPEST = 0.5  # metres of the deepest boxes of the data; to deeper ones the network comes too near
-HEADROOM = 0.25  # metres over a box without which nobody turns with it, as between the boards of a shelf
 BENDING = 0.7  # metres over the floor of the wrists below which one bends over a box, and into what is over it
-GIVE, LEAST_ROOM = 0.02, 0.05  # metres by which a place may touch other things; over a box that is moved in under something
+GIVE, LEAST_ROOM = 0.02, 0.05  # metres by which a place may touch other things; over a box that is moved under something, in or out
+HANDS = 0.01  # metres from the wrists that hold a box to what stands beside it
 FLOOR = 0.12  # metres under a box from which on toes go under what it stands on
 ROOM = 0.2  # metres of room that a standing place should have
 FACINGS = (0.0, np.pi / 2, np.pi, -np.pi / 2)
@@ -83,6 +83,8 @@ def further_off(
     pose = np.append(centre, heading - facing)
     if float(pose[2]) + box.grip_height < BENDING and room_over(box, pose, solids) < ROOFED:
         raise GoalError(f"{what} lies low under something that nobody bends into; choose one that is open above, or higher.")
+    if float(solids.signed_distance(box.to_world(box.grasps(facing), pose).astype(np.float32), 0.1).min()) < HANDS:
+        raise GoalError(f"{what} has no room beside it for the hands that hold it; clear its sides, or choose another.")
     if _shut_off(box, pose, facing, edge, solids):
         raise GoalError(f"{what} is shut off by something between it and who carries; clear the way, or choose another side.")
     return further
@@ -131,7 +133,7 @@ def choose_side(
     ``solids`` are what may lie between; None: nothing does.  Sentences tell lengths in units of ``scale`` metres.
     """
     pose = box.pose if pose is None else pose
-    if solids is not None and (over := room_over(box, pose, solids)) < HEADROOM:
+    if solids is not None and (over := room_over(box, pose, solids)) < LEAST_ROOM:
         raise GoalError(f"There is {over * scale:.2f} m of room over {box.name}, too little to lift it out; set it where it is open above.")
     sides, problem = [], None
     for facing in FACINGS:
