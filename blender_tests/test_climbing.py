@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from scenes import box, furnish, mesh_of_boxes
 
+from nsm_blender.climbing import climb_onto
 from nsm_blender.goals import GoalSpec, resolve, show_goal_point
 from nsm_blender.scene import WorldFrame
+from nsm_blender.surroundings import Surroundings
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import heading_to_direction, rotate_planar
 
@@ -106,3 +108,12 @@ class TestWhatCannotBeClimbed:
         box("Statue", (4.6, -0.4, 0.3), (5.4, 0.4, 1.8))
         with pytest.raises(GoalError, match="no free place to stand on Podium"):
             climb(podium)
+
+
+@pytest.mark.parametrize(("here", "facing"), [((-0.8, 0.0), (1, 0)), ((1.2, 0.4), (-1, 0)), ((0.6, -3.0), (0, 1))])
+def test_who_stands_on_a_top_faces_as_one_walks_on_up_there(here, facing):
+    podium = block((3.0, 2.0, 0.4), name="Podium")
+    around = Surroundings(bpy.context.scene, WorldFrame())
+    goal = climb_onto("Mark", podium, np.array((0.6, 0.3, 0.4)), 0.0, around, np.array(here))
+    np.testing.assert_allclose(goal.position, (0.6, 0.3, 0.4), atol=0.03)
+    np.testing.assert_allclose(heading_to_direction(np.array(goal.heading)), facing, atol=1e-6)

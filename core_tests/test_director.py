@@ -9,6 +9,8 @@ from nsm_core import furniture
 from nsm_core.control.director import Director, rotation_error
 from nsm_core.control.goals import Goal, Moment
 from nsm_core.control.planning import FloorPlan
+from nsm_core.control.stages.approach import Ground
+from nsm_core.control.stages.climbing import Climb
 from nsm_core.conventions import GOAL_ACTIONS, STYLES
 from nsm_core.errors import GoalError
 from nsm_core.rotations import heading_to_direction, wrap_angle
@@ -296,3 +298,17 @@ def test_who_makes_no_progress_is_given_up_where_one_stands():
     p.run()
     result = p.director.results[0]
     assert not result.reached and 3.5 < (result.end_frame - stuck) / 30 < 4.2
+
+
+def test_who_stands_on_what_is_climbed_walks_on_up_there():
+    block = Cuboids([((0, 0, 0), 0.0, np.array(((-1.5, -1.0, 0.0),)), np.array(((1.5, 1.0, 0.4),)))])
+    volume = interaction_sensor(block, np.array((0.0, 0.0, 0.2)), np.array((3.0, 2.0, 0.4)), 0.0)
+    goal = Goal("climb", "podium", np.array((0.6, 0.3, 0.4)), np.pi / 2, 0.0, volume)
+    style = np.zeros(len(STYLES), np.float32)
+    for place, height, up in (((-0.6, 0.0), 1.33, True), ((-0.6, 0.0), 0.93, False), ((-2.5, 0.0), 1.33, False)):
+        stage = Climb(goal, Ground(None, np.random.default_rng(0)))
+        moment = Moment(np.array((*place, 0.3), np.float32), np.append(place, height), 0.3, 0.0, style)
+        stage.update(moment)
+        assert stage.approach.given == up
+        stage.update(moment)
+        assert (stage.approach.stand == goal.position[:2]).all() == up

@@ -8,7 +8,7 @@ import numpy as np
 from nsm_core.control.goals import Goal
 from nsm_core.control.terrain import FLOOR_TOP
 from nsm_core.errors import GeometryError, GoalError
-from nsm_core.rotations import Array, rotate_planar, wrap_angle
+from nsm_core.rotations import Array, direction_to_heading, rotate_planar, wrap_angle
 
 from .bodies import Body, place_of
 from .surroundings import Surroundings
@@ -61,9 +61,17 @@ def climb_onto(name: str, target: bpy.types.Object, place: Array, hold: float, a
     if not levels:
         raise GeometryError(f"{target.name} has no level top there to stand on.")
     quarter = _side(levels[0], own)
+    if _stands_on(levels[0], own):  # one walks on up there, facing as one goes
+        quarter = int(np.rint(float(direction_to_heading(wish - own)) / (np.pi / 2) - 2)) % 4
     heading = float(wrap_angle(body.yaw + quarter * np.pi / 2 + np.pi))
     position = _on_top(levels[0], quarter, own, body, target, around, wish)
     return Goal("climb", name, position, heading, hold, body.interaction(heading + np.pi))
+
+
+def _stands_on(level: Level, here: Array) -> bool:
+    """Whether ``here`` (2,), own frame, is over the top."""
+    cell = np.floor((here - level.corner) / CELL).astype(int)
+    return bool((cell >= 0).all() and (cell < level.top.shape).all() and level.top[tuple(cell)])
 
 
 def _level(body: Body, target: bpy.types.Object, scale: float, here: Array) -> Level:
