@@ -17,8 +17,9 @@ from nsm_blender.character import add_character
 from nsm_blender.colliders import BVHQuery, collider_shapes, gather_colliders
 from nsm_blender.evaluated import MeshData, Snapshot
 from nsm_blender.goals import GoalSpec
+from nsm_blender.ground import floor_under
 from nsm_blender.scene import WorldFrame
-from nsm_blender.solids import READINGS
+from nsm_blender.solids import READINGS, Solid, solids_of
 from nsm_blender.surroundings import Surroundings
 from nsm_blender.takes import TakeSpec, finish, generate, prepare
 from nsm_core.errors import GeometryError, GoalError
@@ -344,3 +345,34 @@ def test_a_snapshot_holds_what_was_there():
     around = Surroundings(bpy.context.scene, WorldFrame(), snapshot=Snapshot.now(bpy.context.evaluated_depsgraph_get()))
     bpy.data.objects.remove(made)
     assert around.query.nearest(np.array(((0.4, 0.4, 0.4), (3, 3, 3))), 0.2) == ["Crate", None]
+
+
+class TestThousandsOfObjects:
+    def test_the_floor_is_that_under_the_rug_one_stands_on(self):
+        rug = box("Rug", (-1, -1, 0), (1, 1, 0.03))
+        for k in range(40):
+            box(f"Tile {k}", (3 + k, 0, 0), (3.5 + k, 0.5, 0.03))
+        empty("Mark", (0, 0, 0))
+        bpy.context.view_layer.update()
+        scene, here = bpy.context.scene, np.array((0.5, 0.5, 0.03))
+        assert floor_under(here, 1.0, scene, ()) == pytest.approx(0.0, abs=1e-6)
+        assert floor_under(here, 1.0, scene, [rug]) == pytest.approx(0.03)
+        assert floor_under(np.array((2.0, 0.5, 0.03)), 1.0, scene, ()) == pytest.approx(0.03)
+        rug.hide_set(True)
+        assert floor_under(here, 1.0, scene, ()) == pytest.approx(0.03)
+
+    def test_boxes_of_many_at_once_are_those_of_each(self):
+        mesh = crate("Crate").data
+        for k in range(30):
+            copy = bpy.data.objects.new(f"Copy {k}", mesh)
+            turn = Matrix.Rotation(0.3 * k, 4, (1, k, 2))
+            copy.matrix_world = Matrix.Translation((k, 2 * k, 0.1 * k)) @ turn @ Matrix.Scale(1 + k / 7, 4)
+            bpy.context.scene.collection.objects.link(copy)
+        bpy.context.view_layer.update()
+        seen = Snapshot.now(bpy.context.evaluated_depsgraph_get()).seen
+        for solid in solids_of(seen, WorldFrame()):
+            (low, high), corners = solid.bounds, solid.vertices
+            assert (low <= corners.min(0) + 1e-6).all() and (high >= corners.max(0) - 1e-6).all()
+            assert solid.top_at_least <= corners[:, 2].max() + 1e-6
+            alone = Solid(solid.owner, solid.reading, solid.turn, solid.size, solid.origin)
+            assert np.allclose(alone.bounds, solid.bounds) and alone.top_at_least == pytest.approx(solid.top_at_least)

@@ -12,6 +12,7 @@ from scenes import box, furnish
 
 import nsm_blender
 from nsm_blender import running
+from nsm_blender.channels import transform_of
 from nsm_blender.character import add_character
 from nsm_blender.goals import GoalSpec, show_goal_point
 from nsm_blender.keying import read_back
@@ -197,6 +198,30 @@ class TestOnTheNetwork:
         session.cancel()
         assert running.current() is None
         assert everything(scene, character) == before and character.animation_data.action == old
+
+    def test_the_scene_is_drawn_anew_only_where_it_has_changed(self):
+        character, _, _ = room()
+
+        def pose():
+            return [transform_of(bone) for bone in character.pose.bones]
+
+        session, before = Session(step_aside(character), bpy.context.scene), pose()
+        while not session.posed:
+            assert pose() == before and session.tick(0.02) is None
+        assert pose() != before
+        session.cancel()
+        bpy.context.view_layer.update()
+        evaluations: list[object] = []
+        bpy.app.handlers.depsgraph_update_post.append(lambda *_: evaluations.append(1))
+        try:
+            SceneState(bpy.context.scene, character, [character]).restore(always=True)  # nothing differs
+            bpy.context.view_layer.update()
+            assert not evaluations
+            character.location.x += 1
+            bpy.context.view_layer.update()
+            assert evaluations
+        finally:
+            bpy.app.handlers.depsgraph_update_post.pop()
 
     def test_a_session_ends_with_the_take_of_a_straight_run(self):
         character, seat, _ = room()

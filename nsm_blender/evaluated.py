@@ -136,6 +136,7 @@ class Snapshot:
 
     def __init__(self) -> None:
         self.seen: list[Seen] = []
+        self._begun = -1  # the instance whose mesh Blender had to make first, which took a slice of its own
 
     @classmethod
     def take(cls, evaluated: Callable[[], bpy.types.Depsgraph]) -> Generator[None, None, Snapshot]:
@@ -168,6 +169,11 @@ class Snapshot:
         for index, instance in enumerate(instances, done + 1):
             shown = instance.object
             if shown.type == "MESH":  # curves, texts and metaballs come a second time, as the mesh they make
+                asked = time.perf_counter()
+                shown.data  # noqa: B018  Blender subdivides a mesh when it is first asked for, in one go
+                if time.perf_counter() - asked > _SLICE / 3 and self._begun != index:
+                    self._begun, stopped = index, index - 1  # it is copied in the next slice
+                    break
                 self._add(instance.parent if instance.is_instance else shown, shown, instance.matrix_world, instance.is_instance, known)
             if time.perf_counter() > until:
                 stopped = index

@@ -16,7 +16,7 @@ import bpy
 PACKAGE = nsm.__name__
 ROOM, FIGURES = sys.argv[sys.argv.index("--") + 1 :]
 FIGURES = Path(FIGURES)
-_LATE = 200  # seconds after which a take is given up
+_LATE = 280  # seconds after which a take is given up
 
 
 def part(name: str):
@@ -43,19 +43,21 @@ def build(kind: str) -> tuple[bpy.types.Object, list[tuple[bpy.types.Object, str
                 each.location, each.scale = each.location * 100, each.scale * 100
         bpy.context.scene.unit_settings.scale_length = 0.01
     if kind == "dense":
-        subdivide(seats[0], 1_200_000)
+        subdivide(seats, 1_200_000)
     if kind == "scatter":
         scatter(8000)
     bpy.context.view_layer.update()
     return character, [(seats[0], "sit")]
 
 
-def subdivide(target: bpy.types.Object, triangles: int) -> None:
-    """Raise the triangles of an object, its shape unchanged, to about ``triangles``."""
-    modifier = target.modifiers.new("Dense", "SUBSURF")
-    modifier.subdivision_type, modifier.levels = "SIMPLE", 1
-    while count(target) < 0.7 * triangles:
-        modifier.levels += 1
+def subdivide(targets: list[bpy.types.Object], triangles: int) -> None:
+    """Raise the triangles of objects, their shapes unchanged, to ``triangles`` in all or a little less."""
+    for target in targets:
+        modifier = target.modifiers.new("Dense", "SUBSURF")
+        modifier.subdivision_type, modifier.levels = "SIMPLE", 0
+        while 4 * count(target) <= triangles:
+            modifier.levels += 1
+        triangles -= count(target)
 
 
 def scatter(blades: int) -> None:
@@ -234,6 +236,7 @@ def steps(log: Log):
     with bpy.context.temp_override(window=window, area=area, region=view):
         bpy.ops.nsm.take_reject()
     figures["rejected"] = pose(character) == before and not bpy.data.actions
+    yield 1.0  # the window shows that before one presses again
     log.motion = None
     clicked = press(window, area, view)
     while running.current() is not None and log.motion is None and time.perf_counter() - clicked < _LATE:
@@ -247,6 +250,7 @@ def steps(log: Log):
     while running.current() is not None and time.perf_counter() - pressed < 20:
         yield 0.0
     figures["escape_ms"] = 1000 * (time.perf_counter() - pressed)
+    figures["until_escape"] = log.since(pressed)
     figures["put_back"] = pose(character) == before and not bpy.data.actions and running.current() is None
     yield 0.5
     picture("4-escaped")

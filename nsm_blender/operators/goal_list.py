@@ -8,7 +8,7 @@ import bpy
 from bpy.props import EnumProperty
 
 from ..goals import moved_by, show_goal_point
-from ..points import POINT_LINK, SWING
+from ..points import HINGE, POINT_LINK, SWING, goal_point_of
 from ..properties import GOAL_TYPES, NsmGoal, settings_of, spec_of_row
 from ..surroundings import Surroundings
 from ..takes import own_objects, start_of
@@ -150,8 +150,11 @@ class NSM_OT_door_swing(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with sentences(self):
-            frame, start = start_of(settings_of(context.scene).character, context.scene)
-            hinge = show_goal_point(spec_of_row(_active_goal(context)), context.scene, frame, start)
+            spec = spec_of_row(_active_goal(context))
+            hinge = goal_point_of(context.scene, spec.object, HINGE)  # the scene is read for a door without one alone
+            if hinge is None:
+                frame, start = start_of(settings_of(context.scene).character, context.scene)
+                hinge = show_goal_point(spec, context.scene, frame, start)
             hinge[SWING] = -1 if int(hinge.get(SWING) or 1) > 0 else 1
             return {"FINISHED"}
         return {"CANCELLED"}
