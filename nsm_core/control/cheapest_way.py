@@ -23,8 +23,9 @@ def cheapest(price: Array, start: tuple[int, int], goal: tuple[int, int]) -> Arr
     if prices[first] == inf or prices[last] == inf:
         return None
     di, dj = (np.abs(np.arange(n) - at) for n, at in zip(price.shape, divmod(last, width), strict=True))
-    ahead = np.maximum(di[:, None], dj) + (_DIAGONAL - 1) * np.minimum(di[:, None], dj)  # the least that is left to go
-    left = ahead.ravel().tolist()
+    # The least that is left to go, in two parts: of ways that cost the same the order of adding decides.
+    straight = np.maximum(di[:, None], dj).ravel().tolist()
+    aslant = ((_DIAGONAL - 1) * np.minimum(di[:, None], dj)).ravel().tolist()
     steps = [(di * width + dj, 0.5 * _DIAGONAL if di and dj else 0.5) for di in (-1, 0, 1) for dj in (-1, 0, 1) if di or dj]
     cost, parent, done = [inf] * len(prices), [first] * len(prices), bytearray(len(prices))
     cost[first] = 0.0
@@ -42,7 +43,7 @@ def cheapest(price: Array, start: tuple[int, int], goal: tuple[int, int]) -> Arr
             new = base + length * (own + prices[there])
             if new < cost[there]:  # infinite where none may go, and never less where one has been
                 cost[there], parent[there] = new, here
-                push(queue, (new + left[there], there))
+                push(queue, (new + straight[there] + aslant[there], there))
     else:
         return None
     way = [last]
