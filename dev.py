@@ -4,7 +4,7 @@
   demo       furnish two rooms, let the character sit, open a door, carry a box, climb and run; writes out/demo
              (a .blend, a picture, a video); --two-seats: walk and sit alone
   test       run all tests; --matrix adds every Blender version this machine has a Python for;
-             other arguments go to pytest (for example: test core_tests/test_network.py -k gradient);
+             other arguments go to pytest (for example: test core_tests/model/networks/test_nsm.py -k gradient);
              whole suites run on all cores, a file to a process (-n 0: one after the other)
   build      write the extension for Blender to dist/
   train      train the network from a capture folder (arguments: see `train --help`)

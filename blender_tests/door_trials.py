@@ -18,17 +18,17 @@ import bpy
 import numpy as np
 from scenes import LEAF, box, door, empty, mesh_of_boxes
 
-from nsm_blender.character import add_character
-from nsm_blender.goals import GoalSpec, goal_point_of, show_goal_point
-from nsm_blender.points import HANDLE, SWING
-from nsm_blender.scene import WorldFrame
+from nsm_blender.goals.points import HANDLE, SWING, goal_point_of
+from nsm_blender.goals.resolve import GoalSpec, show_goal_point
+from nsm_blender.keys.preview import WorldFrame
+from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import Take, TakeSpec, finish, generate, prepare
-from nsm_core.control.props import Leaf
+from nsm_core.body.capsules import Body
 from nsm_core.errors import NsmError
-from nsm_core.evaluation.body import Body
-from nsm_core.evaluation.handling import prop_depths
-from nsm_core.evaluation.metrics import penetration_depths
+from nsm_core.evaluation.measures.motion import penetration_depths
+from nsm_core.evaluation.measures.objects import prop_depths
 from nsm_core.rotations import rotate_planar
+from nsm_core.world.scene.props import Leaf
 
 
 @dataclass
@@ -207,7 +207,7 @@ def main(arguments: list[str]) -> int:
                 flush=True,
             )
             if a.sheets:
-                from nsm_blender.render import contact_sheet
+                from nsm_blender.pictures.render import contact_sheet
 
                 path = Path(a.sheets) / f"{name.replace(' ', '_').replace(',', '')}_{seed}.png"
                 contact_sheet(take.keyed, path, a.tiles, size=(300, 280), direction=(-0.9, -0.55, 0.75))

@@ -6,7 +6,7 @@ import types
 
 import bpy
 
-from nsm_blender.operators.generate import NSM_OT_generate
+from nsm_blender.ui.operators.generate import NSM_OT_generate
 
 
 class Window:

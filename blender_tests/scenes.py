@@ -5,8 +5,8 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from nsm_blender.room import place
-from nsm_core.furniture import Furniture, make
+from nsm_blender.demo_scene.room import place
+from nsm_core.world.scene.furniture import Furniture, make
 
 
 def furnish(

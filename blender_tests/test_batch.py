@@ -12,9 +12,9 @@ import pytest
 from scenes import empty, furnish
 
 from nsm_blender import batch
-from nsm_blender.character import add_character
-from nsm_blender.jobs import read_job
-from nsm_core import bvh
+from nsm_blender.jobs.read import read_job
+from nsm_blender.rigs.character import add_character
+from nsm_core.data.captures import reader
 from nsm_core.errors import JobError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -188,7 +188,7 @@ class TestTakes:
         assert GOAL_KEYS <= set(report["goals"][0]) and STAGES == set(report["ms_per_frame"])
         assert report["goals"][0]["reached"]
         assert (tmp_path / "good.png").stat().st_size > 10_000
-        clip = bvh.read(tmp_path / "good.bvh")
+        clip = reader.read(tmp_path / "good.bvh")
         assert len(clip) / 30 == pytest.approx(report["frames"] / report["fps"], abs=0.1)
         bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "made" / "good.blend"))
         action = bpy.data.objects["Character"].animation_data.action

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from scenes import empty, mesh_of_boxes
 
-from nsm_blender.character import add_character
-from nsm_blender.goals import GoalSpec
-from nsm_blender.keying import read_back
+from nsm_blender.goals.resolve import GoalSpec
+from nsm_blender.keys.keying import read_back
+from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import Take, TakeSpec, finish, generate
-from nsm_core.evaluation.body import Body
-from nsm_core.evaluation.handling import wrists
-from nsm_core.sensors.query import Cuboids
+from nsm_core.body.capsules import Body
+from nsm_core.evaluation.measures.objects import wrists
+from nsm_core.world.geometry.distance import Cuboids
 
 SIZE = (0.34, 0.3, 0.26)
 DEEP = 0.03  # metres in something from which a frame counts as deep

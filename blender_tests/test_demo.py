@@ -13,13 +13,13 @@ import pytest
 from mathutils import Vector
 
 from nsm_blender import demo
-from nsm_blender.channels import channels_of
-from nsm_blender.keying import read_pose
+from nsm_blender.animation.channels import channels_of
+from nsm_blender.rigs.armature import read_pose
 from nsm_blender.takes import TakeSpec, finish, prepare
-from nsm_core.control.planning import FloorPlan
-from nsm_core.control.props import passage
-from nsm_core.control.stages import check_reachable
-from nsm_core.skeleton import JOINTS
+from nsm_core.body.skeleton import JOINTS
+from nsm_core.control.actions.registry import check_reachable
+from nsm_core.world.planning.floor_plan import FloorPlan
+from nsm_core.world.scene.props import passage
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -7,11 +7,11 @@ import pytest
 from scenes import box, empty, furnish
 
 import nsm_blender
-from nsm_blender.character import add_character
-from nsm_blender.goals import GoalSpec
-from nsm_blender.operators.generate import spec_of
-from nsm_blender.running import reason_not_ready
+from nsm_blender.goals.resolve import GoalSpec
+from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import TakeSpec, finish, generate, prepare, shipped_model
+from nsm_blender.ui.operators.generate import spec_of
+from nsm_blender.ui.running import reason_not_ready
 from nsm_core.errors import GeometryError, GoalError, NsmError, SkeletonError, WeightsError
 
 

@@ -8,12 +8,12 @@ from modal import Modal, Window
 from scenes import box, empty
 
 import nsm_blender
-from nsm_blender import running
-from nsm_blender.channels import transform_of
-from nsm_blender.character import add_character
-from nsm_blender.operators.generate import spec_of
-from nsm_blender.scene import Preview
-from nsm_blender.session import Session
+from nsm_blender.animation.channels import transform_of
+from nsm_blender.keys.preview import Preview
+from nsm_blender.rigs.character import add_character
+from nsm_blender.ui import running
+from nsm_blender.ui.operators.generate import spec_of
+from nsm_blender.ui.session import Session
 from nsm_core.errors import NsmError
 
 

@@ -15,16 +15,16 @@ import bpy
 import numpy as np
 import pytest
 
-from nsm_blender.outputs import blend_is_whole, png_is_whole
-from nsm_blender.render import read_png
-from nsm_core import bvh
-from nsm_core.dataset.capture_folder import capture_paths
+from nsm_blender.pictures.outputs import blend_is_whole, png_is_whole
+from nsm_blender.pictures.render import read_png
+from nsm_core.data.captures import reader
+from nsm_core.data.captures.folder import capture_paths
 
 ROOT = Path(__file__).resolve().parents[1]
 CORE = """
 import numpy as np
 from nsm_core import bvh_write
-from nsm_core.weights_file import save_weights
+from nsm_core.model.inference.weights_file import save_weights
 
 def write(folder, n):
     save_weights(folder / "w.npz", {"a": np.full((4000, 1000), n)}, {"n": np.full(3, n)}, config={}, layout={})
@@ -34,8 +34,8 @@ def write(folder, n):
 BLENDER = """
 import bpy
 import numpy as np
-from nsm_blender.outputs import save_blend, write_json
-from nsm_blender.render import write_png
+from nsm_blender.pictures.outputs import save_blend, write_json
+from nsm_blender.pictures.render import write_png
 mesh = bpy.data.meshes.new("Large")
 mesh.vertices.add(300_000)
 mesh.use_fake_user = True
@@ -92,7 +92,7 @@ def kill_while_writing(code: str, folder: Path, ending: str, share: float) -> bo
 def core_version(folder: Path) -> tuple[float, float]:
     with np.load(folder / "w.npz") as stored:
         numbers = np.unique(np.concatenate([stored[name].ravel() for name in ("parameters/a", "statistics/n")]))
-    clip = bvh.read(folder / "a.bvh")
+    clip = reader.read(folder / "a.bvh")
     assert len(clip) == 600 and np.ptp(clip.hips_position[:, 0]) < 1e-3 and len(numbers) == 1
     return float(numbers[0]), round(float(clip.hips_position[0, 0]) * 10)
 

@@ -9,20 +9,20 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from motions import wandering_take
 from scenes import box, empty
-from test_keying import wandering_take
 
 import nsm_blender
-from nsm_blender.armature import build_armature
-from nsm_blender.kept import Kept, restored_on_failure
-from nsm_blender.scene import WorldFrame
+from nsm_blender.animation.kept import Kept, restored_on_failure
+from nsm_blender.keys.objects import Thing
+from nsm_blender.keys.preview import WorldFrame
+from nsm_blender.rigs.armature import build_armature
 from nsm_blender.takes import TakeSpec, finish, key_and_check
-from nsm_blender.things import Thing
 from nsm_core.control.goals import Goal, GoalResult
-from nsm_core.control.props import Box
 from nsm_core.control.take import TakeRequest, TakeResult
-from nsm_core.sensors.cuboid import interaction_sensor
-from nsm_core.sensors.query import Cuboids
+from nsm_core.world.geometry.distance import Cuboids
+from nsm_core.world.scene.props import Box
+from nsm_core.world.sensors.interaction import interaction_sensor
 
 CODE = str(Path(nsm_blender.__file__).parent)
 FRAMES = 4

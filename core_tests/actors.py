@@ -6,18 +6,18 @@ from functools import cached_property
 
 import numpy as np
 
+from nsm_core.body.ik.reaching import Pose
+from nsm_core.body.ik.two_bone import place_limbs
+from nsm_core.body.skeleton import ANKLE_HEIGHT, ARMS, FEET, INDEX, J, forward_kinematics
 from nsm_core.control.director import Director
-from nsm_core.control.finishing import Finishing
 from nsm_core.control.goals import Goal, Moment
-from nsm_core.control.planning import FloorPlan
-from nsm_core.control.reaching import Pose
-from nsm_core.control.scene import Scene
+from nsm_core.control.post_process import Finishing
 from nsm_core.control.take import own_props
 from nsm_core.conventions import CARRY, FOOT_CONTACTS, GOAL_ACTIONS, HAND_CONTACTS, IDLE, OPEN, STYLES, WALK
-from nsm_core.limbs import place_limbs
 from nsm_core.rotations import heading_quat, quat_from_rotvec, rotate_planar, wrap_angle
-from nsm_core.sensors.query import Cuboids
-from nsm_core.skeleton import ANKLE_HEIGHT, ARMS, FEET, INDEX, J, forward_kinematics
+from nsm_core.world.geometry.distance import Cuboids
+from nsm_core.world.planning.floor_plan import FloorPlan
+from nsm_core.world.scene.solids import Scene
 
 ROOM = (np.array((-4.0, -7.0)), np.array((5.0, 3.0)))
 LEGS = (FEET[0][:3], FEET[1][:3])

@@ -5,17 +5,19 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
+import captures
 import numpy as np
 
-from nsm_core import bvh_write
-from nsm_core.dataset.compose import Composer, Source, load
-from nsm_core.dataset.export import export, take_arrays
-from nsm_core.dataset.stored import Dataset
-from nsm_core.dataset.take import Take
-from nsm_core.limbs import place_limbs
+from nsm_core.body.ik.two_bone import place_limbs
+from nsm_core.body.skeleton import FEET, INDEX, OFFSETS, TOE_HEIGHT, J
+from nsm_core.data.captures import bvh_writer
+from nsm_core.data.export import export, take_arrays
+from nsm_core.data.scenarios.composer import Composer, load
+from nsm_core.data.scenarios.session import Source
+from nsm_core.data.scenarios.take import Take
+from nsm_core.data.storage import Dataset
+from nsm_core.model.features.state import WINDOW
 from nsm_core.rotations import heading_quat, heading_to_direction, quat_from_rotvec, quat_mul, quat_rotate
-from nsm_core.series import WINDOW
-from nsm_core.skeleton import FEET, INDEX, OFFSETS, TOE_HEIGHT, J
 
 STANCE, CYCLE = 0.6, 32  # share of a cycle that a foot stands, frames of a cycle
 LEGS = (FEET[0][:3], FEET[1][:3])
@@ -133,7 +135,7 @@ def write_captures(folder: Path) -> Path:
     for name, motion in clips.items():
         path = folder / "clips" / f"{name}.bvh"
         path.parent.mkdir(parents=True, exist_ok=True)
-        bvh_write.write(path, *motion)
+        bvh_writer.write(path, *motion)
     return folder
 
 
@@ -190,3 +192,11 @@ def data_of(take: Take) -> Dataset:
     """One take as a data set of its own, as ``Dataset.open`` would give it."""
     arrays = take_arrays(take)
     return Dataset(arrays, np.arange(len(take) - WINDOW - 1))
+
+
+def pick_up() -> tuple[np.ndarray, np.ndarray]:
+    """Stand, squat with the trunk leant forward, and rise: hips (T, 3), local rotations (T, 23, 4)."""
+    hips, local = captures.sit(0.5, 0.12)
+    w = np.clip((captures.HEIGHT - hips[:, 2]) / (captures.HEIGHT - 0.5), 0, 1)
+    local[:, INDEX["Chest"]] = quat_from_rotvec(1.1 * w[:, None] * np.array((1.0, 0, 0)))
+    return hips, local

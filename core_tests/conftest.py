@@ -12,13 +12,13 @@ ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
-from nsm_core.features import layout_description
-from nsm_core.inference import expected_shapes
-from nsm_core.networks.config import NsmConfig
-from nsm_core.weights_file import save_weights
+from nsm_core.model.features.codec import layout_description
+from nsm_core.model.inference.model import expected_shapes
+from nsm_core.model.inference.weights_file import save_weights
+from nsm_core.model.networks.config import NsmConfig
 
 LAYOUT = layout_description()
-SHARING = ("test_dataset", "test_features", "test_fresh", "test_switched", "test_training", "test_unstitched")
+SHARING = ("test_composer", "test_codec", "test_fresh_takes", "test_swap_objects", "test_training", "test_single_clips")
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from nsm_core.body.skeleton import END_SITES, INDEX, JOINTS, PARENTS, J, forward_kinematics
 from nsm_core.rotations import quat_conjugate, quat_mul, quat_rotate, quat_to_matrix
-from nsm_core.skeleton import END_SITES, INDEX, JOINTS, PARENTS, J, forward_kinematics
 
 Y_UP = np.array(((1.0, 0, 0), (0, 0, 1), (0, -1, 0)))  # from Z up, facing -Y
 

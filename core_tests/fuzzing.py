@@ -102,3 +102,9 @@ def survives(read: Callable[[bytes], None], data: bytes, count: int, seed: int, 
             except Exception as error:
                 raise AssertionError(f"seed {seed}, copy {k}: {type(error).__name__}: {error}\n{copy[:3000]!r}") from error
     return done, refused
+
+
+def one_sentence(caught) -> str:
+    text = str(caught.value)
+    assert "\n" not in text and text.endswith(".") and "Traceback" not in text
+    return text

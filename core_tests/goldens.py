@@ -39,19 +39,21 @@ for folder in (HERE, HERE.parent):
         sys.path.insert(0, str(folder))
 
 import captures
-from test_carrying import pick_up
+from captures import pick_up
 
-from nsm_core import bvh_write, furniture
+from nsm_core.body.skeleton import JOINTS, forward_kinematics
 from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest, TakeRunner
 from nsm_core.conventions import CONTACTS, STYLES
-from nsm_core.dataset.compose import Composer, load
-from nsm_core.doors import make_door
-from nsm_core.evaluation import carrying, climbing, doors, sitting
-from nsm_core.features import FRAME, GOAL, INPUT, OUTPUT, build_inputs, build_targets
-from nsm_core.inference import load_model
+from nsm_core.data.captures import bvh_writer
+from nsm_core.data.scenarios.composer import Composer, load
+from nsm_core.evaluation.trials import carry, climb, sit
+from nsm_core.evaluation.trials import open as doors
+from nsm_core.model.features.codec import FRAME, GOAL, INPUT, OUTPUT, build_inputs, build_targets
+from nsm_core.model.inference.model import load_model
 from nsm_core.rotations import quat_rotate
-from nsm_core.skeleton import JOINTS, forward_kinematics
+from nsm_core.world.scene import furniture
+from nsm_core.world.scene.door import make_door
 
 FOLDER = HERE / "golden"
 Digest = dict[str, np.ndarray]
@@ -82,7 +84,7 @@ def _walk() -> TakeRequest:
 
 def _sit() -> TakeRequest:
     chair = furniture.make("chair", np.random.default_rng(7))
-    return sitting.request(sitting.Trial(0, chair, np.array((0.5, -1.0)), 0.3), hold=0.3)
+    return sit.request(sit.Trial(0, chair, np.array((0.5, -1.0)), 0.3), hold=0.3)
 
 
 def _carry() -> TakeRequest:
@@ -90,9 +92,9 @@ def _carry() -> TakeRequest:
     rng = np.random.default_rng(3)
     crate = furniture.make("crate", rng, width=0.3, depth=0.28, height=0.26)
     facing = 0.5
-    top, still = carrying.support(rng, (0.5, 0.5), crate, np.array((1.3, 0.9)), facing, None)
+    top, still = carry.support(rng, (0.5, 0.5), crate, np.array((1.3, 0.9)), facing, None)
     box, goal = np.array((0, 0, 0.13, 0.2)), np.array((1.3, 0.9, top + 0.13, facing))
-    return carrying.request(carrying.Trial(0, "", np.array((0.1, 0.9)), 0.2, crate, box, goal, facing, tuple(still)), hold=0.3)
+    return carry.request(carry.Trial(0, "", np.array((0.1, 0.9)), 0.2, crate, box, goal, facing, tuple(still)), hold=0.3)
 
 
 def _open(push: bool) -> TakeRequest:
@@ -102,7 +104,7 @@ def _open(push: bool) -> TakeRequest:
 
 def _climb() -> TakeRequest:
     step = furniture.make("step", np.random.default_rng(2), width=1.2, depth=0.7, height=0.3)
-    return climbing.request(climbing.Trial(0, "", np.array((0.2, -1.2)), 2.9, step, 0.2), hold=0.3)
+    return climb.request(climb.Trial(0, "", np.array((0.2, -1.2)), 2.9, step, 0.2), hold=0.3)
 
 
 SCENES: dict[str, Callable[[], TakeRequest]] = {
@@ -172,9 +174,9 @@ def source() -> object:
     """What composing reads: the computed captures with a pick-up and runs beside them."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = captures.write_captures(Path(scratch))
-        bvh_write.write(folder / "clips" / "accad_male1" / "male1_a5_pickupbox.bvh", *pick_up())
+        bvh_writer.write(folder / "clips" / "accad_male1" / "male1_a5_pickupbox.bvh", *pick_up())
         for n, (distance, turn) in enumerate(((4.5, 0), (5.0, 0.5), (4.0, 1.0))):
-            bvh_write.write(folder / "clips" / "accad_male2" / f"male2_run{n}.bvh", *captures.walk(distance, turn, 2.1))
+            bvh_writer.write(folder / "clips" / "accad_male2" / f"male2_run{n}.bvh", *captures.walk(distance, turn, 2.1))
         return load(str(folder))
 
 

@@ -62,7 +62,7 @@ def test_torch_only_where_the_plan_allows(path):
 
 
 def test_stepping_imports_nothing_that_blender_lacks():
-    assert "nsm_core.inference" in STEPPING
+    assert "nsm_core.model.inference.model" in STEPPING
     code = (
         "import sys\n"
         "class Refuse:\n"
@@ -82,7 +82,7 @@ def test_numpy_back_end_steps_without_torch(full_weights):
     code = (
         "import sys, numpy as np\n"
         "sys.modules['torch'] = None\n"  # makes any import of torch fail
-        "from nsm_core.inference import load_model\n"
+        "from nsm_core.model.inference.model import load_model\n"
         f"m = load_model({str(full_weights)!r})\n"
         "y, c = m.predict(np.ones((1, m.config.inputs)), np.ones((1, m.config.gating)))\n"
         "assert np.isfinite(y).all() and c.shape == (1, 8)\n"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nsm_core import rotations as R
-from nsm_core import skeleton as S
+from nsm_core.body import skeleton as S
 
 scipy_rotation = pytest.importorskip("scipy.spatial.transform").Rotation
 N = 200

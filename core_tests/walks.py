@@ -4,9 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.limbs import place_limbs
+from nsm_core.body.ik.two_bone import place_limbs
+from nsm_core.body.skeleton import FEET, HIP_OVER_SEAT, INDEX, OFFSETS, TOE_HEIGHT, J
 from nsm_core.rotations import heading_quat, heading_to_direction, quat_from_rotvec, quat_mul, quat_rotate
-from nsm_core.skeleton import FEET, OFFSETS, TOE_HEIGHT, J
+
+LEGS = (FEET[0][:3], FEET[1][:3])
+
+
+def seated_pose() -> tuple[np.ndarray, np.ndarray]:
+    hips = np.array((0.0, 0.0, 0.45 + HIP_OVER_SEAT))
+    local = np.zeros((J, 4))
+    local[:, 0] = 1
+    for name in ("RightHip", "LeftHip"):
+        local[INDEX[name]] = quat_from_rotvec(np.array((-1.4, 0, 0)))
+    for name in ("RightKnee", "LeftKnee"):
+        local[INDEX[name]] = quat_from_rotvec(np.array((1.4, 0, 0)))
+    feet = np.array(((-0.12, -0.42, 0.085), (0.12, -0.42, 0.085)))
+    return hips, place_limbs(hips, local, LEGS, feet)
+
 
 STRIDE, STANCE = 32, 0.6  # frames of a cycle and the share of it a foot stands
 

@@ -10,7 +10,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import bpy
 import numpy as np
 
-from nsm_blender import demo, render
+from nsm_blender import demo
+from nsm_blender.pictures import render
 from nsm_blender.takes import Take, TakeSpec, finish, generate
 from nsm_core.conventions import CLIMB, HAND_CONTACTS, SIT
 

@@ -9,7 +9,7 @@ import bpy
 
 def register() -> None:
     """Add operators, panel and scene settings to Blender; a second call changes nothing."""
-    from . import operators, panels, properties, watch
+    from .ui import operators, panels, properties, watch
 
     for cls in (*properties.CLASSES, *operators.CLASSES, *panels.CLASSES):
         if not cls.is_registered:
@@ -24,7 +24,7 @@ def register() -> None:
 
 def unregister() -> None:
     """Take them away again; what a file holds stays in it.  A second call changes nothing."""
-    from . import operators, panels, properties, running, watch
+    from .ui import operators, panels, properties, running, watch
 
     running.interrupt("The add-on was switched off meanwhile, so Generate stopped and nothing was keyed.")
     watch.uninstall()

@@ -25,15 +25,15 @@ if __name__ == "__main__":  # run as a script: make this folder importable as th
 
 import bpy
 
-from nsm_core import bvh_write
+from nsm_core.data.captures import bvh_writer
 from nsm_core.errors import GoalError, JobError, NsmError, OutputError, SkeletonError
 
-from .goals import GoalSpec
-from .job_paths import refuse_used
-from .jobs import Job, JobTake, read_job
+from .goals.resolve import GoalSpec
+from .jobs.paths import refuse_used
+from .jobs.read import Job, JobTake, read_job
 from .leaving import leave
-from .outputs import require_writable, save_blend, write_json
-from .render import contact_sheet, video
+from .pictures.outputs import require_writable, save_blend, write_json
+from .pictures.render import contact_sheet, video
 from .takes import Take, TakeSpec, generate
 
 if TYPE_CHECKING:
@@ -175,7 +175,7 @@ def _write(take: Take, entry: JobTake, title: str, say: Callable[[str], None]) -
     """Write what the take's entry asks for; what fails keeps the others from nothing.  Raises OutputError with all that failed."""
     writers: dict[str, Callable[[Path], object]] = {
         "out": lambda path: save_blend(path, "'out'"),
-        "bvh": lambda path: bvh_write.write(path, take.result.hips_position, take.result.local_rotations),
+        "bvh": lambda path: bvh_writer.write(path, take.result.hips_position, take.result.local_rotations),
         "sheet": lambda path: contact_sheet(take.keyed, path),
         "video": lambda path: video(take.keyed, path),
     }

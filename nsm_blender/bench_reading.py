@@ -22,15 +22,15 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from nsm_core.furniture import make
-from nsm_core.sensors.cylinder import environment_sensor
+from nsm_core.world.scene.furniture import make
+from nsm_core.world.sensors.environment import environment_sensor
 
-from . import colliders
-from .character import add_character
 from .demo import build_scene, goals_in
-from .goals import GoalSpec
-from .solids import READINGS
+from .goals.resolve import GoalSpec
+from .rigs.character import add_character
 from .takes import TakeSpec, prepare
+from .world import colliders
+from .world.solids import READINGS
 
 _COPIES = 8000
 

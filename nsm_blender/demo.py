@@ -23,13 +23,14 @@ from mathutils import Vector
 
 from nsm_core.errors import NsmError
 
-from . import outputs, render, takes
-from .character import add_character
-from .goals import GoalSpec
-from .house import House, build_house
+from . import takes
+from .demo_scene.house import House, build_house
+from .demo_scene.room import Room, build_room
+from .goals.resolve import GoalSpec
+from .keys.report import goal_line
 from .leaving import leave
-from .report import goal_line
-from .room import Room, build_room
+from .pictures import outputs, render
+from .rigs.character import add_character
 
 FPS = 30
 

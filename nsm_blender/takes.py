@@ -15,29 +15,29 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from nsm_core import inference
+from nsm_core.control.actions.door_grasp import require_room
 from nsm_core.control.goals import Goal
-from nsm_core.control.opening import require_room
-from nsm_core.control.props import Leaf
 from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner
 from nsm_core.conventions import FPS
 from nsm_core.errors import GoalError, NsmError, SkeletonError
+from nsm_core.model.inference import model as inference_model
 from nsm_core.rotations import Array
+from nsm_core.world.scene.props import Leaf
 
-from .actions import require_learned
-from .armature import read_pose, require_skeleton
-from .beside import beside
-from .evaluated import Snapshot
-from .goals import GoalSpec, moved_by, place_after, require_swinging, resolve
-from .ground import floor_under
-from .kept import Kept, restored_on_failure
-from .keying import KeyedTake, key_take_steps, key_things
-from .layers import require_keyable
-from .report import build_report
-from .scene import SceneState, WorldFrame, holds
-from .shown import look_at
-from .surroundings import Surroundings
-from .things import Thing, require_movable, rides_along
+from .animation.kept import Kept, SceneState, restored_on_failure
+from .goals.resolve import GoalSpec, moved_by, place_after, require_swinging, resolve
+from .goals.table import require_learned
+from .keys.keying import KeyedTake, key_take_steps, key_things
+from .keys.layers import require_keyable
+from .keys.objects import Thing, require_movable, rides_along
+from .keys.preview import WorldFrame, holds
+from .keys.report import build_report
+from .keys.shown import look_at
+from .rigs.armature import read_pose, require_skeleton
+from .world.beside import beside
+from .world.evaluated import Snapshot
+from .world.ground import floor_under
+from .world.surroundings import Surroundings
 
 _T = TypeVar("_T")
 
@@ -81,9 +81,9 @@ class Take:
 
 
 @lru_cache(maxsize=2)
-def shipped_model(path: str | None = None) -> inference.Model:
+def shipped_model(path: str | None = None) -> inference_model.Model:
     """Load the bundled network, once per session; WeightsError says what to do when it is missing."""
-    return inference.load_model(path)
+    return inference_model.load_model(path)
 
 
 def _loading() -> threading.Thread:
@@ -98,7 +98,7 @@ def _loading() -> threading.Thread:
     return thread
 
 
-def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference.Model | None = None) -> Generator[Progress, None, Take]:
+def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference_model.Model | None = None) -> Generator[Progress, None, Take]:
     """Generate and key one take, yielding every few milliseconds; the generator's value is the Take.
 
     Nothing in the file changes before the keys are made, but for the current frame, which is put back.

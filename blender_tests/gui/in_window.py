@@ -33,8 +33,8 @@ def build(kind: str) -> tuple[bpy.types.Object, list[tuple[bpy.types.Object, str
     for each in list(bpy.data.objects):
         bpy.data.objects.remove(each)
     bpy.context.view_layer.update()
-    room = part("room").build_room()
-    character = part("character").add_character((*room.start, 0.0))
+    room = part("demo_scene.room").build_room()
+    character = part("rigs.character").add_character((*room.start, 0.0))
     character.rotation_euler.z = room.start_heading
     seats = [bpy.data.objects[name] for name in room.seats]
     if kind == "centimetres":
@@ -119,7 +119,7 @@ class Log:
             try:
                 return inner(*args)
             finally:
-                state = part("running").current()
+                state = part("ui.running").current()
                 where = f"tick, {state.text.rpartition(' ')[0] if '%' in state.text else state.text}" if what == "tick" and state else what
                 self.rows.append((where, begin, time.perf_counter() - begin, time.thread_time() - processor))
 
@@ -129,7 +129,7 @@ class Log:
 
     def note_motion(self) -> None:
         """Have the preview note when it first shows a pose."""
-        preview, inner = part("scene").Preview, part("scene").Preview.show
+        preview, inner = part("keys.preview").Preview, part("keys.preview").Preview.show
 
         def show(*args, **named):
             inner(*args, **named)
@@ -200,14 +200,14 @@ def steps(log: Log):
         bpy.ops.view3d.view_all(use_all_regions=False)
     yield 2.0
     picture("1-ready")
-    operator = part("operators.generate").NSM_OT_generate
+    operator = part("ui.operators.generate").NSM_OT_generate
     for name in ("modal", "invoke"):
         log.watch(operator, name, "tick" if name == "modal" else "click")
-    log.watch(part("panels").NSM_PT_take, "draw", "sidebar")
+    log.watch(part("ui.panels").NSM_PT_take, "draw", "sidebar")
     log.note_motion()
     bpy.types.SpaceView3D.draw_handler_add(lambda: log.rows.append(("redraw", time.perf_counter(), 0, 0)), (), "WINDOW", "POST_PIXEL")
     bpy.types.SpaceView3D.draw_handler_add(lambda: log.rows.append(("redraw", time.perf_counter(), 0, 0)), (), "UI", "POST_PIXEL")
-    running = part("running")
+    running = part("ui.running")
     figures = {
         "blender": bpy.app.version_string,
         "objects": len(bpy.context.scene.objects),

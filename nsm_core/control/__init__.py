@@ -1,0 +1,1 @@
+"""What is wanted now: goals, the director that leads to them, and takes."""

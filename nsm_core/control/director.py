@@ -1,6 +1,6 @@
 """Turn the queue of goals into the goal series the network is fed with (section 4.1), frame by frame.
 
-Each goal is performed by a stage (``stages``) that says what is commanded now; the director hears the goals one after the
+Each goal is performed by a stage (``actions``) that says what is commanded now; the director hears the goals one after the
 other, lays the commands on the keys of the series, and judges.  Whatever changes is only a change of the series.
 """
 
@@ -8,18 +8,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..conventions import FPS, GOAL_ACTIONS, INTERACTIONS
-from ..errors import GoalError
-from ..rotations import Array, wrap_angle
-from ..sensors.cuboid import InteractionVolume
-from ..sensors.query import Cuboids
-from ..series import FUTURE, KEY_OFFSETS, KEY_STEP, PIVOT, WINDOW
-from .foot_lock import smooth_step
+from nsm_core.body.ik.foot_lock import smooth_step
+from nsm_core.conventions import FPS, GOAL_ACTIONS, INTERACTIONS
+from nsm_core.errors import GoalError
+from nsm_core.model.features.state import FUTURE, KEY_OFFSETS, KEY_STEP, PIVOT, WINDOW
+from nsm_core.rotations import Array, wrap_angle
+from nsm_core.world.geometry.distance import Cuboids
+from nsm_core.world.planning.floor_plan import FloorPlan
+from nsm_core.world.scene.props import Prop
+from nsm_core.world.scene.solids import Scene
+from nsm_core.world.sensors.interaction import InteractionVolume
+
+from .actions.approach import Command, Ground
+from .actions.registry import Grasp, begin, check_reachable
+from .actions.walk import Stage
 from .goals import SEAT_MEMORY, Goal, GoalResult, Moment
-from .planning import FloorPlan
-from .props import Prop
-from .scene import Scene
-from .stages import Command, Grasp, Ground, Stage, begin, check_reachable
 
 SETTLE = 12  # frames of rest after which a transition has ended
 STEP_ON = 0.25  # metres of its way that one has come nearer to a goal: it is given up where so much is not gained in time

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..conventions import CONTACTS
-from ..errors import GoalError
-from ..rotations import Array, rotate_planar, wrap_angle
-from ..sensors.cuboid import InteractionVolume
-from .props import Box, Leaf, Prop
-from .terrain import Terrain
+from nsm_core.conventions import CONTACTS
+from nsm_core.errors import GoalError
+from nsm_core.rotations import Array, rotate_planar, wrap_angle
+from nsm_core.world.scene.props import Box, Leaf, Prop
+from nsm_core.world.scene.terrain import Terrain
+from nsm_core.world.sensors.interaction import InteractionVolume
 
 STAND_AHEAD = 0.45  # how far before the seated hips a person stands before sitting, metres
 SEAT_MEMORY = 0.25  # the seat is sensed until its action label falls to this (published code)

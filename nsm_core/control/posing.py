@@ -6,21 +6,13 @@ import math
 
 import numpy as np
 
-from ..components import cross, dot, turned
-from ..errors import GoalError
-from ..inference import Model
-from ..limbs import place_limbs
-from ..rotations import (
-    Array,
-    heading_quat,
-    matrix_from_forward_up,
-    quat_from_matrix,
-    quat_from_rotvec,
-    quat_mul,
-    quat_to_matrix,
-)
-from ..series import State, standing_state
-from ..skeleton import ARMS, FEET, HIPS, OFFSETS, J, forward_kinematics, local_from_world
+from nsm_core.body.ik.two_bone import place_limbs
+from nsm_core.body.skeleton import ARMS, FEET, HIPS, OFFSETS, J, forward_kinematics, local_from_world
+from nsm_core.components import cross, dot, turned
+from nsm_core.errors import GoalError
+from nsm_core.model.features.state import State, standing_state
+from nsm_core.model.inference.model import Model
+from nsm_core.rotations import Array, heading_quat, matrix_from_forward_up, quat_from_matrix, quat_from_rotvec, quat_mul, quat_to_matrix
 
 _LEGS = tuple(leg[:3] for leg in FEET)
 _ELBOWS = tuple((elbow, np.array((0.0, 0.0, sign))) for (_, elbow, _), sign in zip(ARMS, (1, -1), strict=True))  # and their hinges

@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..conventions import FPS
-from ..rotations import Array
-from ..sensors.cuboid import InteractionVolume
-from ..sensors.query import DistanceQuery
-from .terrain import Terrain
+from nsm_core.conventions import FPS
+from nsm_core.rotations import Array
+from nsm_core.world.geometry.distance import DistanceQuery
+from nsm_core.world.scene.terrain import Terrain
+from nsm_core.world.sensors.interaction import InteractionVolume
 
 _REACH = 0.3  # metres about the root over which the ground is averaged: half a stride, so hips rise while the step is made
 _RINGS = ((0.0, 1), (0.15, 6), (_REACH, 12))

@@ -11,24 +11,26 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..conventions import CLIMB, CONTACTS, FOOT_CONTACTS, FPS
-from ..errors import GoalError
-from ..features import Surroundings, build_inputs, no_object, read_outputs
-from ..inference import Model
-from ..rotations import Array, wrap_angle
-from ..sensors.cylinder import DIAMETER, SPHERE_RADIUS, environment_sensor
-from ..sensors.query import DistanceQuery
-from ..skeleton import ARMS, HIPS, forward_kinematics, root_of
-from .director import Director, check_reachable, rotation_error
-from .finishing import Finishing
+from nsm_core.body.skeleton import ARMS, HIPS, forward_kinematics, root_of
+from nsm_core.conventions import CLIMB, CONTACTS, FOOT_CONTACTS, FPS
+from nsm_core.errors import GoalError
+from nsm_core.model.features.codec import Surroundings, build_inputs, no_object, read_outputs
+from nsm_core.model.features.rollout_step import Blending, advance
+from nsm_core.model.inference.model import Model
+from nsm_core.rotations import Array, wrap_angle
+from nsm_core.world.geometry.distance import DistanceQuery
+from nsm_core.world.planning.floor_plan import FloorPlan
+from nsm_core.world.scene.props import Box, Prop
+from nsm_core.world.scene.solids import Scene
+from nsm_core.world.scene.terrain import Terrain, around, merged
+from nsm_core.world.sensors.environment import DIAMETER, SPHERE_RADIUS, environment_sensor
+
+from .actions.registry import check_reachable
+from .director import Director, rotation_error
 from .goals import Goal, GoalResult, Moment
-from .planning import FloorPlan
 from .posing import pose_of, standing_start
-from .props import Box, Prop
+from .post_process import Finishing
 from .relief import Relief
-from .scene import Scene
-from .stepping import Blending, advance
-from .terrain import Terrain, around, merged
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
 _MARGIN = 4.0  # metres of floor planned on around start and goals

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..control.stepping import advance
-from ..conventions import DT, FOOT_CONTACTS, INTERACTIONS
-from ..dataset.stored import Dataset
-from ..features import FRAME, INPUT, OUTPUT, build_inputs, build_targets, read_outputs
-from ..rotations import Array, rotate_planar, wrap_angle
-from ..series import FUTURE, KEY_STEP, State
-from ..skeleton import INDEX
+from nsm_core.body.skeleton import INDEX
+from nsm_core.conventions import DT, FOOT_CONTACTS, INTERACTIONS
+from nsm_core.data.storage import Dataset
+from nsm_core.model.features.codec import FRAME, INPUT, OUTPUT, build_inputs, build_targets, read_outputs
+from nsm_core.model.features.rollout_step import advance
+from nsm_core.model.features.state import FUTURE, KEY_STEP, State
+from nsm_core.rotations import Array, rotate_planar, wrap_angle
 
 _FEET = tuple([INDEX[f"{side}Ankle"], INDEX[f"{side}Toe"]] for side in ("Right", "Left"))
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files import output
-from ..rotations import Array
+from nsm_core.files import output
+from nsm_core.rotations import Array
 
 COLUMNS = ("step", "minutes", "data", "rollout", "validation", "drift_m", "pose_error_m")
 

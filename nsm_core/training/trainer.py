@@ -9,17 +9,18 @@ from typing import Any
 import numpy as np
 import torch
 
-from ..conventions import STYLES
-from ..dataset.stored import Dataset
-from ..errors import WeightsError
-from ..features import layout_description
-from ..files import output
-from ..networks.config import NsmConfig
-from ..networks.nsm import NSM, STATISTICS
-from ..rotations import Array
-from ..weights_file import save_weights
+from nsm_core.conventions import STYLES
+from nsm_core.data.storage import Dataset
+from nsm_core.errors import WeightsError
+from nsm_core.files import output
+from nsm_core.model.features.codec import layout_description
+from nsm_core.model.inference.weights_file import save_weights
+from nsm_core.model.networks.config import NsmConfig
+from nsm_core.model.networks.nsm import NSM, STATISTICS
+from nsm_core.rotations import Array
+
 from .batches import Batches, RolloutSettings, loss_weights, statistics
-from .fresh import FreshSettings, FreshTakes
+from .fresh_takes import FreshSettings, FreshTakes
 from .schedule import cosine_restarts
 
 CREDITS = Path(__file__).parent.parent / "weights" / "CREDITS.md"

@@ -1,0 +1,1 @@
+"""Two furnished rooms by code."""

@@ -1,0 +1,1 @@
+"""From objects, empties and actions of a scene to goals of the core."""

@@ -1,0 +1,164 @@
+"""Job files: which takes a batch makes, and sentences about what is wrong in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from nsm_core import validate
+from nsm_core.errors import JobError, NsmError
+
+from ..goals.table import require_action
+from .paths import refuse_clashes, require_path, require_words
+
+OUTPUTS = ("report", "out", "sheet", "video", "bvh")
+_JOB_KEYS = ("scene", "scripts", "take")
+_TAKE_KEYS = ("name", "character", "seed", "start_frame", "contact_ik", "goals", "overwrite", *OUTPUTS)
+_GOAL_KEYS = ("object", "action", "to", "hold", "location")
+# Blender's first frame, and one that leaves its last 48,574 to the take.
+_FIRST_FRAME, _LAST_START = -1_048_574, 1_000_000
+_LARGEST_SEED = 2**31 - 1
+_LONGEST_HOLD = 600.0  # seconds
+_FARTHEST = 1e6  # of a coordinate
+
+
+@dataclass(frozen=True)
+class JobGoal:
+    """A goal of a job file: an object's name or a place (3,), world; ``to`` names the destination of what is carried."""
+
+    action: str
+    object: str | None = None
+    hold: float = 2.0
+    location: tuple[float, float, float] | None = None
+    to: str | None = None
+
+
+@dataclass
+class JobTake:
+    """A take of a job file; ``error`` is the sentence about what is wrong with its entry, if anything."""
+
+    name: str
+    character: str = "Character"
+    seed: int = 0
+    start_frame: int = 1
+    contact_ik: bool = True
+    overwrite: bool = False  # whether ``out`` may take the place of the scene
+    goals: list[JobGoal] = field(default_factory=list)
+    outputs: dict[str, Path] = field(default_factory=dict)
+    error: str | None = None
+
+
+@dataclass
+class Job:
+    """A job file that has been read: a scene, its takes, and whether the scripts in the scene may run."""
+
+    path: Path
+    scene: Path
+    takes: list[JobTake]
+    scripts: bool = False
+
+
+def read_job(path: str | Path) -> Job:
+    """Read a job file; paths in it are relative to it.
+
+    Raises JobError when the file as a whole is of no use.  What is wrong with one take is kept in that
+    take's ``error``, so that the others go on.
+    """
+    try:
+        path = Path(path).resolve()
+    except (OSError, ValueError, RuntimeError) as error:  # a null byte, links in a ring
+        raise JobError(f"The job file {validate.shown(str(path))} cannot be read ({error}); check its path.") from error
+    data = validate.read_toml(path, JobError)
+    _known(data, _JOB_KEYS, "the job file")
+    scene = require_path(_needed(data, "scene", "the job file"), "'scene' in the job file", path.parent)
+    scripts = _flag(data, "scripts", "the job file", False)
+    entries = data.get("take")
+    if not isinstance(entries, list) or not entries:
+        raise JobError("The job file has no takes; add at least one [[take]].")
+    takes = [_take(entry, number, path.parent) for number, entry in enumerate(entries, 1)]
+    refuse_clashes(path, scene, takes)
+    return Job(path, scene, takes, scripts)
+
+
+def _take(entry: Any, number: int, folder: Path) -> JobTake:
+    take = JobTake(f"take {number}")
+    try:
+        validate.table(entry, f"take {number}", JobError)
+        name = entry.get("name")
+        if isinstance(name, str) and name.isprintable() and name.strip():
+            take.name = name if len(name) <= 80 else name[:77] + "..."
+        where = f"take '{take.name}'"
+        wrong = None
+        for key in OUTPUTS:  # first, so that whatever else is wrong can be reported there
+            try:
+                if key in entry:
+                    take.outputs[key] = require_path(entry[key], f"'{key}' in {where}", folder, key)
+            except JobError as error:
+                wrong = wrong or error
+        _known(entry, _TAKE_KEYS, where)
+        take.name = require_words(_needed(entry, "name", where), f"'name' in {where}")
+        if wrong:
+            raise wrong
+        take.character = require_words(entry.get("character", take.character), f"'character' in {where}")
+        take.seed = validate.whole(entry.get("seed", take.seed), f"'seed' in {where}", JobError, 0, _LARGEST_SEED)
+        start = entry.get("start_frame", take.start_frame)
+        take.start_frame = validate.whole(start, f"'start_frame' in {where}", JobError, _FIRST_FRAME, _LAST_START)
+        take.contact_ik = _flag(entry, "contact_ik", where, take.contact_ik)
+        take.overwrite = _flag(entry, "overwrite", where, take.overwrite)
+        goals = validate.listed(_needed(entry, "goals", where), f"'goals' in {where}", JobError, 1000)
+        if not goals:
+            raise JobError(f"In {where}, 'goals' is empty; give at least one goal.")
+        take.goals = [_goal(goal, f"goal {i} of {where}") for i, goal in enumerate(goals, 1)]
+    except NsmError as error:
+        take.error = str(error)
+    return take
+
+
+def _goal(entry: Any, where: str) -> JobGoal:
+    if not isinstance(entry, dict):
+        raise JobError(f'In {where}, a table is needed, such as {{ object = "Chair", action = "sit" }}.')
+    _known(entry, _GOAL_KEYS, where)
+    action = require_action(require_words(_needed(entry, "action", where), f"'action' in {where}"))
+    target = _object(entry, "object", where, action.needs_object)
+    to = _object(entry, "to", where, action.needs_destination)
+    if to is not None and not action.needs_destination:
+        raise JobError(f"In {where}, 'to' says where a box is carried; remove it, or take the action 'carry'.")
+    hold = validate.number(entry.get("hold", 2.0), f"'hold' in {where}", JobError, 0, _LONGEST_HOLD)
+    location = entry.get("location")
+    if location is not None and (not isinstance(location, list) or len(location) != 3):
+        raise JobError(f"In {where}, 'location' needs three numbers, such as [1.0, 2.0, 0.0].")
+    if location is not None:
+        location = tuple(validate.number(v, f"'location' in {where}", JobError, -_FARTHEST, _FARTHEST) for v in location)
+    if location is not None and action.needs_object:
+        raise JobError(f"In {where}, '{action.key}' needs its 'object' alone; remove 'location', or place the object there.")
+    if action.key in ("walk", "run") and target is None and location is None:
+        raise JobError(f"In {where}, '{action.key}' needs an 'object' or a 'location'; add one.")
+    if action.key == "idle" and (target or location is not None):
+        raise JobError(f"In {where}, 'idle' stands where the character is; take 'walk' with a 'hold' to stand at an object or a place.")
+    return JobGoal(action.key, target, hold, location, to)
+
+
+def _known(entry: dict[str, Any], keys: tuple[str, ...], where: str) -> None:
+    for key in entry:
+        if key not in keys:
+            raise JobError(f"The key {validate.shown(key)} in {where} is unknown; the keys are {', '.join(keys)}.")
+
+
+def _needed(entry: dict[str, Any], key: str, where: str) -> Any:
+    if key not in entry:
+        raise JobError(f"The key '{key}' is missing in {where}; add it.")
+    return entry[key]
+
+
+def _object(entry: dict[str, Any], key: str, where: str, needed: bool) -> str | None:
+    if key not in entry and not needed:
+        return None
+    return require_words(_needed(entry, key, where), f"'{key}' in {where}")
+
+
+def _flag(entry: dict[str, Any], key: str, where: str, default: bool) -> bool:
+    value = entry.get(key, default)
+    if not isinstance(value, bool):
+        raise JobError(f"'{key}' in {where} is {validate.shown(value)}; it must be true or false.")
+    return value

@@ -1,0 +1,1 @@
+"""A take becomes keys of actions, and a scene is put back as it was."""

@@ -1,0 +1,280 @@
+"""A take becomes an ordinary slotted action, and can be read back from it frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Quaternion
+
+from nsm_core.body import clip
+from nsm_core.body.skeleton import HIPS, JOINTS, J, forward_kinematics
+from nsm_core.conventions import FPS
+from nsm_core.errors import NsmError, SkeletonError
+from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_normalize, quat_to_rotvec
+
+from ..animation.channels import ActionChannels, assign, new_action
+from ..animation.kept import Kept, restored_on_failure
+from ..rigs.armature import Placement, StartPose, read_pose, read_world_pose
+from ..rigs.mount import Mount, along, last
+from .layers import carried, channels_of_strips, posed_bones, require_keyable, rotation_channel
+from .objects import KeyedThing, Thing, discard_thing, key_thing
+
+__all__ = ["KeyedTake", "StartPose", "discard_take", "key_take", "read_back", "read_pose", "resample"]
+
+_NO_TURN = {"rotation_quaternion": (1.0, 0.0, 0.0, 0.0), "rotation_axis_angle": (0.0, 0.0, 1.0, 0.0)}
+
+
+@dataclass
+class KeyedTake:
+    """A take in an action: what was made, where it lies, and what it replaced; ``things`` the same of the objects it moved."""
+
+    armature: bpy.types.Object
+    action: bpy.types.Action
+    slot: Any | None
+    frame_start: int
+    frame_end: int
+    fps: float  # of the scene, keys per second
+    previous_action: bpy.types.Action | None
+    previous_slot: Any | None
+    previous_fake_user: bool
+    previous_pose: list[tuple[str, Any]]  # bone name, matrix_basis before the take
+    things: list[KeyedThing] = field(default_factory=list)
+
+
+def scene_fps(scene: bpy.types.Scene) -> float:
+    """Frames per second that the scene plays, its base included."""
+    return scene.render.fps / scene.render.fps_base
+
+
+def resample(hips_position: Array, local_rotations: Array, fps_from: float, fps_to: float) -> tuple[Array, Array]:
+    """Sample a take at another rate: (T, 3), (T, J, 4) to (N, 3), (N, J, 4), linear and by slerp.
+
+    The first frame stays the first; the last sample is the first one at or after the take's end, held there.
+    """
+    seconds = (len(hips_position) - 1) / fps_from
+    count = int(np.ceil(seconds * fps_to - 1e-6)) + 1
+    return clip.resample(hips_position, local_rotations, np.arange(count) / fps_to, fps_from)
+
+
+def key_take(
+    armature: bpy.types.Object,
+    hips_position: Array,
+    local_rotations: Array,
+    frame_start: int = 1,
+    fps: float = FPS,
+    name: str = "Take",
+    scene: bpy.types.Scene | None = None,
+) -> KeyedTake:
+    """Key a take as a new action on ``armature`` and keep the action it had.
+
+    ``hips_position`` (T, 3), world metres, and ``local_rotations`` (T, 23, 4) at ``fps`` are resampled to the
+    scene's rate from ``frame_start`` on.  The armature may stand, face, be scaled (evenly) and be carried as it likes: what
+    else moves it goes on, and the motion lands in the world.  Bones keep their rotation modes.
+    Raises SkeletonError (bones missing, misplaced or moved by something else) and NsmError (as ``layers.require_keyable``, bad
+    numbers).  Whatever is raised, everything is then as before.
+    """
+    return last(key_take_steps(armature, hips_position, local_rotations, frame_start, fps, name, scene))
+
+
+def key_take_steps(
+    armature: bpy.types.Object,
+    hips_position: Array,
+    local_rotations: Array,
+    frame_start: int = 1,
+    fps: float = FPS,
+    name: str = "Take",
+    scene: bpy.types.Scene | None = None,
+) -> Generator[float, None, KeyedTake]:
+    """``key_take`` in slices: yields the share done after every frame that had to be looked at, and every bone keyed."""
+    scene = scene or bpy.context.scene
+    bpy.context.view_layer.update()
+    placement = Placement.of(armature)
+    require_keyable(armature)
+    hips_position = np.asarray(hips_position, dtype=np.float64)
+    local_rotations = quat_normalize(np.asarray(local_rotations, dtype=np.float64))
+    _require_take(hips_position, local_rotations)
+    rate = scene_fps(scene)
+    hips, local = resample(hips_position, local_rotations, fps, rate)
+    frames = frame_start + np.arange(len(hips))
+
+    data = armature.animation_data
+    previous = data.action if data else None
+    previous_slot = getattr(data, "action_slot", None) if previous else None
+    previous_pose = [(bone.name, bone.matrix_basis.copy()) for bone in armature.pose.bones]
+    with restored_on_failure(Kept(scene, [armature])):
+        fake_user = bool(previous and previous.use_fake_user)
+        if previous:
+            previous.use_fake_user = True  # or it would be lost with the file's next save
+        channels = new_action(name, armature.name)
+        # Empty as it is: what carries the armature is read as it will be when the old action no longer plays.
+        assign(armature, channels.action, channels.slot)
+        bpy.context.view_layer.update()
+        mount = Mount.of(armature)
+        if carried(armature):
+            mount = Mount.over((yield from along(scene, frames, lambda: Mount.of(armature))))
+            mount.require_one_size(armature.name)
+        location, basis = bone_channels(armature, placement, mount, hips, local)
+        others = channels_of_strips(armature)
+        for j, joint in enumerate(JOINTS):
+            yield j / J
+            _key_bone(channels, armature.pose.bones[joint], frames, basis[:, j], location if j == HIPS else None, others)
+        for between in posed_bones(armature)[J:]:
+            _key_still(channels, armature.pose.bones[between], frames, others)
+        _touch(armature)
+    return KeyedTake(
+        armature, channels.action, channels.slot, int(frames[0]), int(frames[-1]), rate, previous, previous_slot, fake_user, previous_pose
+    )
+
+
+def key_things(
+    take: KeyedTake, moved: Sequence[tuple[Thing, Array]], fps: float, name: str, scene: bpy.types.Scene
+) -> Generator[float, None, None]:
+    """Key what a take has moved, each object in an action of its own named after ``name`` and the object.
+
+    ``moved`` are things with the poses (T, 4) of their props at ``fps``.  Yields the share of an object's frames looked at.
+    Where one cannot be keyed, the whole take is discarded and the error goes on.
+    """
+    try:
+        for thing, poses in moved:
+            keyed = yield from key_thing(thing, poses, take.frame_start, fps, take.fps, f"{name} {thing.object.name}", scene)
+            if keyed is not None:
+                take.things.append(keyed)
+    except BaseException:
+        discard_take(take)
+        raise
+    _touch(take.armature)
+
+
+def discard_take(take: KeyedTake) -> None:
+    """Remove a take's actions and give the armature, and what it moved, back the actions, the pose and the places they had."""
+    for thing in take.things:
+        discard_thing(thing)
+    if take.previous_action:
+        take.previous_action.use_fake_user = take.previous_fake_user
+    assign(take.armature, take.previous_action, take.previous_slot)
+    bpy.context.view_layer.update()  # the old action plays once more, before the pose that was not keyed
+    if take.action.users == 0 or take.action.users == int(take.action.use_fake_user):
+        bpy.data.actions.remove(take.action)
+    for name, matrix in take.previous_pose:
+        if name in take.armature.pose.bones:
+            take.armature.pose.bones[name].matrix_basis = matrix
+    bpy.context.view_layer.update()
+
+
+def bone_channels(armature: bpy.types.Object, placement: Placement, mount: Mount, hips: Array, local: Array) -> tuple[Array, Array]:
+    """Turn a take into pose channels: hips location (T, 3) and basis rotations (T, 23, 4), sign-continuous.
+
+    A joint's basis is its local rotation seen from the bone's rest frame, ``R^-1 L R``; that of a joint which does not inherit
+    rotation is its rotation in the armature seen from its bone there, ``B^-1 A^-1 W R``.  For the hips what carries them comes
+    off first.
+    """
+    rest = placement.rest
+    basis = quat_mul(quat_mul(quat_conjugate(rest), local), rest)
+    off = quat_conjugate(mount.rotation)  # (N, 4), A^-1
+    loose = _loose_joints(armature)
+    if loose:
+        world = forward_kinematics(hips, local)[1][:, loose]
+        bones = np.array([armature.data.bones[JOINTS[j]].matrix_local.to_quaternion() for j in loose], dtype=np.float64)
+        basis[:, loose] = quat_mul(quat_mul(quat_conjugate(bones), quat_mul(off[:, None], world)), rest[loose])
+    world = quat_mul(local[:, HIPS], np.broadcast_to(rest[HIPS], local[:, HIPS].shape))
+    basis[:, HIPS] = quat_mul(quat_conjugate(mount.turn), quat_mul(off, world))
+    return mount.location(hips), _continuous(quat_normalize(basis))
+
+
+def _loose_joints(armature: bpy.types.Object) -> list[int]:
+    """Joints, but for the hips, that do not turn with the joint above them."""
+    return [j for j, name in enumerate(JOINTS) if j != HIPS and not armature.data.bones[name].use_inherit_rotation]
+
+
+def read_back(armature: bpy.types.Object, frames: Any, scene: bpy.types.Scene | None = None) -> tuple[Array, Array]:
+    """Evaluate the armature at ``frames`` and return hips (N, 3), world metres, and local rotations (N, 23, 4)."""
+    scene = scene or bpy.context.scene
+    frames = [float(f) for f in frames]
+    hips, local = np.empty((len(frames), 3)), np.empty((len(frames), J, 4))
+    current, subframe = scene.frame_current, scene.frame_subframe
+    try:
+        for i, frame in enumerate(frames):
+            scene.frame_set(int(np.floor(frame)), subframe=frame - np.floor(frame))
+            _, hips[i], local[i] = read_world_pose(armature)
+    finally:
+        scene.frame_set(current, subframe=subframe)
+    return hips, local
+
+
+def _key_bone(
+    channels: ActionChannels, bone: bpy.types.PoseBone, frames: Array, basis: Array, location: Array | None, others: set[tuple[str, str]]
+) -> None:
+    for suffix, values in _rotation_values(bone.rotation_mode, basis):
+        _curves(channels, bone, suffix, frames, values)
+    if location is not None:
+        _curves(channels, bone, "location", frames, location)
+    _key_still(channels, bone, frames, others, turned=True, moved=location is not None)
+
+
+def _key_still(
+    channels: ActionChannels,
+    bone: bpy.types.PoseBone,
+    frames: Array,
+    others: set[tuple[str, str]],
+    turned: bool = False,
+    moved: bool = False,
+) -> None:
+    """Put a bone that was moved, turned or scaled by hand, or by a strip (``others``), back by one key, in this action only.
+
+    It would bend the skeleton the take was made for.  ``turned`` and ``moved``: these channels have keys.
+    """
+    rotation = rotation_channel(bone.rotation_mode)
+    rest = {"location": (0.0, 0.0, 0.0), "scale": (1.0, 1.0, 1.0), rotation: _NO_TURN.get(rotation, (0.0, 0.0, 0.0))}
+    for channel, done in (("location", moved), (rotation, turned), ("scale", False)):
+        bent = max(abs(a - b) for a, b in zip(getattr(bone, channel), rest[channel], strict=True)) > 1e-6
+        if not done and (bent or (bone.name, channel) in others):
+            _curves(channels, bone, channel, frames[:1], np.array([rest[channel]]))
+
+
+def _curves(channels: ActionChannels, bone: bpy.types.PoseBone, suffix: str, frames: Array, values: Array) -> None:
+    path = f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"].{suffix}'
+    for i in range(values.shape[1]):
+        channels.curve(path, i, bone.name, frames, values[:, i])
+
+
+def _rotation_values(mode: str, basis: Array) -> list[tuple[str, Array]]:
+    """The rotation channel of a bone in ``mode`` and its values (T, 3 or 4) for basis quaternions (T, 4)."""
+    if mode == "QUATERNION":
+        return [("rotation_quaternion", basis)]
+    if mode == "AXIS_ANGLE":
+        vector = quat_to_rotvec(basis)
+        angle = np.linalg.norm(vector, axis=-1, keepdims=True)
+        axis = np.where(angle > 1e-9, vector / np.maximum(angle, 1e-9), (0.0, 1.0, 0.0))
+        return [("rotation_axis_angle", np.concatenate((angle, axis), axis=-1))]
+    eulers = []
+    for q in basis:
+        euler = Quaternion(q).to_euler(mode, eulers[-1]) if eulers else Quaternion(q).to_euler(mode)
+        eulers.append(euler)
+    return [("rotation_euler", np.array(eulers))]
+
+
+def _continuous(q: Array) -> Array:
+    """Flip signs along time so that (T, J, 4) quaternions never jump to the other cover."""
+    flips = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0, -1.0, 1.0)
+    signs = np.concatenate((np.where(q[:1, :, 0] < 0, -1.0, 1.0), flips))
+    return q * np.cumprod(signs, axis=0)[..., None]
+
+
+def _require_take(hips: Array, local: Array) -> None:
+    if hips.ndim != 2 or hips.shape[1] != 3 or local.shape != (len(hips), J, 4) or not len(hips):
+        raise SkeletonError(
+            f"A take needs hips (T, 3) and rotations (T, {J}, 4) of one frame or more, not {hips.shape} and {local.shape}; "
+            "generate it again."
+        )
+    if not (np.isfinite(hips).all() and np.isfinite(local).all()):
+        raise NsmError("The take holds values that are not numbers, so nothing was keyed; try another seed or another start.")
+
+
+def _touch(target: bpy.types.Object) -> None:
+    """Show an object's new action at the current frame."""
+    target.update_tag(refresh={"TIME"})
+    bpy.context.view_layer.update()

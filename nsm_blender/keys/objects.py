@@ -1,0 +1,244 @@
+"""Objects that a character moves: boxes and leaves of doors follow their props, and get actions of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+from mathutils import Euler, Matrix, Quaternion, Vector
+
+from nsm_core.errors import GoalError, NsmError
+from nsm_core.rotations import Array
+from nsm_core.world.scene.props import Prop
+
+from ..animation.channels import assign, new_action, strip_curves, transform_of
+from ..animation.kept import Kept, restored_on_failure
+from ..rigs.mount import along
+from .layers import acts, animated_switches, driven, may_move, require_action_rules, require_editable, rotation_channel, varies
+
+if TYPE_CHECKING:
+    from .preview import WorldFrame
+
+_DELTAS = ("delta_location", "delta_rotation_euler", "delta_rotation_quaternion", "delta_scale")
+_MOVED = 1e-5  # metres and radians between two frames that count as a move
+_SHEAR = 0.01  # by which the axes of a thing may be stretched or skewed while it turns
+
+
+@dataclass
+class KeyedThing:
+    """The action of one moved object: what was made and what it replaced."""
+
+    object: bpy.types.Object
+    action: bpy.types.Action
+    slot: Any | None
+    previous_action: bpy.types.Action | None
+    previous_slot: Any | None
+    previous_fake_user: bool
+    previous_transform: dict[str, Any]  # channel name and value before the take
+
+
+@dataclass
+class Thing:
+    """An object that a take moves: where it and its prop are before the first frame.
+
+    ``world`` its matrix, ``space`` the one from the world to its own channels, ``turn`` its own rotation; ``pose`` (4,) of the
+    prop that it moves with, core frame, and the name ``prop`` of that: the object's own, or the leaf's on which it hangs.
+    """
+
+    object: bpy.types.Object
+    frame: WorldFrame
+    world: Matrix
+    space: Matrix
+    turn: Quaternion
+    pose: Array
+    prop: str
+
+    @classmethod
+    def of(cls, target: bpy.types.Object, frame: WorldFrame, prop: Prop) -> Thing:
+        """Note where an object stands now; GoalError where its parents would shear it as it turns."""
+        turn = delta_turn(target) @ own_turn(target)
+        _require_unsheared(target)
+        return cls(target, frame, target.matrix_world.copy(), _space(target), turn, prop.pose.copy(), prop.name)
+
+    def world_at(self, pose: Array) -> Matrix:
+        """World matrix of the object when its prop is at ``pose`` (4,), core frame."""
+        return self.move_to(pose) @ self.world
+
+    def move_to(self, pose: Array) -> Matrix:
+        """Rigid move of the world (4, 4) that brings the prop to ``pose`` (4,), core frame."""
+        return self._matrix(pose) @ self._matrix(self.pose).inverted()
+
+    def _matrix(self, pose: Array) -> Matrix:
+        return Matrix.Translation(Vector(self.frame.to_world(pose[:3]))) @ Matrix.Rotation(float(pose[3]), 4, "Z")
+
+
+def require_movable(target: bpy.types.Object, character: bpy.types.Object | None) -> None:
+    """Raise an NsmError unless a take may key where ``target`` is."""
+    require_editable(target)
+    if character is not None and (target == character or target in character.children_recursive or character in target.children_recursive):
+        raise GoalError(f"{target.name} and the character {character.name} hang on each other; unparent them, or choose another object.")
+    if not target.evaluated_get(bpy.context.evaluated_depsgraph_get()).is_evaluated:
+        raise GoalError(f"{target.name} is switched off in the viewport, so that it does not move; show it and its collection.")
+    switches = animated_switches(target)
+    constraint = next((c.name for c in target.constraints if acts(c, switches.get(("", c.name), ()))), None)
+    if constraint is not None:
+        raise GoalError(f"{target.name} has constraints ({constraint}), so that keys alone do not move it; mute or apply them.")
+    body = target.rigid_body
+    if body is not None and body.type == "ACTIVE" and body.enabled and not body.kinematic:
+        raise GoalError(f"{target.name} is moved by physics; set its rigid body to Animated, or remove it.")
+    require_action_rules(target)
+    channels = {"location", "scale", "rotation_mode", rotation_channel(target.rotation_mode), *_DELTAS}
+    if channels.intersection(driven(target)):
+        raise GoalError(f"{target.name} is moved by drivers; remove these, or choose another object.")
+    moved = next((c.data_path for c in strip_curves(target) if c.data_path in _DELTAS and varies(c)), None)
+    if moved is not None:
+        raise GoalError(f"{target.name} is moved by an NLA strip on its {moved.replace('_', ' ')}; mute that track in the NLA editor.")
+
+
+def rides_along(target: bpy.types.Object, others: Sequence[bpy.types.Object]) -> bool:
+    """Whether an object follows one of ``others`` by a constraint, so that it needs no keys of its own."""
+    return any(c.enabled and c.influence > 0 and getattr(c, "target", None) in others for c in target.constraints)
+
+
+def _require_unsheared(target: bpy.types.Object) -> None:
+    """Raise GoalError where location and rotation cannot turn an object about the vertical without distorting it.
+
+    So it is under parents of uneven scale, unless their vertical axis alone is longer or shorter.
+    """
+    to_world = np.array(_space(target).inverted_safe(), dtype=np.float64)[:3, :3]
+    quarter = np.array(((0, -1, 0), (1, 0, 0), (0, 0, 1.0)))
+    own = np.linalg.pinv(to_world) @ quarter @ to_world  # what would turn it so, seen from its own channels
+    if np.abs(own @ own.T - np.eye(3)).max() > _SHEAR:
+        over = target.parent.name if target.parent else "a parent"
+        raise GoalError(
+            f"{target.name} hangs on {over}, whose scale is uneven, so that it would be sheared as it turns; apply that scale "
+            "(Ctrl+A, Scale), or unparent it and keep its transform."
+        )
+
+
+def resample_poses(poses: Array, fps_from: float, fps_to: float) -> Array:
+    """Sample poses (T, 4) at another rate: (N, 4), linear, headings by the shorter way; ends as in ``keying.resample``."""
+    poses = np.array(poses, dtype=np.float64)
+    poses[:, 3] = np.unwrap(poses[:, 3])
+    seconds = (len(poses) - 1) / fps_from
+    at = np.arange(int(np.ceil(seconds * fps_to - 1e-6)) + 1) / fps_to * fps_from
+    return np.column_stack([np.interp(at, np.arange(len(poses)), poses[:, k]) for k in range(4)])
+
+
+def key_thing(
+    thing: Thing, poses: Array, frame_start: int, fps: float, scene_rate: float, name: str, scene: bpy.types.Scene
+) -> Generator[float, None, KeyedThing | None]:
+    """Key a moved object as a new action and keep the action it had; the generator's value is None where it never moves.
+
+    ``poses`` (T, 4), core frame, of its prop at ``fps`` are resampled to ``scene_rate`` from ``frame_start`` on.  Keys lie
+    where it moves, and at both ends.  Raises as ``require_movable``, and NsmError on values that are not numbers; the object is
+    then as before.
+    """
+    target = thing.object
+    require_movable(target, None)
+    poses = np.asarray(poses, dtype=np.float64)
+    if poses.ndim != 2 or poses.shape[1] != 4 or not np.isfinite(poses).all():
+        raise NsmError(f"The take holds places of {target.name} that are not numbers, so nothing was keyed; try another seed.")
+    poses = resample_poses(poses, fps, scene_rate)
+    rows = moving_rows(poses)
+    if not len(rows):
+        return None
+    spaces = [thing.space]
+    if target.parent is not None and may_move(target):
+        rows = np.arange(len(poses))  # keys must hold it where it stands
+        spaces = yield from along(scene, list(frame_start + rows), lambda: _space(target))
+    frames = frame_start + rows
+    location, rotation, scale = _channel_values(thing, poses[rows], spaces)
+
+    data = target.animation_data
+    previous = data.action if data else None
+    previous_slot = getattr(data, "action_slot", None) if previous else None
+    keyed = KeyedThing(target, None, None, previous, previous_slot, bool(previous and previous.use_fake_user), transform_of(target))
+    with restored_on_failure(Kept(scene, [target])):
+        if previous:
+            previous.use_fake_user = True  # or it would be lost with the file's next save
+        channels = new_action(name, target.name)
+        for path, values in (("location", location), (rotation_channel(target.rotation_mode), rotation)):
+            for i in range(values.shape[1]):
+                channels.curve(path, i, "Object Transforms", frames, values[:, i])
+        if previous or any(c.data_path == "scale" for c in strip_curves(target)):  # its size must stay what it was
+            for i in range(3):
+                channels.curve("scale", i, "Object Transforms", frames[:1], scale[i : i + 1])
+        assign(target, channels.action, channels.slot)
+        target.update_tag(refresh={"TIME"})
+    keyed.action, keyed.slot = channels.action, channels.slot
+    return keyed
+
+
+def discard_thing(keyed: KeyedThing) -> None:
+    """Remove the action of a moved object and give it back the action and the place it had."""
+    if keyed.previous_action:
+        keyed.previous_action.use_fake_user = keyed.previous_fake_user
+    assign(keyed.object, keyed.previous_action, keyed.previous_slot)
+    bpy.context.view_layer.update()  # the old action plays once more, before the place that was not keyed
+    if keyed.action.users == 0 or keyed.action.users == int(keyed.action.use_fake_user):
+        bpy.data.actions.remove(keyed.action)
+    for channel, value in keyed.previous_transform.items():
+        setattr(keyed.object, channel, value)
+    keyed.object.update_tag()
+
+
+def moving_rows(poses: Array) -> Array:
+    """Rows of poses (N, 4) that need a key: both ends and every frame next to a move; empty where nothing moves."""
+    steps = np.abs(np.diff(poses, axis=0)).max(1) > _MOVED if len(poses) > 1 else np.zeros(0, bool)
+    if not steps.any():
+        return np.zeros(0, int)
+    keyed = np.concatenate((steps, [True])) | np.concatenate(([True], steps))
+    return np.flatnonzero(keyed)
+
+
+def _channel_values(thing: Thing, poses: Array, spaces: list[Matrix]) -> tuple[Array, Array, Array]:
+    """Location (N, 3), rotation (N, 3 or 4) in the object's mode and first scale (3,) that put it where ``poses`` (N, 4) say.
+
+    ``spaces``, one for each pose or one for all: from the world to the object's own channels, its parents as they are then.
+    """
+    target, mode = thing.object, thing.object.rotation_mode
+    undelta, back = delta_turn(target).inverted(), thing.space.inverted_safe()
+    location, rotation, last = [], [], None
+    for pose, space in zip(poses, spaces * len(poses) if len(spaces) == 1 else spaces, strict=True):
+        move = space @ thing.move_to(pose)
+        location.append((move @ thing.world).translation - target.delta_location)
+        # The move's own rotation on top of the object's: a mirrored object stays as it is.
+        turn = undelta @ (move @ back).to_quaternion() @ thing.turn
+        if last is not None and turn.dot(last) < 0:
+            turn.negate()
+        if mode == "QUATERNION":
+            rotation.append(tuple(turn))
+        elif mode == "AXIS_ANGLE":
+            axis, angle = turn.to_axis_angle()
+            rotation.append((angle, *axis))
+        else:
+            rotation.append(turn.to_euler(mode, rotation[-1]) if rotation else turn.to_euler(mode, target.rotation_euler))
+        last = turn
+    scale = (thing.space @ thing.world).to_scale()
+    return np.array(location, dtype=np.float64), np.array(rotation, dtype=np.float64), np.array(scale)
+
+
+def _space(target: bpy.types.Object) -> Matrix:
+    return target.matrix_basis @ target.matrix_world.inverted_safe()
+
+
+def own_turn(target: bpy.types.Object, values: Sequence[float] | None = None) -> Quaternion:
+    """The rotation channels of an object, in whatever mode, or these ``values`` of theirs, as a quaternion."""
+    values = getattr(target, rotation_channel(target.rotation_mode)) if values is None else values
+    if target.rotation_mode == "QUATERNION":
+        return Quaternion(values).normalized()
+    if target.rotation_mode == "AXIS_ANGLE":
+        angle, *axis = values
+        return Quaternion(axis, angle)
+    return Euler(values, target.rotation_mode).to_quaternion()
+
+
+def delta_turn(target: bpy.types.Object) -> Quaternion:
+    """The rotation that an object adds to its own channels."""
+    if target.rotation_mode == "QUATERNION":
+        return target.delta_rotation_quaternion.normalized()
+    return target.delta_rotation_euler.to_quaternion()

@@ -1,0 +1,1 @@
+"""The mannequin's mesh by code."""

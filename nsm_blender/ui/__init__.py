@@ -1,0 +1,1 @@
+"""The sidebar: panels, properties, operators and the take that runs behind them."""

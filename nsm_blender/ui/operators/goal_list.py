@@ -1,0 +1,180 @@
+"""The queue of goals: add, remove, move, and goal points to edit."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import bpy
+from bpy.props import EnumProperty
+
+from ...goals.points import HINGE, POINT_LINK, SWING, goal_point_of
+from ...goals.resolve import moved_by, show_goal_point
+from ...takes import own_objects, start_of
+from ...world.surroundings import Surroundings
+from ..properties import GOAL_TYPES, NsmGoal, settings_of, spec_of_row
+from .reporting import sentences, while_idle
+
+
+class NSM_OT_goal_add(bpy.types.Operator):
+    bl_idname = "nsm.goal_add"
+    bl_label = "Add Goal"
+    bl_description = "Add the selected objects as goals, or an empty row when none is selected"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return while_idle(cls)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = settings_of(context.scene)
+        own = own_objects(settings.character, context.scene) if settings.character else set()
+        taken = {goal.object for goal in settings.goals}
+        free = [o for o in context.selected_objects if o.type in GOAL_TYPES and o not in own and o not in taken]
+        chosen = [o for o in free if POINT_LINK not in o]
+        for target in chosen or [None]:
+            goal = settings.goals.add()
+            goal.object = target
+            goal.action = "sit" if target is not None and target.type != "EMPTY" else "walk"
+            if target is None:
+                goal.location = context.scene.cursor.location
+        settings.active_goal = len(settings.goals) - 1
+        return {"FINISHED"}
+
+
+class _OnGoal(bpy.types.Operator):
+    """Shared by the operators that need an active row."""
+
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not while_idle(cls):
+            return False
+        if not settings_of(context.scene).goals:
+            cls.poll_message_set("The list of goals is empty; add one first.")
+            return False
+        return True
+
+
+class NSM_OT_goal_remove(_OnGoal):
+    bl_idname = "nsm.goal_remove"
+    bl_label = "Remove Goal"
+    bl_description = "Remove the chosen goal from the list; its object stays"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = settings_of(context.scene)
+        settings.goals.remove(min(settings.active_goal, len(settings.goals) - 1))
+        settings.active_goal = max(min(settings.active_goal, len(settings.goals) - 1), 0)
+        return {"FINISHED"}
+
+
+class NSM_OT_goal_move(_OnGoal):
+    bl_idname = "nsm.goal_move"
+    bl_label = "Move Goal"
+    bl_description = "Do the chosen goal earlier or later"
+
+    direction: EnumProperty(items=(("UP", "Up", "Earlier"), ("DOWN", "Down", "Later")), name="Direction")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = settings_of(context.scene)
+        here = settings.active_goal
+        there = here + (-1 if self.direction == "UP" else 1)
+        if not 0 <= there < len(settings.goals):
+            return {"CANCELLED"}
+        settings.goals.move(here, there)
+        settings.active_goal = there
+        return {"FINISHED"}
+
+
+class NSM_OT_goal_points(bpy.types.Operator):
+    bl_idname = "nsm.goal_points"
+    bl_label = "Show Goal Points"
+    bl_description = (
+        "Show where each goal was found on its object as an empty, and select it: move it, or turn it so that its -Y axis "
+        "points where the character will face. A door has two: its hinge, which also holds the way it swings, and its handle. "
+        "Takes use them as they stand; delete one to have its place found anew"
+    )
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not while_idle(cls):
+            return False
+        settings = settings_of(context.scene)
+        if settings.character is None:
+            cls.poll_message_set("No character is chosen; choose its armature, or add the bundled character.")
+            return False
+        if not any(goal.enabled and goal.object for goal in settings.goals):
+            cls.poll_message_set("No enabled goal has an object; add an object to the list first.")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = settings_of(context.scene)
+        rows = [(n, goal) for n, goal in enumerate(settings.goals, 1) if goal.enabled and goal.object and goal.action != "idle"]
+        points = []
+        with sentences(self) as errors:
+            frame, start = start_of(settings.character, context.scene)
+            specs = [spec_of_row(row, number) for number, row in rows]
+        if errors:
+            return {"CANCELLED"}
+        around = Surroundings(context.scene, frame, settings.character, moved_by(specs))
+        for spec in specs:
+            with sentences(self):
+                told: list[str] = []
+                points.append(show_goal_point(spec, context.scene, frame, start, around, told))
+                for sentence in told:
+                    self.report({"WARNING"}, sentence)
+        _select(context, points)
+        return {"FINISHED"} if points else {"CANCELLED"}
+
+
+class NSM_OT_door_swing(bpy.types.Operator):
+    bl_idname = "nsm.door_swing"
+    bl_label = "Swing to the Other Side"
+    bl_description = (
+        "Have the door of the chosen goal open to its other side. Its hinge point, made where it has none, keeps the choice as "
+        "the property nsm_swing: 1 turns the leaf counter-clockwise seen from above, -1 clockwise"
+    )
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not while_idle(cls):
+            return False
+        goal = _active_goal(context)
+        if goal is None or goal.action != "open" or goal.object is None:
+            cls.poll_message_set("The chosen goal opens no door; choose one that does.")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        with sentences(self):
+            spec = spec_of_row(_active_goal(context))
+            hinge = goal_point_of(context.scene, spec.object, HINGE)  # the scene is read for a door without one alone
+            if hinge is None:
+                frame, start = start_of(settings_of(context.scene).character, context.scene)
+                hinge = show_goal_point(spec, context.scene, frame, start)
+            hinge[SWING] = -1 if int(hinge.get(SWING) or 1) > 0 else 1
+            return {"FINISHED"}
+        return {"CANCELLED"}
+
+
+def _active_goal(context: bpy.types.Context) -> NsmGoal | None:
+    settings = settings_of(context.scene)
+    return settings.goals[settings.active_goal] if 0 <= settings.active_goal < len(settings.goals) else None
+
+
+def _select(context: bpy.types.Context, objects: list[bpy.types.Object]) -> None:
+    """Select these objects alone, where the mode and their visibility let them be."""
+    seen = [o for o in objects if o.visible_get()]
+    if context.mode != "OBJECT" or not seen:
+        return
+    for selected in context.selected_objects:
+        selected.select_set(False)
+    for chosen in seen:
+        chosen.select_set(True)
+    context.view_layer.objects.active = seen[-1]
+
+
+CLASSES = (NSM_OT_goal_add, NSM_OT_goal_remove, NSM_OT_goal_move, NSM_OT_goal_points, NSM_OT_door_swing)

@@ -1,0 +1,136 @@
+"""What the add-on keeps in a scene: the character, the queue of goals, the settings and the last results."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from nsm_core.errors import GoalError
+
+from ..goals.resolve import GoalSpec
+from ..goals.table import ACTIONS, BY_KEY, Action
+from .running import unknown_action
+
+# What can evaluate to a mesh, and empties: markers, collection instances and parents of parts.
+GOAL_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "EMPTY"}
+
+
+def _is_armature(_self: bpy.types.PropertyGroup, candidate: bpy.types.Object) -> bool:
+    return candidate.type == "ARMATURE"
+
+
+def _is_goal(_self: bpy.types.PropertyGroup, candidate: bpy.types.Object) -> bool:
+    return candidate.type in GOAL_TYPES
+
+
+class NsmGoal(bpy.types.PropertyGroup):
+    """One row of the queue: an object or a place, and what to do there."""
+
+    enabled: BoolProperty(name="Enabled", description="Whether the next take does this goal", default=True)
+    object: PointerProperty(name="Object", description="What the character goes to", type=bpy.types.Object, poll=_is_goal)
+    action: EnumProperty(
+        name="Action",
+        description="What the character does there",
+        items=[(a.key, a.label, a.description, a.icon, i) for i, a in enumerate(ACTIONS)],
+    )
+    hold: FloatProperty(
+        name="Hold",
+        description="How long the character stays before the next goal",
+        default=2.0,
+        min=0.0,
+        soft_max=20.0,
+        max=600.0,
+        unit="TIME_ABSOLUTE",
+    )
+    destination: PointerProperty(
+        name="To",
+        description="Where a carried object goes: set down on top of this one, or in the place of this empty",
+        type=bpy.types.Object,
+        poll=_is_goal,
+    )
+    location: FloatVectorProperty(name="Place", description="Where to go when no object is chosen", subtype="TRANSLATION", size=3)
+
+
+class NsmResult(bpy.types.PropertyGroup):
+    """One line about the last take."""
+
+    text: StringProperty()
+    good: BoolProperty(default=True)
+
+
+class NsmKeyed(bpy.types.PropertyGroup):
+    """An action that a take made for one object, and what the object had before."""
+
+    object: PointerProperty(type=bpy.types.Object)
+    action: PointerProperty(type=bpy.types.Action)
+    slot: IntProperty()
+    previous_action: PointerProperty(type=bpy.types.Action)
+    previous_slot: IntProperty()
+    previous_fake_user: BoolProperty()
+    previous_values: StringProperty(description="Pose or transform before the take, JSON")
+
+
+class NsmTake(bpy.types.PropertyGroup):
+    """A take that is neither accepted nor rejected yet; kept in the scene, so that it is saved and undone with it."""
+
+    character: PointerProperty(type=NsmKeyed)
+    things: CollectionProperty(type=NsmKeyed)
+    frame_start: IntProperty()
+    frame_end: IntProperty()
+    fps: FloatProperty()
+    keys: StringProperty(description="Checksum of the keys as they were made")
+
+
+class NsmSettings(bpy.types.PropertyGroup):
+    """Everything the sidebar shows for a scene."""
+
+    character: PointerProperty(name="Character", description="The armature that acts", type=bpy.types.Object, poll=_is_armature)
+    goals: CollectionProperty(type=NsmGoal)
+    active_goal: IntProperty(name="Goal", default=0, min=0)
+    start_frame: IntProperty(
+        name="Start Frame", description="The frame of the first key; the character starts from its pose there", default=1
+    )
+    seed: IntProperty(name="Seed", description="Another seed gives another take of the same goals", default=0, min=0)
+    contact_ik: BoolProperty(name="Contact IK", description="Hold planted feet still and seat the hips exactly", default=True)
+    results: CollectionProperty(type=NsmResult)
+    takes: CollectionProperty(type=NsmTake)
+
+
+CLASSES = (NsmGoal, NsmResult, NsmKeyed, NsmTake, NsmSettings)
+
+
+def settings_of(scene: bpy.types.Scene) -> NsmSettings:
+    """Return the add-on's settings in a scene."""
+    return scene.nsm
+
+
+def action_of(row: NsmGoal) -> Action | None:
+    """Return the action of a row; None where the number in the file is of another version."""
+    return BY_KEY.get(row.action)
+
+
+def spec_of_row(row: NsmGoal, number: int = 1) -> GoalSpec:
+    """Return what row ``number`` of the queue asks for; GoalError where its stored action is unknown."""
+    if action_of(row) is None:
+        raise GoalError(unknown_action(number, row.object.name if row.object else ""))
+    if row.action == "idle":  # has no place of its own, whatever the row was before
+        return GoalSpec("idle", hold=row.hold)
+    to = row.destination if BY_KEY[row.action].needs_destination else None
+    return GoalSpec(row.action, row.object, row.hold, tuple(row.location) if row.object is None else None, to)
+
+
+def show_results(settings: NsmSettings, lines: list[tuple[str, bool]]) -> None:
+    """Replace the result lines in the sidebar; each is a sentence and whether it is good news."""
+    settings.results.clear()
+    for text, good in lines:
+        row = settings.results.add()
+        row.text, row.good = text, good

@@ -1,0 +1,121 @@
+"""Which take runs now, and why none can start: what panels show, kept out of their drawing."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import bpy
+
+from nsm_core.body.skeleton import JOINTS
+
+from ..goals.table import BY_KEY
+from ..keys.preview import holds
+
+
+@dataclass
+class Running:
+    """A take under way."""
+
+    scene: bpy.types.Scene
+    character: bpy.types.Object
+    fraction: float = 0.0
+    text: str = "Starting"
+    begun: float = field(default_factory=time.monotonic)
+    stop: Callable[[str], None] | None = None  # ends it from outside, with the sentence that says why
+    put_back: Callable[[], None] | None = None  # has the scene look for a moment as it was before
+
+
+_running: Running | None = None
+
+
+def current() -> Running | None:
+    """Return the take under way, or None."""
+    return _running
+
+
+def begin(
+    scene: bpy.types.Scene,
+    character: bpy.types.Object,
+    stop: Callable[[str], None] | None = None,
+    put_back: Callable[[], None] | None = None,
+) -> None:
+    """Note that a take has started."""
+    global _running
+    _running = Running(scene, character, stop=stop, put_back=put_back)
+
+
+def end() -> None:
+    """Note that no take runs any more."""
+    global _running
+    _running = None
+
+
+def interrupt(sentence: str) -> None:
+    """Stop the take under way, if there is one, for the reason that ``sentence`` tells; the scene is then as it was before."""
+    state = _running
+    end()
+    if state is not None and state.stop is not None:
+        state.stop(sentence)
+
+
+def advance(stage: str, fraction: float) -> str:
+    """Note how far the take under way is; return a line with the time left."""
+    if _running is None:
+        return ""
+    if not _running.fraction:
+        _running.begun = time.monotonic()  # loading says nothing about how fast frames come
+    _running.fraction = fraction
+    _running.text = f"{stage} {fraction:.0%}{time_left(fraction, time.monotonic() - _running.begun)}"
+    return _running.text
+
+
+def time_left(fraction: float, elapsed: float) -> str:
+    """Words for the time left after ``elapsed`` seconds at ``fraction`` of the work; empty while it is a guess."""
+    if fraction < 0.05 or fraction >= 1 or elapsed < 0.5:
+        return ""
+    return f", {max(round(elapsed * (1 - fraction) / fraction), 1)} s left"
+
+
+def reason_busy() -> str:
+    """Why nothing else may start now, as a sentence; empty when no take is under way."""
+    return "" if _running is None else "A take is being generated; press ESC to cancel it."
+
+
+def reason_not_ready(context: bpy.types.Context) -> str:
+    """Why Generate cannot start, as a sentence with what to do; empty when it can."""
+    settings = context.scene.nsm
+    character = settings.character
+    if _running is not None:
+        return reason_busy()
+    if character is None:
+        return "No character is chosen; choose its armature, or add the bundled character."
+    if not holds(context.scene, character):
+        return f"The character {character.name} is no longer in this scene; choose another one."
+    missing = [name for name in JOINTS if name not in character.data.bones]
+    if missing:
+        more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+        return f"{character.name} lacks the bone {missing[0]}{more}; rename its bones to the 23 joint names, or add the bundled character."
+    if not settings.goals:
+        return "There is no goal yet; select a seat and press the plus beside the list."
+    enabled = [(number, goal) for number, goal in enumerate(settings.goals, 1) if goal.enabled]
+    if not enabled:
+        return "No goal is enabled; tick one in the list."
+    for number, goal in enabled:
+        action = BY_KEY.get(goal.action)
+        if action is None:
+            return unknown_action(number, goal.object.name if goal.object else "")
+        if goal.object is None and action.needs_object:
+            return f"A goal to {goal.action} has no object; choose one, or remove the goal."
+        if goal.destination is None and action.needs_destination:
+            return f"A goal to {goal.action} {goal.object.name} has no destination; choose the object or empty where it goes."
+    if context.mode not in {"OBJECT", "POSE"}:
+        return "Generate works in Object and Pose Mode; leave the present mode with Tab."
+    return ""
+
+
+def unknown_action(number: int, name: str) -> str:
+    """Sentence about row ``number`` of the queue, whose stored action this version does not know (a file of another version)."""
+    of = f", {name}," if name else ""
+    return f"Goal {number}{of} has an action that this version of the add-on does not know; choose one of the list's, or remove the goal."

@@ -1,0 +1,139 @@
+"""A take that grows between redraws: stepped within a time budget, shown as it grows, taken back without a trace."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+import bpy
+
+from nsm_core.errors import NsmError
+
+from ..animation.kept import SceneState
+from ..goals.resolve import moved_by
+from ..keys.preview import Preview
+from ..takes import Progress, Take, TakeSpec, generate
+from . import running
+from .watch import Watch, install
+
+_log = logging.getLogger(__name__)
+_FORGETTING = 0.9  # a step, from which the length of the longest to come is guessed
+
+
+class Session:
+    """One take under way in a scene; at most one runs at a time.
+
+    However it ends, the scene is as it was or holds the whole take, and nothing counts as running.  ``why`` then says in a
+    sentence what ended it without a take; ``ended``, if given, is called once at that moment, whoever ends it.
+    """
+
+    def __init__(self, spec: TakeSpec, scene: bpy.types.Scene, ended: Callable[[], None] | None = None) -> None:
+        """Start a take; NsmError while another one is under way, SkeletonError and GoalError as for its goals."""
+        if running.current() is not None:
+            raise NsmError(running.reason_busy())
+        self.scene, self.character = scene, spec.character
+        self.fraction, self.text = 0.0, "Starting"
+        self.over, self.why = False, ""
+        self.posed = False  # whether the last tick has changed what the scene looks like
+        self._ended = ended
+        self._watch = Watch(spec, scene)
+        self._state = SceneState(scene, spec.character, moved_by(spec.goals))
+        self._steps = generate(spec, scene)
+        self._preview: Preview | None = None
+        self._shown, self._keying, self._longest = False, False, 0.0
+        install()
+        running.begin(scene, spec.character, self._stop, self._put_back)
+
+    def tick(self, budget: float, show: bool = True) -> Take | None:
+        """Step frames for up to ``budget`` seconds and, with ``show``, pose the character as in the newest; the Take when done.
+
+        Raises NsmError with one sentence, as ``takes.generate`` does, or where something that the take needs is gone; the scene is
+        then as it was before the session.
+        """
+        if self.over:
+            raise NsmError(self.why or "This take has ended; generate again.")
+        try:
+            changed = self._watch.changed()
+            if changed:
+                raise NsmError(changed)
+            self.posed = False
+            progress = self._step(time.perf_counter() + budget)
+            if isinstance(progress, Take):
+                self._close()
+                return progress
+            self.fraction = progress.fraction
+            self.text = running.advance(progress.stage, progress.fraction)
+            if show or not self._shown:
+                self._show(progress)
+            return None
+        except NsmError as error:
+            self._stop(str(error))
+            raise
+        except Exception as error:
+            why = self._watch.changed() or self._unforeseen(error)
+            self._stop(why)
+            raise NsmError(why) from error
+        except BaseException:
+            self.cancel()
+            raise
+
+    def cancel(self) -> None:
+        """Stop and put frame, pose and places back; no key has been made.  Does nothing where the take has ended."""
+        self._stop("Generate was cancelled; everything is as it was.")
+
+    def _step(self, deadline: float) -> Progress | Take:
+        """Take steps while the next one can be expected to end before ``deadline``; the newest progress, or the Take."""
+        while True:
+            begin = time.perf_counter()
+            try:
+                progress = next(self._steps)
+            except StopIteration as stop:
+                return stop.value
+            end = time.perf_counter()
+            self._longest = max(self._longest * _FORGETTING, end - begin)
+            if progress.stage == "Keying" and not self._keying:
+                self._keying = True  # the pose kept with the keys must be the animator's, not the preview's
+                self._put_back()
+                return progress
+            if progress.waits or end + self._longest > deadline:
+                return progress
+
+    def _show(self, progress: Progress) -> None:
+        if progress.hips_world is None:
+            return
+        self._preview = self._preview or Preview(self.character)
+        self._shown = self.posed = True
+        self._preview.show(progress.hips_world, progress.local_rotations, progress.moved)
+
+    def _put_back(self) -> None:
+        if self._shown:
+            self._shown, self.posed = False, True
+            self._state.restore()
+
+    def _stop(self, why: str) -> None:
+        """End without a take: whatever still exists is put back."""
+        if self.over:
+            return
+        self.why = why
+        try:
+            self._steps.close()
+        except Exception:  # what a generator does on its way out may meet what is gone, too
+            _log.debug("The take's steps did not close", exc_info=True)
+        self._state.restore()
+        self._close()
+
+    def _close(self) -> None:
+        self.over = True
+        running.end()
+        if self._ended is not None:
+            with suppress(ReferenceError):
+                self._ended()
+
+    def _unforeseen(self, error: Exception) -> str:
+        if isinstance(error, ReferenceError):
+            return "Something that the take reads was deleted or undone meanwhile, so Generate stopped with nothing keyed; try again."
+        _log.error("Generate met an error that it does not know", exc_info=error)
+        what = f"{type(error).__name__}: {error}".rstrip(": ")
+        return f"Generate stopped and nothing was keyed, because of an error in the add-on ({what}); the console tells more."

@@ -1,0 +1,1 @@
+"""What acts: the skeleton, its clips, its thickness and its contacts."""

@@ -1,0 +1,1 @@
+"""The commands of ``python -m nsm_core``: arguments read, one function called, results printed."""

@@ -1,0 +1,1 @@
+"""What each goal action makes of a goal, an action a file."""

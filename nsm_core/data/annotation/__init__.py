@@ -1,0 +1,1 @@
+"""What a clip shows, proposed by rule: actions, contacts, phases and goals."""

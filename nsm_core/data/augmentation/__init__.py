@@ -1,0 +1,1 @@
+"""Captured interactions with other objects: contact transfer and what is swapped by it."""

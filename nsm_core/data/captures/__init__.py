@@ -1,0 +1,1 @@
+"""Capture files and folders: read, mapped onto the skeleton, and the sidecars beside them."""

@@ -1,0 +1,196 @@
+"""Write composed takes, with what the sensors tell in each frame, as arrays to be memory-mapped."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from nsm_core.body.clip import MIRRORED
+from nsm_core.control.goals import SEAT_MEMORY
+from nsm_core.conventions import INTERACTIONS
+from nsm_core.errors import CaptureError
+from nsm_core.files import output
+from nsm_core.model.features.codec import CELLS
+from nsm_core.rotations import Array
+from nsm_core.world.assets.pool import Pool
+from nsm_core.world.scene.furniture import cuboids
+from nsm_core.world.sensors.environment import environment_sensor_many
+from nsm_core.world.sensors.interaction import interaction_sensor
+
+from .captures.folder import notes
+from .matching.database import stance
+from .scenarios.composer import Composer, load
+from .scenarios.take import Annotated, Piece, Take, annotate, goal_tables
+from .storage import FIELDS, OBJECT_FIELDS
+
+HELD_BACK_CLIPS = 20  # one clip in so many is kept for validation
+
+
+def held_back(clip: str) -> bool:
+    """Whether a clip, and its mirror image with it, is kept for validation: by name, so that it is the same ones in all data."""
+    return int(hashlib.sha256(f"validates {clip.rstrip(MIRRORED)}".encode()).hexdigest(), 16) % HELD_BACK_CLIPS == 0
+
+
+def _validates(take: Take) -> Array:
+    """Which frames (T,) were captured in clips that are held back."""
+    flags = [np.full(piece.frames, held_back(piece.clip)) for piece in take.provenance]
+    return np.concatenate(flags) if flags else np.zeros(len(take), bool)
+
+
+def _sensed(take: Take, annotated: Annotated) -> Array:
+    """The sensed thing of each frame (T,), -1 for none: the command's, and after it until its action's label has faded."""
+    which = np.full(len(take), -1, np.int32)
+    label = annotated.style[:, INTERACTIONS].max(axis=1)
+    last = -1
+    for t in range(len(take)):
+        command = take.commands[annotated.command[t]]
+        if command.thing >= 0:
+            last = command.thing
+        elif label[t] <= SEAT_MEMORY:
+            last = -1
+        which[t] = last
+    return which
+
+
+def _objects(take: Take, which: Array) -> tuple[Array, Array, Array, Array]:
+    """Where the sensed thing's frame is (T, 4), whether the body holds it (T,), and all things' cells and occupancy, own frames."""
+    poses, held = np.zeros((len(take), 4), np.float32), np.zeros(len(take), bool)
+    cells, occupancy = np.zeros((len(take.things), CELLS, 3), np.float32), np.zeros((len(take.things), CELLS), np.float32)
+    for n, thing in enumerate(take.things):
+        f = thing.furniture
+        volume = interaction_sensor(cuboids([(f, np.zeros(3), 0.0)]), f.centre, f.size, 0.0)
+        cells[n] = volume.cells_world()
+        # What is carried reads as a full box, as in takes (``props.Box.sensed``).
+        occupancy[n] = 1 if thing.held is not None and f.kind != "leaf" else volume.occupancy
+        mine = which == n
+        poses[mine] = thing.track(len(take))[mine]
+        if thing.held is not None and f.kind != "leaf":  # a leaf stays on its hinge, however the body strays
+            held[mine] = thing.held[mine]
+    return poses, held, cells, occupancy
+
+
+def _environment(take: Take, root: Array) -> Array:
+    """Environment sensor (T, 1408) at roots (T, 3): what stands, and what moves where it is in each frame."""
+    still = [(p.furniture, p.position, p.heading) for p in take.obstacles]
+    still += [(t.furniture, t.poses[:3], float(t.poses[3])) for t in take.things if not t.moves]
+    values = environment_sensor_many(cuboids(still), root[:, :2], root[:, 2])
+    for thing in take.things:
+        if not thing.moves:
+            continue
+        change = np.flatnonzero(np.abs(np.diff(thing.poses, axis=0)).max(axis=1) > 1e-5) + 1
+        for a, b in zip([0, *change], [*change, len(take)], strict=True):
+            there = cuboids([(thing.furniture, thing.poses[a, :3], float(thing.poses[a, 3]))])
+            np.maximum(values[a:b], environment_sensor_many(there, root[a:b, :2], root[a:b, 2]), out=values[a:b])
+    return values
+
+
+def take_arrays(take: Take) -> dict[str, Array]:
+    """All arrays of one take; frame indices count from its own start."""
+    a = annotate(take)
+    position, heading, action = goal_tables(take, a)
+    which = _sensed(take, a)
+    poses, held, cells, occupancy = _objects(take, which)
+    count = len(take)
+    return {
+        **{
+            k: getattr(a, k) for k in ("joint_position", "joint_forward", "joint_up", "joint_velocity", "root", "style", "phase", "contact")
+        },
+        "goal_position": position,
+        "goal_heading": heading,
+        "goal_action": action,
+        "environment": np.round(_environment(take, a.root) * 255).astype(np.uint8),
+        "object": which,
+        "object_pose": poses,
+        "held": held,
+        "validates": _validates(take),
+        "start": np.zeros(count, np.int64),
+        "end": np.full(count, count, np.int64),
+        "object_cells": cells,
+        "object_occupancy": occupancy,
+    }
+
+
+_composer: Composer | None = None
+
+
+def _prepare(folder: str, objects: str | None, cache: str, stitch: bool) -> None:
+    global _composer
+    _composer = Composer(load(folder), pool=pool_of(objects, cache), stitch=stitch)
+
+
+def pool_of(objects: str | None, cache: str) -> Pool | None:
+    """The pieces that may be trained on; without a folder of meshes parametric ones alone."""
+    return None if objects is None else Pool.load(objects, cache=cache).training()
+
+
+def _one(seed: int) -> tuple[int, dict[str, Array], list[Piece]] | None:
+    assert _composer is not None
+    take = _composer.compose(seed)
+    return None if take is None else (seed, take_arrays(take), take.provenance)
+
+
+def export(
+    captures: str,
+    out: str | Path,
+    minutes: float,
+    seed: int = 0,
+    workers: int = 2,
+    progress: object = None,
+    tell: object = None,
+    meshes: str | None = None,
+    stitch: bool = True,
+) -> Path:
+    """Compose takes until ``minutes`` of motion are there and write them below ``out``; returns the folder.
+
+    ``meshes`` names a folder of furniture meshes (``dataset.pool``) that join the parametric pieces; those held back for
+    testing are not used; ``stitch`` False leaves captured pieces by themselves.  The same seed gives the same data.
+    ``tell`` is called with every note on a capture that was read other than its file says.
+    Raises CaptureError where the capture folder is unusable.
+    """
+    out = Path(out)
+    out.mkdir(parents=True, exist_ok=True)
+    if not Path(captures).is_dir():
+        raise CaptureError(f"{captures} is no folder; name the one with the captures.")
+    load(captures)  # a damaged capture is told here, not as a broken pool of workers
+    for note in notes() if callable(tell) else ():
+        tell(note)
+    cache = str(out / "objects.npz")
+    pool_of(meshes, cache)  # converted once, before the workers ask for it
+    wanted, frames, objects = int(minutes * 1800), 0, 0
+    files = {k: open(out / f"{k}.bin", "wb") for k in (*FIELDS, *OBJECT_FIELDS)}
+    provenance = {}
+    try:
+        with ProcessPoolExecutor(workers, initializer=_prepare, initargs=(captures, meshes, cache, stitch)) as pool:
+            batch = seed
+            while frames < wanted:
+                for result in pool.map(_one, range(batch, batch + 16), chunksize=2):
+                    if result is None or frames >= wanted:
+                        continue
+                    number, arrays, pieces = result
+                    provenance[number] = {"start": frames, "pieces": pieces}
+                    arrays["object"] = np.where(arrays["object"] >= 0, arrays["object"] + objects, -1)
+                    arrays["start"], arrays["end"] = arrays["start"] + frames, arrays["end"] + frames
+                    frames += len(arrays["root"])
+                    objects += len(arrays["object_cells"])
+                    for k, (_, dtype) in FIELDS.items():
+                        files[k].write(np.ascontiguousarray(arrays[k], dtype=dtype).tobytes())
+                    for k in OBJECT_FIELDS:
+                        files[k].write(np.ascontiguousarray(arrays[k], dtype=np.float32).tobytes())
+                batch += 16
+                if callable(progress):
+                    progress(frames, wanted)
+    finally:
+        for f in files.values():
+            f.close()
+    with output(out / "data.json", "The training data") as temporary:  # what vouches for the arrays beside it
+        temporary.write_text(
+            json.dumps({"frames": frames, "objects": objects, "seed": seed, "stance": stance(captures), "takes": provenance})
+        )
+    return out
+
+
+__all__ = ["export", "take_arrays"]

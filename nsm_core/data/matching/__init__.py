@@ -1,0 +1,1 @@
+"""Captured frames found, laid end to end and joined without a pop."""

@@ -1,0 +1,90 @@
+"""What the composer takes from clips with sidecars: stretches of walking and running, sit-downs and grasps, by their labels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nsm_core.body.clip import Clip
+from nsm_core.body.ik.foot_lock import TOES, intervals
+from nsm_core.body.skeleton import HIPS
+from nsm_core.conventions import CONTACTS, FPS, HAND_CONTACTS
+from nsm_core.data.captures.folder import Labelled
+from nsm_core.rotations import Array
+
+SHORTEST = 30  # frames of a stretch
+ABOUT_RUN = round(1.5 * FPS)  # frames before and after running that belong to a run
+UPRIGHT, RUNNING = 0.8, 0.6  # metres that the hips keep above the floor in walks, and in runs
+LEVEL = 0.09  # metres: height of the lower toe joint, at its lowest within a quarter of a second, on level ground
+SHUFFLE = 0.15  # metres that a foot moves at most during a sit
+_OTHERS = ("carry", "open", "sit", "climb", "other")
+
+
+def lines(labelled: Labelled, name: str) -> Array:
+    """Values (T,) of a label as the sidecar has them, without the shares that labels take from one another."""
+    keys, frames = labelled.sheet.actions.get(name, []), np.arange(labelled.sheet.frames)
+    return np.interp(frames, *zip(*keys, strict=True)) if keys else np.zeros(len(frames))
+
+
+def _around(flags: Array, reach: int) -> Array:
+    """Flags (T,) spread to ``reach`` frames before and after."""
+    return np.convolve(flags, np.ones(2 * reach + 1), mode="same")[: len(flags)] > 0.5 if len(flags) > 2 * reach else flags | flags.any()
+
+
+def walks_and_runs(labelled: Labelled) -> tuple[list[Clip], list[Clip]]:
+    """Cut out stretches on level ground that idle or walk, and those that run with what leads to and from it.
+
+    Frames in which another label is on, or none at all, are used for neither.
+    """
+    clip = labelled.clip
+    gait = sum(lines(labelled, name) for name in ("idle", "walk", "run"))
+    free = (gait > 0.5) & (np.max([lines(labelled, name) for name in _OTHERS], axis=0) < 0.01)
+    positions = clip.world()[0]
+    free &= _around(np.abs(positions[:, TOES, 2].min(1)) < LEVEL, FPS // 4)
+    running, height = lines(labelled, "run"), positions[:, HIPS, 2]
+    walks = free & (running < 0.01) & ~_around(height < UPRIGHT, 6)
+    runs = free & _around(running > 0.5, ABOUT_RUN) & ~_around(height < RUNNING, 6)
+    return _cut(clip, walks), [c for c in _cut(clip, runs)]
+
+
+def _cut(clip: Clip, flags: Array) -> list[Clip]:
+    return [part(clip, a, b) for a, b in intervals(flags) if b - a >= SHORTEST]
+
+
+def part(clip: Clip, first: int, end: int) -> Clip:
+    """Frames of a clip under a name that tells where they begin."""
+    return Clip(f"{clip.name}@{first}", clip.hips_position[first:end], clip.local_rotations[first:end])
+
+
+def sit_downs(labelled: Labelled) -> list[tuple[Clip, int, int]]:
+    """Cut out where the sit label rises from 0 to 1 and falls to 0, upright before and after, the feet in place.
+
+    Returns clips with the frames at which the label reaches and leaves 1.
+    """
+    clip, value, found = labelled.clip, lines(labelled, "sit"), []
+    height = clip.hips_position[:, 2]
+    for a, b in intervals(value > 0.01):
+        full = np.flatnonzero(value[a:b] > 0.99) + a
+        if a == 0 or b == len(clip) or len(full) < 5:
+            continue  # begins or ends seated
+        cut, down, up = part(clip, a - 1, b + 1), int(full[0]) - a + 1, int(full[-1]) - a + 1
+        ends = min(height[a - 1], height[b])
+        if ends > max(UPRIGHT, float(np.median(height[full])) + 0.15) and len(cut) >= SHORTEST and _stays(cut):
+            found.append((cut, down, up))
+    return found
+
+
+def _stays(clip: Clip) -> bool:
+    toes = clip.world()[0][:, TOES]
+    level = np.abs(np.median(toes[..., 2], axis=0)).max() < LEVEL
+    return bool(level and np.linalg.norm((toes - np.median(toes, axis=0))[..., :2], axis=-1).max() < SHUFFLE)
+
+
+def grasps(labelled: Labelled) -> list[int]:
+    """Frames at which both hands take or leave something while the carry label is on."""
+    frames = np.arange(labelled.sheet.frames)
+    held = lines(labelled, "carry") > 0.5
+    for hand in HAND_CONTACTS:
+        keys = labelled.sheet.contacts.get(CONTACTS[hand], [])
+        last = np.searchsorted([k for k, _ in keys], frames, side="right") - 1
+        held &= (last >= 0) & (np.array([v for _, v in keys] or [0.0])[np.maximum(last, 0)] > 0.5)
+    return [f for a, b in intervals(held) for f in (a, b - 1) if 0 < f < len(frames) - 1]

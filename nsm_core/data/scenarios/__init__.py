@@ -1,0 +1,1 @@
+"""Performances composed for training, an action a folder."""

@@ -1,0 +1,1 @@
+"""Boxes that are picked up, carried and set down."""

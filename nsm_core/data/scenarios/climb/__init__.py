@@ -1,0 +1,1 @@
+"""Steps that are climbed and low walls that are stepped over."""

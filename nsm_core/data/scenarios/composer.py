@@ -1,0 +1,208 @@
+"""Compose goal-directed performances from captures: stand, walk, act on objects, walk on, in a furnished scene.
+
+The captures hold actions without an approach and walks without a goal.  A course is drawn to a place where nothing
+stands, captured frames walk it (``search``), the action is stitched to its end and its objects are put where the body
+needs them.  Everything else is furnished around the path that was walked.
+"""
+
+from __future__ import annotations
+
+import argparse
+from types import ModuleType
+
+import numpy as np
+
+from nsm_core.body.ik.foot_lock import lock_feet
+from nsm_core.body.skeleton import FEET, forward_kinematics
+from nsm_core.conventions import FOOT_CONTACTS, FPS
+from nsm_core.data.matching.inertialization import place, soften_seam
+from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul, quat_normalize, quat_to_rotvec
+from nsm_core.world.affordances.arm_rests import lift_swinging_feet
+from nsm_core.world.assets.pool import Pool
+
+from . import single_clips
+from .carry import episode as carry_episode
+from .climb import episode as climb_episode
+from .furnishing import furnish, keep_clear
+from .motion import Motion
+from .open import episode as open_episode
+from .session import Session, Source, gather
+from .sit import episode as sit_episode
+from .take import Command, Piece, Take
+from .walk import ways as walk_ways
+
+# Episodes with objects by name, and how often each is drawn; "walk" and "run" have none.
+EPISODES: dict[str, ModuleType] = {"sit": sit_episode, "climb": climb_episode, "carry": carry_episode, "open": open_episode}
+SHARES = {"sit": 0.38, "carry": 0.18, "open": 0.22, "climb": 0.14, "walk": 0.1, "run": 0.07}
+RESTING = 0.3  # m/s of a toe that still counts as standing
+SHORTEST = 90  # frames of a take
+ATTEMPTS = 4  # draws for each part that is wanted
+
+
+def load(folder: str) -> Source:
+    """Read the capture folder; CaptureError or SkeletonError where a file is unusable."""
+    return gather(folder, {module.NAME: module.segments(folder) for module in EPISODES.values()})
+
+
+class Composer:
+    """Composes takes from a source; one seed, one take.
+
+    ``shares`` overrides how often each part is drawn; furniture comes from ``pool`` (default: the parametric generator alone).
+    Without ``stitch`` a take is one captured piece on its own (see ``single_clips``), to show what stitching brings.
+    """
+
+    def __init__(self, source: Source, shares: dict[str, float] | None = None, pool: Pool | None = None, stitch: bool = True) -> None:
+        self.source, self.pool, self.stitch = source, pool, stitch
+        self.shares = {k: v for k, v in (SHARES if shares is None else shares).items() if v > 0}
+
+    def compose(self, seed: int) -> Take | None:
+        """Return the take of ``seed``, or None where the draw did not work out."""
+        rng = np.random.default_rng(seed)
+        session = Session(self.source, rng, self.pool)
+        if not self.stitch:
+            return _finish(session, single_clips.SHORTEST) if single_clips.perform(session, self.shares) else None
+        _perform(session, self.shares)
+        return _finish(session, SHORTEST)
+
+
+def _perform(session: Session, shares: dict[str, float]) -> None:
+    """Lay a performance of two to four parts."""
+    rng, tape = session.rng, session.tape
+    tape.lay([int(rng.choice(session.source.still))], [np.zeros(2)], [float(rng.uniform(-np.pi, np.pi))])
+    session.command("idle", 0, position=np.zeros(3, np.float32), heading=tape.headings[0])
+    tape.stand(rng.uniform(0.3, 1.2))
+    names, weights = list(shares), np.array(list(shares.values()))
+    wanted, done = int(rng.integers(2, 5)), 0
+    for _ in range(ATTEMPTS * wanted):
+        if done == wanted:
+            break
+        saved = session.save()
+        if _part(session, str(rng.choice(names, p=weights / weights.sum()))):
+            done += 1
+        else:
+            session.restore(saved)
+
+
+def _part(session: Session, name: str) -> bool:
+    if name in EPISODES:
+        episode = EPISODES[name].lay(session)
+        if episode is None:
+            return False
+        session.episodes.append(episode)
+    elif not (walk_ways.run if name == "run" else walk_ways.walk)(session):
+        return False
+    return session.clear()
+
+
+def _finish(session: Session, shortest: int) -> Take | None:
+    """Turn the tape into motion, fit the episodes and furnish the scene; None where it is of no use or ``shortest`` frames are more."""
+    tape, rng = session.tape, session.rng
+    if len(tape) < shortest:
+        return None
+    hips, rotations, feet, frames = _played(session)
+    for seam in tape.seams:
+        soften_seam(hips, rotations, seam)
+    motion = Motion(hips, rotations, np.array(tape.roots), np.array(tape.headings), feet, list(session.commands), rng)
+    for episode in session.episodes:
+        episode.fit(motion)
+    motion.rotations = lift_swinging_feet(motion.hips, motion.rotations, motion.feet)
+    motion.hips, motion.rotations = lock_feet(motion.hips, motion.rotations, motion.feet, place="median")
+    for episode in session.episodes:
+        episode.finish(motion)
+        if not np.isfinite(motion.hips).all():  # spoilt by this one: nothing for the others to fit
+            return None
+    motion.contacts[:, FOOT_CONTACTS] = motion.feet & _slow(motion)
+    if not (np.isfinite(motion.hips).all() and np.isfinite(motion.rotations).all()):
+        return None
+    take = Take(
+        motion.hips.astype(np.float32),
+        motion.rotations.astype(np.float32),
+        motion.contacts,
+        motion.labels,
+        _ordered(motion.commands, session),
+        motion.things,
+        motion.obstacles,
+        motion.phase_keys,
+        _provenance(session, frames),
+    )
+    fixed = len(take.obstacles)
+    furnish(take, motion.roots, session, rng)
+    return take if keep_clear(take, fixed) else None
+
+
+def _slow(motion: Motion) -> Array:
+    """Which toes (T, 2) rest: a label of a foot that a seam or an object has set moving would teach sliding."""
+    toes = forward_kinematics(motion.hips, motion.rotations)[0][:, [leg[3] for leg in FEET]]
+    speed = np.linalg.norm(np.gradient(toes, axis=0), axis=-1) * FPS
+    return speed < RESTING
+
+
+def _played(session: Session) -> tuple[Array, Array, Array, Array]:
+    """Hips (T, 3), rotations (T, J, 4), standing feet (T, 2) and library frames (T,) of a tape, between frames interpolated."""
+    lib, tape = session.lib, session.tape
+    f = np.array(tape.frames)
+    i = np.minimum(f.astype(int), len(lib) - 2)
+    w = (f - i).astype(np.float32)
+    hips = lib.hips[i] + w[:, None] * (lib.hips[i + 1] - lib.hips[i])
+    step = quat_to_rotvec(quat_mul(lib.rotations[i + 1], quat_conjugate(lib.rotations[i])))
+    rotations = quat_normalize(quat_mul(quat_from_rotvec(w[:, None, None] * step), lib.rotations[i]))
+    root = lib.root[i] + w[:, None] * (lib.root[i + 1] - lib.root[i])
+    heading = lib.heading[i] + w * (lib.heading[i + 1] - lib.heading[i])
+    hips, rotations = place(hips, rotations, root, heading, np.array(tape.roots), np.array(tape.headings))
+    return hips, rotations, lib.contacts[i].copy(), i
+
+
+def _ordered(commands: list[Command], session: Session) -> list[Command]:
+    """Commands in strictly rising frames; one after a dropped stop takes the stop's frame."""
+    result: list[Command] = []
+    early: int | None = None
+    for c in commands:
+        if c.action == "next":
+            early = c.frame
+            continue
+        frame = c.frame if early is None else early
+        early = None
+        if result and frame <= result[-1].frame:
+            frame = result[-1].frame + 1
+        result.append(Command(frame, c.action, c.position, c.heading, c.thing))
+    if early is not None:
+        # A dropped stop at the very end leaves the action before in force although the body leaves it: ask to stand there.
+        at, facing = session.tape.roots[-1], session.tape.headings[-1]
+        result.append(Command(early, "idle", np.append(at, 0).astype(np.float32), facing))
+    return result
+
+
+def _provenance(session: Session, i: Array) -> list[Piece]:
+    """Which frames of which clip follow one another."""
+    lib, result = session.lib, []
+    clip = lib.clip_of[i]
+    jumps = np.flatnonzero((np.abs(np.diff(i)) > 2) | (np.diff(clip) != 0)) + 1
+    for a, b in zip([0, *jumps], [*jumps, len(i)], strict=True):
+        result.append(Piece(lib.names[clip[a]], int(i[a] - lib.start[i[a]]), int(i[b - 1] - lib.start[i[a]] + 1), int(b - a)))
+    return result
+
+
+def main(arguments: list[str]) -> int:
+    """Entry of ``python -m nsm_core compose``: write training data and say what it covers."""
+    from nsm_core.data.coverage import (
+        picture,
+        report,  # these need this module
+    )
+    from nsm_core.data.export import export
+
+    parser = argparse.ArgumentParser(prog="compose", description="Stitch goal-directed performances from a capture folder.")
+    parser.add_argument("captures", help="folder with BVH captures")
+    parser.add_argument("--objects", default=None, help="folder of furniture meshes to put beside the parametric pieces")
+    parser.add_argument("--out", default="runs/data")
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--seed", type=int, default=0)
+    a = parser.parse_args(arguments)
+
+    def show(n: int, of: int) -> None:
+        print(f"\r{min(n / of, 1):6.1%}", end="", flush=True)
+
+    folder = export(a.captures, a.out, a.minutes, a.seed, meshes=a.objects, progress=show, tell=lambda note: print(f"note: {note}"))
+    print()
+    print(report(folder))
+    print(f"Wrote {picture(folder, folder / 'coverage.png')}.")
+    return 0

@@ -1,0 +1,75 @@
+"""A performance while it is being fitted to its objects: what episodes read and change."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from nsm_core.conventions import CONTACTS, STYLES
+from nsm_core.rotations import Array
+
+from .take import Command, Placed, Thing
+
+if TYPE_CHECKING:
+    from .session import Session
+
+
+@dataclass
+class Motion:
+    """T frames laid end to end, in the world, seams softened.
+
+    ``hips`` (T, 3), ``rotations`` (T, J, 4) local; ``roots`` (T, 2) and ``headings`` (T,) the smoothed root it was laid on;
+    ``feet`` (T, 2) bool, right and left foot stand; ``contacts`` (T, 5) and ``labels`` (T, 7) as in ``Take`` (feet are copied
+    into the contacts at the end); ``commands`` of the session, to be completed in place; ``things``, ``obstacles`` that belong
+    to an episode (a wall about a door, a table under a box) and ``phase_keys`` to be added to.
+    """
+
+    hips: Array
+    rotations: Array
+    roots: Array
+    headings: Array
+    feet: Array
+    commands: list[Command]
+    rng: np.random.Generator
+    contacts: Array = field(init=False)
+    labels: Array = field(init=False)
+    things: list[Thing] = field(default_factory=list)
+    obstacles: list[Placed] = field(default_factory=list)
+    phase_keys: list[int] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.contacts = np.zeros((len(self), len(CONTACTS)), np.float32)
+        self.labels = np.zeros((len(self), len(STYLES)), np.float32)
+
+    def __len__(self) -> int:
+        return len(self.hips)
+
+    def ramp(self, label: int, start: int, full: int, leaving: int, gone: int) -> None:
+        """Raise a label from 0 at frame ``start`` to 1 at ``full``, hold it to ``leaving`` and lower it to 0 at ``gone``."""
+        values = np.interp(np.arange(len(self)), (start, full, leaving, max(gone, leaving + 1)), (0, 1, 1, 0)).astype(np.float32)
+        values[: max(start, 0)] = 0
+        np.maximum(self.labels[:, label], values, out=self.labels[:, label])
+
+
+class Episode(Protocol):
+    """One action of a performance, from the way there to its end.
+
+    A module of an action has a function ``lay(session) -> Episode | None`` that lays frames on the session's tape and gives
+    commands; None where the draw did not work out (the session then takes everything back).
+    """
+
+    places: list[tuple[Array, float]]  # planar places (2,) and radii, metres, that later ways and objects keep off
+
+    def clear(self, session: Session) -> bool:
+        """Whether the way walked so far, all of ``session.tape``, keeps off the episode's objects."""
+        ...
+
+    def fit(self, motion: Motion) -> None:
+        """Fit the body before feet are locked on the floor: hips, foot contacts, labels, phase keys, commands, things."""
+        ...
+
+    def finish(self, motion: Motion) -> None:
+        """Fit what comes after the feet: hands, objects in hands, feet on things that are not the floor."""
+        ...

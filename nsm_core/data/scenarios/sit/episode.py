@@ -1,0 +1,289 @@
+"""Sitting: a captured sit-down stitched to the end of a walk, and the seat put under the hips that came to rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from nsm_core.body.ik.two_bone import place_limbs
+from nsm_core.body.skeleton import FEET, HIP_OVER_SEAT, HIPS, INDEX, forward_kinematics, root_of
+from nsm_core.body.thin_capsules import penetration_depths
+from nsm_core.control.goals import STAND_AHEAD
+from nsm_core.conventions import FPS, HIP_CONTACT, SIT
+from nsm_core.data.matching.database import gaussian_smooth, load_sits
+from nsm_core.data.scenarios.motion import Motion
+from nsm_core.data.scenarios.session import LaidSegment, Segment, Session
+from nsm_core.data.scenarios.take import Command, Placed, Thing
+from nsm_core.rotations import Array, heading_to_direction, rotate_planar
+from nsm_core.world.affordances.arm_rests import hands_on_arm_rests
+from nsm_core.world.geometry.distance import Cuboids
+from nsm_core.world.scene import furniture
+from nsm_core.world.scene.furniture import Furniture
+
+from .fit import bring_to_rest, keep_hands_off, lean_off, lift_heels
+from .turn import swivel, turn_about_hips
+
+SEATS = ("chair", "chair", "armchair", "stool", "bench", "sofa")
+NAME = "sit"
+SIDEWAYS = 0.2  # share of the seats that stand partly under a table and are taken from the side; fewer of them work out
+TRIES, WIDE = 6, 0.65  # places and ways for one seat; metres from where on it is wide
+TUCKS = (0.0, 0.12, 0.24)  # shares by which feet may be drawn in while one turns on the seat
+SLIDES = (0.0, 0.05, 0.09)  # metres by which one may slide back on the seat in that turn
+IN_TABLE, BRUSH = 0.028, -0.012  # metres that the body may go into the table; of leg joints to the seat's surface
+_WALKERS = [INDEX[side + name] for side in ("Right", "Left") for name in ("Hip", "Knee", "Ankle", "Toe", "Wrist")]
+_AT_TABLE = ("chair", "chair", "stool")
+
+
+def segments(folder: str | Path) -> list[Segment]:
+    """Captured sit-downs: stand at 0, seat reached at "down", left at "up", stand at the end; without any, nobody sits."""
+    return [Segment(s.clip, {"down": s.down, "up": s.up}) for s in load_sits(folder)]
+
+
+@dataclass
+class Sit:
+    """One sit: frames of its parts on the tape, the seat, and the command that asks for it."""
+
+    piece: Furniture
+    stand: Array  # (2,) where one stands before it
+    mark: int
+    start: int = 0
+    reached: int = 0
+    leaving: int = 0
+    rise: int = 0
+    risen: int = 0
+    position: Array = field(default_factory=lambda: np.zeros(2))
+    heading: float = 0.0
+    places: list[tuple[Array, float]] = field(default_factory=list)
+    turn: float = 0.0  # from the way one sits down to the way one sits, radians
+    table: Placed | None = None  # where it was meant to stand
+    edge: float = 0.0  # from the hips to the table's edge, metres
+    back: int = 0  # frames in which one turns back before rising
+    still: int = 0  # from here to ``leaving`` one rests
+    goal: Array = field(default_factory=lambda: np.zeros(3))
+    facing: float = 0.0
+    solid: Cuboids | None = None  # the seat in the world
+
+    def clear(self, session: Session) -> bool:
+        """Whether nobody walks through the seat: roots stay off its boxes but for the sit itself."""
+        roots = np.array(session.tape.roots)
+        local = rotate_planar(roots - self.position, np.full(len(roots), -self.heading))
+        lo, hi = self.piece.mins[:, :2].min(0), self.piece.maxs[:, :2].max(0)
+        # Turning before the seat brings the hips to its edge; walking past keeps further off.
+        near = np.zeros(len(roots), bool)
+        near[max(self.start - 60, 0) : self.risen + 40] = True
+        margin = np.where(near, -0.02, 0.15)[:, None]
+        inside = ((local > lo - margin) & (local < hi + margin)).all(axis=1)
+        inside[self.start : self.risen] = False
+        if inside.any() or self.table is not None and _inside(roots, self.table, 0.15).any():
+            return False
+        return self._legs_pass(session, np.flatnonzero(np.linalg.norm(roots - self.position, axis=1) < np.abs((lo, hi)).max() + 0.7))
+
+    def _legs_pass(self, session: Session, frames: Array) -> bool:
+        """Whether legs stay out of the seat in ``frames``, but for calves that brush its edge and the sit itself."""
+        tape, lib = session.tape, session.lib
+        frames = frames[(frames < self.start + 5) | (frames > self.risen - 5)]
+        poses = lib.pose[np.minimum(np.array(tape.frames)[frames].astype(int), len(lib) - 1)][:, _WALKERS]
+        roots = np.insert(np.array(tape.roots)[frames], 2, 0.0, axis=1)
+        world = rotate_planar(poses, np.array(tape.headings)[frames, None]) + roots[:, None]
+        solid = furniture.cuboids([(self.piece, self.position, self.heading)])
+        return bool(solid.signed_distance(world.reshape(-1, 3).astype(np.float32), 0.1).min(initial=1.0) > BRUSH)
+
+    def fit(self, motion: Motion) -> None:
+        """Label the sit, bring it to its seat's height and to rest, and put the seat under it; the feet stay."""
+        motion.ramp(SIT, self.start, self.reached, self.rise, self.risen)
+        motion.contacts[self.reached : self.rise, HIP_CONTACT] = 1
+        motion.feet[self.start : self.risen] = True
+        motion.phase_keys += [self.start, self.reached, self.rise, self.risen]
+        weight = self._fit_height(motion)
+        bring_to_rest(motion, self.reached, slice(self.still, self.leaving), self.rise)
+        settled = slice(self.still, self.leaving)
+        if self.turn:
+            settled = self._turn_on_the_seat(motion)
+        goal = motion.hips[settled].mean(axis=0).astype(np.float32)
+        heading = self._heading(motion, settled)
+        frame = motion.commands[self.mark].frame
+        motion.commands[self.mark] = Command(frame, "sit", goal, heading, len(motion.things))
+        thing = self._stand(goal, heading, motion.rng.normal(0, 0.01, 2))
+        motion.things.append(thing)
+        self.goal, self.facing, self.solid = goal, heading, furniture.cuboids([(self.piece, thing.poses[:3], float(thing.poses[3]))])
+        lean_off(motion, slice(self.start, self.risen), self.solid)
+        if self.piece.seat.arms:
+            span = slice(self.start, self.risen)
+            motion.rotations = hands_on_arm_rests(motion.hips, motion.rotations, weight, span, self.piece, goal, heading)
+
+    def finish(self, motion: Motion) -> None:
+        """Lift heels off high seats and hands off what is there, and push the table as far over the seat as the motion lets it."""
+        lift_heels(motion, slice(self.start, self.risen), self.goal)
+        near = slice(max(self.start - 30, 0), min(self.risen + 30, len(motion)))
+        keep_hands_off(motion, near, self.solid)
+        if self.table is not None:
+            motion.obstacles.append(self._push_table(motion))
+
+    def _stand(self, goal: Array, heading: float, off: Array) -> Thing:
+        """The seat under hips at ``goal`` (3,) that face ``heading``, ``off`` (2,) metres from where they should be on it."""
+        turned = heading - self.piece.seat.heading
+        return Thing.standing(self.piece, goal[:2] - rotate_planar(self.piece.seat.point[:2] + off, turned), turned)
+
+    def _heading(self, motion: Motion, frames: slice) -> float:
+        headings = root_of(forward_kinematics(motion.hips[frames], motion.rotations[frames])[0])[1]
+        return float(np.mean(np.unwrap(headings)))
+
+    def _turn_on_the_seat(self, motion: Motion) -> slice:
+        """Turn to the table once seated, and back before rising, feet drawn in as far as the seat and the table ask for.
+
+        Before a back rest one sits down a little ahead, where it leaves room for the shoulder, and slides back with the turn.
+        Returns the frames in between.
+        """
+        there = (self.reached + 8, int(motion.rng.integers(34, 48)))
+        last = self.leaving - self.back
+        span = slice(self.reached, self.risen)
+        before = [a[span].copy() for a in (motion.hips, motion.rotations, motion.headings, motion.feet)]
+        hips = motion.hips[self.still].copy()
+        facing = self._heading(motion, slice(self.still, self.leaving)) + self.turn
+        ahead = np.append(heading_to_direction(np.array(facing)), 0)
+
+        def turn(way: tuple[float, float]) -> float:
+            tuck, back = way
+            slide = -back * ahead
+            for array, kept in zip((motion.hips, motion.rotations, motion.headings, motion.feet), before, strict=True):
+                array[span] = kept
+            turn_about_hips(motion, sum(there), self.leaving, self.turn, slide)
+            swivel(motion, *there, self.turn, tuck, slide)
+            swivel(motion, last, self.back, -self.turn, tuck, -slide)
+            thing = self._stand(hips + slide, facing, np.zeros(2))
+            at = [(self.piece, thing.poses[:3], float(thing.poses[3])), self._table_at((hips + slide)[:2], facing, self.edge)]
+            seen = slice(self.reached - 10, self.rise + 10, 3)
+            return float(penetration_depths(motion.hips[seen], motion.rotations[seen], furniture.cuboids(at)).mean())
+
+        turn(min(product(TUCKS, SLIDES if self.piece.seat.back else (0.0,)), key=turn))
+        motion.phase_keys += [there[0], sum(there), last, self.leaving]
+        return slice(sum(there) + 2, last)
+
+    def _table_at(self, hips: Array, facing: float, edge: float) -> tuple[Furniture, Array, float]:
+        """The table, its edge ``edge`` metres before hips (2,) that face ``facing``: piece, place and heading."""
+        assert self.table is not None
+        away = edge + 0.5 * float(self.table.furniture.size[1])
+        return self.table.furniture, hips + away * heading_to_direction(np.array(facing)), facing
+
+    def _push_table(self, motion: Motion) -> Placed:
+        near = slice(max(self.start - 90, 0), min(self.risen + 60, len(motion)), 2)
+        for edge in self.edge + np.arange(0, 0.25, 0.02):
+            at = self._table_at(self.goal[:2].astype(np.float64), self.facing, float(edge))
+            solid = furniture.cuboids([at])
+            if penetration_depths(motion.hips[near], motion.rotations[near], solid).max() < IN_TABLE:
+                break
+        keep_hands_off(motion, slice(near.start, near.stop), solid)
+        return Placed(*at)
+
+    def _fit_height(self, motion: Motion) -> Array:
+        """Raise or lower the sit to its seat; returns how far it is seated, (n,) from ``start`` to ``risen``."""
+        positions, world = forward_kinematics(motion.hips, motion.rotations)
+        ankles = [leg[2] for leg in FEET]
+        seated = motion.hips[self.still : self.leaving].mean(axis=0)
+        rise_by = self.piece.seat.height + HIP_OVER_SEAT - seated[2]
+        forward = heading_to_direction(np.array(motion.headings[self.leaving - 1]))
+        shift = np.append(forward * motion.rng.uniform(-0.06, 0.05), rise_by).astype(np.float32)
+        span = slice(self.start, self.risen)
+        height = gaussian_smooth(motion.hips[span, 2], 2.0)
+        top = np.maximum(height[0], height[-1])
+        weight = np.clip((0.96 * top - height) / (0.96 * top - seated[2]), 0, 1)
+        weight = gaussian_smooth(weight * weight * (3 - 2 * weight), 3.0).clip(0, 1)
+        motion.hips[span] += weight[:, None] * shift
+        legs = [leg[:3] for leg in FEET]
+        placed = place_limbs(motion.hips[span], motion.rotations[span], legs, positions[span][:, ankles], world[span][:, ankles])
+        motion.rotations[span] = placed
+        return weight
+
+
+def _inside(roots: Array, placed: Placed, margin: float) -> Array:
+    """Which roots (T,) lie over a piece's footprint widened by ``margin``, metres."""
+    local = rotate_planar(roots - placed.position, np.full(len(roots), -placed.heading))
+    lo, hi = placed.furniture.mins[:, :2].min(0) - margin, placed.furniture.maxs[:, :2].max(0) + margin
+    return ((local > lo) & (local < hi)).all(axis=1)
+
+
+def lay(session: Session) -> Sit | None:
+    """Walk to a free place, sit there, stay, and rise; half of the time the next command comes while rising.
+
+    Some seats stand partly under a table: they are taken from the side, with a turn on the seat.  Many ways lead through the
+    seat that is to be; the same seat is tried at several places, lest wide ones get rare.
+    """
+    rng = session.rng
+    if not session.source.segments.get(NAME):
+        return None
+    sideways = rng.random() < SIDEWAYS
+    piece = session.draw(str(rng.choice(_AT_TABLE if sideways else SEATS)))
+    if piece.seat is None:
+        return None
+    saved = session.save()
+    for _ in range(TRIES):
+        sit = _lay(session, piece, sideways)
+        if sit is not None and sit.clear(session) and session.clear():
+            return sit
+        session.restore(saved)
+    return None
+
+
+def _lay(session: Session, piece: Furniture, sideways: bool) -> Sit | None:
+    rng, tape, seat, size = session.rng, session.tape, piece.seat, piece.size
+    hips = session.free_place(0.9, 4.5, 0.5 + 0.5 * float(max(size[:2])))
+    if hips is None:
+        return None
+    heading = float(rng.uniform(-np.pi, np.pi))
+    away, chance = hips - tape.roots[-1], rng.random()
+    if size[0] > WIDE and chance < 0.6:
+        # Ways to the ends of a wide seat lead over it; from the front there is room.
+        heading = float(np.arctan2(-away[0], away[1]) + rng.uniform(-1.0, 1.0))
+    elif chance < 0.3:
+        # From behind the seat the way is long and often fails; draw it more often.
+        heading = float(np.arctan2(away[0], -away[1]) + rng.uniform(-1.2, 1.2))
+    target = hips + STAND_AHEAD * heading_to_direction(np.array(heading))
+    sit = Sit(piece, target, session.command("sit", session.lead()), places=[(target, 1.5)])
+    if not session.go(target, heading, (float(size[0]), float(size[1]))):
+        return None
+    segment = session.nearest_segment(NAME)
+    play(session, sit, segment, seam=True, longer=3.4 if sideways else 0.0)
+    if sideways:
+        sit.back = int(rng.integers(34, 48))
+        sit.turn = float(rng.choice((-1, 1)) * rng.uniform(np.radians(75), np.radians(100)))
+        sit.edge = float(rng.uniform(0.24, 0.36))
+        table = furniture.make("table", rng, width=rng.uniform(0.9, 1.6), depth=rng.uniform(0.6, 0.8), legs="posts")
+        sit.table = Placed(table, tape.roots[sit.leaving - 1], 0.0)
+        sit.table = Placed(*sit._table_at(tape.roots[sit.leaving - 1], tape.headings[sit.leaving - 1] + sit.turn, sit.edge))
+        sit.places.append((sit.table.position, 1.2))
+    sit.heading = tape.headings[sit.leaving - 1] + sit.turn - seat.heading
+    sit.position = tape.roots[sit.leaving - 1] - rotate_planar(seat.point[:2], sit.heading)
+    _rise(session, sit, segment)
+    return sit
+
+
+def play(session: Session, sit: Sit, segment: LaidSegment, seam: bool, longer: float = 0.0) -> None:
+    """Lay a captured sit-down, a rest on the seat, ``longer`` by so many seconds, and the way up to where the seat is left."""
+    rng, lib, tape = session.rng, session.lib, session.tape
+    down, up = segment.marks["down"], segment.marks["up"]
+    sit.start = len(tape)
+    tape.run_on(np.arange(segment.first, down, 1 / rng.uniform(0.85, 1.25)), seam=seam)
+    sit.reached = len(tape)
+    middle = down + int(np.argmin(np.linalg.norm(lib.velocity[down:up, HIPS], axis=1)))
+    tape.run_on(np.linspace(down, middle, max(2, abs(middle - down))), seam=False)
+    sit.still = len(tape)
+    tape.hold(middle, int((rng.uniform(0.6, 3.0) + longer) * FPS), 3, seam=False)
+    sit.leaving = len(tape)
+    tape.run_on(np.linspace(middle, up, max(2, abs(up - middle))), seam=False)
+    sit.rise = len(tape)
+
+
+def _rise(session: Session, sit: Sit, segment: LaidSegment) -> None:
+    rng, tape = session.rng, session.tape
+    # Turning back to rise answers to the command that ends the sit.
+    mark = session.command("idle", int(rng.integers(3, 9)) + (sit.rise - sit.leaving + sit.back if sit.back else 0))
+    tape.run_on(np.arange(segment.marks["up"], segment.last - 1, 1 / rng.uniform(0.85, 1.2)), seam=False)
+    sit.risen = len(tape)
+    if rng.random() < 0.5:
+        session.stand_here(mark)
+        tape.stand(rng.uniform(0.2, 1.2))
+    else:
+        session.leave_early(mark)

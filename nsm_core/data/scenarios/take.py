@@ -1,0 +1,217 @@
+"""An annotated take: motion with roots, labels, phase, contacts, goals and the scene it happens in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from nsm_core.body.skeleton import forward_kinematics
+from nsm_core.conventions import CLIMB, DT, FOOT_CONTACTS, FPS, GOAL_ACTIONS, IDLE, RUN, SIT, WALK
+from nsm_core.data.matching.database import gaussian_smooth, smoothed_root
+from nsm_core.model.features.state import KEY_OFFSETS, KEYS
+from nsm_core.rotations import Array, quat_to_matrix
+from nsm_core.world.scene.furniture import Furniture
+
+
+@dataclass(frozen=True)
+class Command:
+    """What the animator asks for from ``frame`` on.
+
+    ``action`` is a goal action, or several that hold together, such as "idle+carry".  A static goal has a ``position`` (3,)
+    and ``heading``; a dynamic one (``position`` None) is the root itself one second ahead (section 3.1, low-level control).
+    ``thing`` indexes the take's things, -1 for none.
+    """
+
+    frame: int
+    action: str
+    position: Array | None = None
+    heading: float = 0.0
+    thing: int = -1
+
+    def hot(self) -> Array:
+        """The goal action as (6,) ones and zeros."""
+        return np.isin(GOAL_ACTIONS, self.action.split("+")).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A piece of furniture in the world: ``position`` (2,), metres, and ``heading``."""
+
+    furniture: Furniture
+    position: Array
+    heading: float
+
+
+@dataclass(frozen=True)
+class Thing:
+    """What an action of a take is done with, and where its frame is: ``poses`` (4,) or, where it moves, (T, 4), x, y, z, heading.
+
+    ``held`` (T,) tells when it moves with the body that holds it; None for never.
+    """
+
+    furniture: Furniture
+    poses: Array
+    held: Array | None = None
+
+    @classmethod
+    def standing(cls, furniture: Furniture, position: Array, heading: float) -> Thing:
+        """A thing that stays on the floor at ``position`` (2,), metres."""
+        return cls(furniture, np.array((*position, 0.0, heading), dtype=np.float64))
+
+    @property
+    def position(self) -> Array:
+        """Where it stands at first, (2,)."""
+        return self.poses[0, :2] if self.moves else self.poses[:2]
+
+    @property
+    def heading(self) -> float:
+        """Its heading at first."""
+        return float(self.poses[0, 3] if self.moves else self.poses[3])
+
+    @property
+    def moves(self) -> bool:
+        """Whether its pose changes at all."""
+        return self.poses.ndim == 2
+
+    def track(self, count: int) -> Array:
+        """Poses (T, 4) in all ``count`` frames."""
+        return self.poses if self.moves else np.repeat(self.poses[None], count, axis=0)
+
+
+class Piece(NamedTuple):
+    """What captured frames a stretch of a take shows: ``first`` to one past ``last`` of a ``clip``, in so many of the take's ``frames``."""
+
+    clip: str
+    first: int
+    last: int
+    frames: int
+
+
+@dataclass
+class Take:
+    """One performance of T frames.
+
+    ``hips`` (T, 3), ``rotations`` (T, J, 4), ``contacts`` (T, 5); ``labels`` (T, 7): ramps 0..1 of the actions with an object
+    (``conventions.INTERACTIONS``), the other columns are filled by rule; ``things`` are sensed, ``obstacles`` only in the way.
+    """
+
+    hips: Array
+    rotations: Array
+    contacts: Array
+    labels: Array
+    commands: list[Command]
+    things: list[Thing] = field(default_factory=list)
+    obstacles: list[Placed] = field(default_factory=list)
+    phase_keys: list[int] = field(default_factory=list)
+    provenance: list[Piece] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self.hips)
+
+
+# Root speeds, m/s, at which walking begins and is complete, and the same for running.
+WALKING, RUNNING = (0.12, 0.47), (1.8, 2.4)
+
+
+def styles_of(root: Array, labels: Array) -> Array:
+    """Action labels (T, 7) by rule: idle, walk and run by root speed, shared by what sitting and climbing leave over."""
+    speed = gaussian_smooth(np.linalg.norm(np.gradient(root, axis=0), axis=1) * FPS, 4.0)
+    free = np.clip(1 - labels[:, SIT] - labels[:, CLIMB], 0, 1)
+    moving, running = (np.clip((speed - a) / (b - a), 0, 1) for a, b in (WALKING, RUNNING))
+    styles = labels.astype(np.float32)
+    styles[:, IDLE] = (1 - moving) * free
+    styles[:, WALK] = moving * (1 - running) * free
+    styles[:, RUN] = moving * running * free
+    return styles
+
+
+def phase_of(contacts: Array, walking: Array, transition_keys: list[int], count: int) -> Array:
+    """Unwrapped phase (T,) in cycles (section 5.1).
+
+    A cycle ends at every left landing while walking and at the ends of acyclic transitions; in between the idle
+    phase runs at about 1 Hz.  ``contacts`` (T, 2) right and left foot, ``walking`` (T,) label.
+    """
+    left = contacts[:, 1].astype(int)
+    landings = [int(f) + 1 for f in np.flatnonzero(np.diff(left) > 0) if walking[f + 1] > 0.3]
+    keys = sorted({k for k in transition_keys if 0 <= k < count} | set(landings))
+    merged: list[int] = []
+    for k in keys:
+        # Two landings within a third of a second are one stumble of the label, not two steps.
+        if merged and k - merged[-1] < 10:
+            continue
+        merged.append(k)
+    filled: list[int] = []
+    for a, b in zip([-FPS, *merged], [*merged, count + FPS], strict=True):
+        filled += list(np.round(np.linspace(a, b, max(1, round((b - a) / FPS / 1.25)) + 1)).astype(int)[:-1])
+    filled.append(count + FPS)
+    return np.interp(np.arange(count), filled, np.arange(len(filled))).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class Annotated:
+    """Per-frame arrays of a take, ready to be cut into states; shapes as in ``state.State`` without the batch."""
+
+    joint_position: Array
+    joint_forward: Array
+    joint_up: Array
+    joint_velocity: Array
+    root: Array  # (T, 3)
+    style: Array  # (T, 7)
+    phase: Array  # (T,) unwrapped
+    contact: Array  # (T, 5)
+    command: Array  # (T,) index of the command in force
+
+
+def annotate(take: Take) -> Annotated:
+    """Compute roots, axes, velocities, labels and phase of a take by rule."""
+    positions, rotations = forward_kinematics(take.hips, take.rotations)
+    matrices = quat_to_matrix(rotations)
+    velocity = np.zeros_like(positions)
+    velocity[1:] = (positions[1:] - positions[:-1]) / DT
+    velocity[0] = velocity[1]
+    root, heading = smoothed_root(positions)
+    style = styles_of(root, take.labels)
+    feet = take.contacts[:, FOOT_CONTACTS]
+    phase = phase_of(feet, style[:, [WALK, RUN, CLIMB]].sum(axis=1), take.phase_keys, len(take))
+    command = np.searchsorted([c.frame for c in take.commands], np.arange(len(take)), side="right") - 1
+    return Annotated(
+        positions.astype(np.float32),
+        (-matrices[..., 1]).astype(np.float32),
+        matrices[..., 2].astype(np.float32),
+        velocity.astype(np.float32),
+        np.concatenate((root, heading[:, None]), axis=1).astype(np.float32),
+        style,
+        phase,
+        take.contacts.astype(np.float32),
+        np.maximum(command, 0).astype(np.int32),
+    )
+
+
+def goal_tables(take: Take, annotated: Annotated) -> tuple[Array, Array, Array]:
+    """Goals at all keys of all frames: positions (T, 13, 3), headings (T, 13) and actions (T, 13, 6).
+
+    Past keys keep the command of their time; from now on the command in force holds for every key ahead.
+    """
+    count = len(take)
+    frames = np.arange(count)
+    when = np.clip(frames[:, None] + KEY_OFFSETS[None], 0, count - 1)
+    in_force = annotated.command[np.minimum(when, frames[:, None])]
+    position = np.zeros((count, KEYS, 3), np.float32)
+    heading = np.zeros((count, KEYS), np.float32)
+    action = np.zeros((count, KEYS, len(GOAL_ACTIONS)), np.float32)
+    ahead = np.minimum(when + FPS, count - 1)
+    for number, command in enumerate(take.commands):
+        mask = in_force == number
+        if command.position is None:
+            position[mask, :2] = annotated.root[ahead[mask], :2]
+            heading[mask] = annotated.root[ahead[mask], 2]
+            moves = annotated.style[ahead[mask]][:, [WALK, RUN, CLIMB]].sum(axis=1) > 0.5
+            resting = Command(0, command.action.replace("walk", "idle").replace("run", "idle"))
+            action[mask] = np.where(moves[:, None], command.hot(), resting.hot())
+        else:
+            position[mask] = command.position
+            heading[mask] = command.heading
+            action[mask] = command.hot()
+    return position, heading, action

@@ -1,0 +1,1 @@
+"""Ways without an object."""

@@ -1,0 +1,1 @@
+"""Measures of motion, of what hands do with objects, and of the data itself."""

@@ -1,0 +1,1 @@
+"""Trials of every action: fixed scenes and starts, and their figures."""

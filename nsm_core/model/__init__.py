@@ -1,0 +1,1 @@
+"""The network: its features, its modules and how it is stepped."""

@@ -1,0 +1,245 @@
+"""The one place that names every slice of the network's input, gating and output vectors.
+
+The data set, the roll-outs of training and the stepper all build and read vectors here.  The layout follows
+the paper where it is complete (sensor sizes, planar goal directions) and the published code where the paper is
+silent or the code is later (seven future keys with the pivot, a phase and a phase update for every key).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsm_core.body.skeleton import J
+from nsm_core.conventions import CONTACTS, DT, GOAL_ACTIONS, STYLES
+from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_angle
+
+from .state import FUTURE, KEYS, PIVOT, State
+
+ENVIRONMENT = 1408
+CELLS = 512
+_S, _A = len(STYLES), len(GOAL_ACTIONS)
+
+
+class Layout:
+    """Named consecutive blocks of one vector."""
+
+    def __init__(self, **shapes: tuple[int, ...]) -> None:
+        self.shapes = shapes
+        self.slices: dict[str, slice] = {}
+        start = 0
+        for name, shape in shapes.items():
+            size = int(np.prod(shape))
+            self.slices[name] = slice(start, start + size)
+            start += size
+        self.size = start
+
+    def pack(self, **blocks: Array) -> Array:
+        """Put blocks (B, *shape) into one vector (B, size), float32."""
+        batch = len(next(iter(blocks.values())))
+        out = np.empty((batch, self.size), dtype=np.float32)
+        for name in self.shapes:
+            out[:, self.slices[name]] = blocks[name].reshape(batch, -1)
+        return out
+
+    def get(self, vector: Array, name: str) -> Array:
+        """View of block ``name`` (B, *shape) of a vector (B, size)."""
+        return vector[:, self.slices[name]].reshape((len(vector), *self.shapes[name]))
+
+
+_POSE = {"joint_position": (J, 3), "joint_forward": (J, 3), "joint_up": (J, 3), "joint_velocity": (J, 3)}
+_GOAL = {"goal_position": (KEYS, 3), "goal_direction": (KEYS, 2), "goal_action": (KEYS, _A)}
+_AHEAD = FUTURE + 1  # the pivot and the six keys ahead
+
+FRAME = Layout(**_POSE, trajectory_position=(KEYS, 2), trajectory_direction=(KEYS, 2), trajectory_style=(KEYS, _S))
+GOAL = Layout(**_GOAL)
+INTERACTION = Layout(cell_position=(CELLS, 3), cell_occupancy=(CELLS,))
+INPUT = Layout(frame=(FRAME.size,), goal=(GOAL.size,), environment=(ENVIRONMENT,), interaction=(INTERACTION.size,))
+GATING = Layout(per_key=(KEYS, 2 * _S + 6 * _A))
+OUTPUT = Layout(
+    **_POSE,
+    future_joint_position=(J, 3),
+    trajectory_position=(_AHEAD, 2),
+    trajectory_direction=(_AHEAD, 2),
+    trajectory_style=(_AHEAD, _S),
+    goalward_position=(_AHEAD, 2),
+    goalward_direction=(_AHEAD, 2),
+    **_GOAL,
+    contact=(len(CONTACTS),),
+    phase_update=(_AHEAD,),
+)
+
+
+def layout_description() -> dict[str, dict[str, list[int]]]:
+    """Names and shapes of all blocks, for the metadata of weights."""
+    named = {"frame": FRAME, "goal": GOAL, "interaction": INTERACTION, "input": INPUT, "gating": GATING, "output": OUTPUT}
+    return {k: {n: list(s) for n, s in v.shapes.items()} for k, v in named.items()}
+
+
+@dataclass
+class Surroundings:
+    """What the sensors tell a batch of characters (section 4.3).
+
+    ``environment`` (B, 1408) occupancies at the current root; ``cells`` (B, 512, 3) interaction cell centres, world
+    metres; ``occupancy`` (B, 512).  Without an object the cells lie at the root and are empty.
+    """
+
+    environment: Array
+    cells: Array
+    occupancy: Array
+
+
+def no_object(root: Array) -> tuple[Array, Array]:
+    """Interaction cells (B, 512, 3) and occupancy (B, 512) of characters at ``root`` (B, 3) without an object."""
+    cells = np.zeros((len(root), CELLS, 3), dtype=np.float32)
+    cells[..., :2] = root[:, None, :2]
+    return cells, np.zeros((len(root), CELLS), dtype=np.float32)
+
+
+def _to_root(points: Array, root: Array) -> Array:
+    """World points (B, N, 2 or 3) in the frame of roots (B, 3)."""
+    moved = points.copy()
+    moved[..., :2] -= root[:, None, :2]
+    return rotate_planar(moved, -root[:, None, 2])
+
+
+def _from_root(points: Array, root: Array) -> Array:
+    moved = rotate_planar(points, root[:, None, 2])
+    moved[..., :2] += root[:, None, :2]
+    return moved
+
+
+def _turn_in(vectors: Array, root: Array) -> Array:
+    return rotate_planar(vectors, -root[:, None, 2])
+
+
+def _turn_out(vectors: Array, root: Array) -> Array:
+    return rotate_planar(vectors, root[:, None, 2])
+
+
+def _unit(v: Array) -> Array:
+    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-6)
+
+
+def build_gating(state: State) -> Array:
+    """Gating features (B, 650): per key, its labels, goal action, goal distance and angle, times its phase vector.
+
+    Equations 5 to 7.  As in the published code each key has its own phase, inactive labels are -1, the distance is
+    in metres; the angle is in radians here, so that its scale is that of the others.
+    """
+    roots = state.root_keys()
+    phase = 2 * np.pi * state.phase_keys()
+    wave = np.stack((np.sin(phase), np.cos(phase)), axis=-1)  # (B, 13, 2)
+    styles, actions = 2 * state.style_keys() - 1, 2 * state.goal_action - 1
+    distance = np.linalg.norm(roots[..., :2] - state.goal_position[..., :2], axis=-1)
+    angle = np.abs(wrap_angle(roots[..., 2] - state.goal_heading))
+    scaled = np.stack((np.ones_like(distance), distance, angle), axis=-1)
+    features = np.concatenate((styles, (actions[..., None] * scaled[:, :, None]).reshape(*actions.shape[:2], -1)), axis=-1)
+    return GATING.pack(per_key=features[..., None] * wave[:, :, None])
+
+
+def build_inputs(state: State, around: Surroundings) -> tuple[Array, Array]:
+    """Network input (B, 4018) and gating input (B, 650) of a state (section 3.1, Inputs), physical units."""
+    root, keys = state.root, state.root_keys()
+    frame = FRAME.pack(
+        joint_position=_to_root(state.joint_position, root),
+        joint_forward=_turn_in(state.joint_forward, root),
+        joint_up=_turn_in(state.joint_up, root),
+        joint_velocity=_turn_in(state.joint_velocity, root),
+        trajectory_position=_to_root(keys[..., :2], root),
+        trajectory_direction=_turn_in(heading_to_direction(keys[..., 2]), root),
+        trajectory_style=state.style_keys(),
+    )
+    goal = GOAL.pack(
+        goal_position=_to_root(state.goal_position, root),
+        goal_direction=_turn_in(heading_to_direction(state.goal_heading), root),
+        goal_action=state.goal_action,
+    )
+    interaction = INTERACTION.pack(cell_position=_to_root(around.cells, root), cell_occupancy=around.occupancy)
+    return INPUT.pack(frame=frame, goal=goal, environment=around.environment, interaction=interaction), build_gating(state)
+
+
+def build_targets(state: State, following: State, contacts: Array) -> Array:
+    """Network output (B, 605) that turns ``state`` into ``following`` one frame later (section 3.1, Outputs).
+
+    Everything is in the root frame of ``state``, but for the goal-centric trajectory, which is in the frame of the
+    goal at the pivot, and the future joint positions, which are those of ``following`` seen from the root one second
+    ahead of ``state``.  ``contacts`` (B, 5) belong to ``following``.
+    """
+    root = state.root
+    ahead = following.root_keys()[:, PIVOT:]
+    goal = np.concatenate((state.goal_position[:, PIVOT, :2], state.goal_heading[:, PIVOT, None]), axis=1)
+    direction = heading_to_direction(ahead[..., 2])
+    phases = np.concatenate((state.phase_past[:, -1:], following.phase_keys()[:, PIVOT:]), axis=1)
+    steps = np.diff(phases, axis=1)
+    return OUTPUT.pack(
+        joint_position=_to_root(following.joint_position, root),
+        joint_forward=_turn_in(following.joint_forward, root),
+        joint_up=_turn_in(following.joint_up, root),
+        joint_velocity=_turn_in(following.joint_velocity, root),
+        future_joint_position=_to_root(following.joint_position, state.root_future[:, -1]),
+        trajectory_position=_to_root(ahead[..., :2], root),
+        trajectory_direction=_turn_in(direction, root),
+        trajectory_style=following.style_keys()[:, PIVOT:],
+        goalward_position=_to_root(ahead[..., :2], goal),
+        goalward_direction=_turn_in(direction, goal),
+        goal_position=_to_root(following.goal_position, root),
+        goal_direction=_turn_in(heading_to_direction(following.goal_heading), root),
+        goal_action=following.goal_action,
+        contact=contacts,
+        phase_update=np.cumsum(steps - np.round(steps), axis=1),
+    )
+
+
+@dataclass
+class Prediction:
+    """The network's output read back into the world; shapes as in ``State``, trajectories at the pivot and six keys."""
+
+    joint_position: Array
+    joint_forward: Array
+    joint_up: Array
+    joint_velocity: Array
+    future_joint_position: Array
+    root: Array  # (B, 7, 3) ego-centric
+    root_goalward: Array  # (B, 7, 3) goal-centric
+    style: Array
+    goal_position: Array
+    goal_heading: Array
+    goal_action: Array
+    contact: Array
+    phase_update: Array
+
+
+def read_outputs(output: Array, state: State) -> Prediction:
+    """Turn a network output (B, 605), physical units, back into world quantities for characters at ``state``."""
+    root = state.root
+    goal = np.concatenate((state.goal_position[:, PIVOT, :2], state.goal_heading[:, PIVOT, None]), axis=1)
+    get = lambda name: OUTPUT.get(output, name)  # noqa: E731
+
+    def planar(position: str, direction: str, frame: Array) -> Array:
+        d = get(direction)
+        heading = frame[:, None, 2] + np.arctan2(d[..., 0], -d[..., 1])
+        return np.concatenate((_from_root(get(position), frame), heading[..., None]), axis=-1)
+
+    goals = planar("goal_position", "goal_direction", root)
+    return Prediction(
+        joint_position=_from_root(get("joint_position"), root),
+        joint_forward=_turn_out(_unit(get("joint_forward")), root),
+        joint_up=_turn_out(_unit(get("joint_up")), root),
+        joint_velocity=_turn_out(get("joint_velocity"), root),
+        future_joint_position=_from_root(get("future_joint_position"), state.root_future[:, -1]),
+        root=planar("trajectory_position", "trajectory_direction", root),
+        root_goalward=planar("goalward_position", "goalward_direction", goal),
+        style=np.clip(get("trajectory_style"), 0, 1),
+        goal_position=goals[..., :3],
+        goal_heading=goals[..., 3],
+        goal_action=np.clip(get("goal_action"), 0, 1),
+        contact=np.clip(get("contact"), 0, 1),
+        phase_update=get("phase_update"),
+    )
+
+
+def integrate_position(state: State, predicted: Prediction) -> Array:
+    """Half-and-half mix (B, J, 3) of predicted positions and of old positions moved by the predicted velocity."""
+    return 0.5 * (state.joint_position + DT * predicted.joint_velocity) + 0.5 * predicted.joint_position

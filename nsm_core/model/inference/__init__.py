@@ -1,0 +1,1 @@
+"""Weights files, and networks stepped in numpy or torch."""

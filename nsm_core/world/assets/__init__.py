@@ -1,0 +1,1 @@
+"""Furniture and doors from meshes, and the pool that they are drawn from."""

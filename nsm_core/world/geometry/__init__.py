@@ -1,0 +1,1 @@
+"""Distances to solids, and meshes made ready to be measured."""

@@ -1,0 +1,206 @@
+"""Things that a character moves: a box that follows its hands, the leaf of a door that turns about its hinge.
+
+A prop stays upright: its pose is x, y, z and a heading.  Data and takes place hands by the same functions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from nsm_core.errors import GoalError
+from nsm_core.rotations import Array, direction_to_heading, heading_to_direction, rotate_planar, wrap_angle
+from nsm_core.world.geometry.distance import DistanceQuery
+from nsm_core.world.sensors.interaction import InteractionVolume, interaction_sensor
+
+# Holding a box: how far the wrists lie off its sides, behind its centre (hands reach on from them) and, as a share of its
+# height, under its centre; and how far its near face is from the root of who lifts or holds it, metres.
+WRIST_OFF_SIDE, WRIST_BEHIND, WRIST_BELOW = 0.03, 0.085, 0.1
+BODY_TO_BOX = 0.24
+# Of a box too tall or deep for that: how far the wrists are under its top and behind its near face at most, metres.
+GRIP_UNDER_TOP, GRIP_IN = 0.22, 0.11
+WIDEST_BOX, HEAVIEST_SIDE = 0.6, 0.6  # metres across and in depth that two hands hold
+
+# Doors: places on the floor seen from the handle and the opening, metres.
+HANDLE_STAND = 0.42  # from the closed leaf to the root of who reaches for its handle: an arm reaches low handles from here
+WRIST_OFF_HANDLE = 0.03  # from where a hand holds it to the wrist
+HANDLE_ASIDE = 0.25  # from the handle towards the hinge: from here straight on the way leads through the opening
+PULL_BACK = 0.55  # how much further off one stands once a leaf is pulled open
+PASS_BEYOND = 1.0  # from the opening to where one stands on the far side
+TAKEN_AJAR = np.radians(40)  # angle of a leaf that is ajar up to which who pulls it goes round with it
+OPENED = np.radians(75)  # from this angle on a pulled leaf lets a body pass
+WIDE_OPEN = np.radians(95)  # where a leaf comes to rest
+
+
+@dataclass
+class Prop:
+    """A thing with a frame of its own that moves as a whole.
+
+    ``query`` its solids and ``volume`` its sensor reading, both in its own frame; ``pose`` (4,): x, y, z (metres) and heading
+    (radians) of that frame in the world now.
+    """
+
+    name: str
+    query: DistanceQuery
+    volume: InteractionVolume
+    pose: Array
+
+    def __post_init__(self) -> None:
+        """Keep a copy of the pose as float64; GoalError where it is not finite."""
+        self.pose = np.array(self.pose, dtype=np.float64)
+        if self.pose.shape != (4,) or not np.isfinite(self.pose).all():
+            raise GoalError(f"{self.name} has no usable place; clear its transform and place it anew.")
+
+    def to_world(self, points: Array, pose: Array | None = None) -> Array:
+        """Points (..., 3) of the prop's frame in the world, at its present pose or another (4,)."""
+        pose = self.pose if pose is None else pose
+        return rotate_planar(np.asarray(points, dtype=np.float64), np.float64(pose[3])) + pose[:3]
+
+    def to_local(self, points: Array, pose: Array | None = None) -> Array:
+        """World points (..., 3) in the prop's frame."""
+        pose = self.pose if pose is None else pose
+        return rotate_planar(np.asarray(points, dtype=np.float64) - pose[:3], np.float64(-pose[3]))
+
+    def signed_distance(self, points: Array, max_distance: float) -> Array:
+        """Distances (N,) float32 of world ``points`` (N, 3) to the prop where it is now; see ``DistanceQuery``."""
+        return self.query.signed_distance(self.to_local(points).astype(np.float32), max_distance)
+
+    @property
+    def reach(self) -> float:
+        """Metres on the floor from its place within which all of it lies."""
+        v = self.volume
+        return float(np.linalg.norm(v.centre[:2]) + np.linalg.norm(v.size[:2]) / 2)
+
+    def sensed(self) -> InteractionVolume:
+        """The interaction sensor's reading where the prop is now: it moves with the prop."""
+        v = self.volume
+        return InteractionVolume(self.to_world(v.centre).astype(np.float32), v.size, float(v.heading + self.pose[3]), v.occupancy)
+
+
+def sense(query: DistanceQuery, low: Array, high: Array) -> InteractionVolume:
+    """Read the interaction sensor over the box from ``low`` to ``high`` (3,) of a prop's own frame."""
+    low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
+    return interaction_sensor(query, (low + high) / 2, high - low, 0.0)
+
+
+@dataclass
+class Box(Prop):
+    """A thing to carry; its frame lies at the centre of its bounding box of ``size`` (3,), metres.
+
+    ``shown`` (3,) metres by which it is shown to the network beside its place: a box that one leans to is shown as far off as
+    one that is not leant to, and lean and arms do the rest.
+    """
+
+    size: Array = None  # type: ignore[assignment]
+    shown: Array = field(default_factory=lambda: np.zeros(3))
+
+    def sensed(self) -> InteractionVolume:
+        """The interaction sensor's reading: hands hold the bounding box, so a bin or a basket reads as one that is full."""
+        read = super().sensed()
+        centre = (read.centre + self.shown).astype(np.float32)
+        return replace(read, centre=centre, occupancy=np.ones_like(self.volume.occupancy))
+
+    def across(self, facing: float) -> tuple[float, float]:
+        """Width and depth as seen by a carrier whose heading is ``facing`` in the box's frame (a multiple of 90 degrees)."""
+        sideways = abs(np.sin(facing)) > 0.5
+        return (float(self.size[1]), float(self.size[0])) if sideways else (float(self.size[0]), float(self.size[1]))
+
+    def grasps(self, facing: float) -> Array:
+        """Places (2, 3) of the right and the left wrist, box frame, for a carrier of heading ``facing`` in that frame."""
+        width, depth = self.across(facing)
+        behind = max(WRIST_BEHIND, depth / 2 - GRIP_IN)
+        places = [(sign * (width / 2 + WRIST_OFF_SIDE), behind, self.grip_height) for sign in (-1.0, 1.0)]
+        return rotate_planar(np.array(places), np.float64(facing))
+
+    @property
+    def grip_height(self) -> float:
+        """Metres from its centre up to where wrists hold it."""
+        return max(-WRIST_BELOW * float(self.size[2]), float(self.size[2]) / 2 - GRIP_UNDER_TOP)
+
+    @property
+    def raised(self) -> Array:
+        """How much (3,) higher it is shown, so that the network's hands come to where a tall box is held."""
+        return np.array((0.0, 0.0, self.grip_height + WRIST_BELOW * float(self.size[2])))
+
+    def stand_off(self, facing: float) -> float:
+        """Metres from the box's centre to the root of a carrier of heading ``facing`` in its frame."""
+        return self.across(facing)[1] / 2 + BODY_TO_BOX
+
+
+@dataclass
+class Leaf(Prop):
+    """The leaf of a door; its frame lies on the floor under the hinge, +X towards the free edge when closed.
+
+    ``width`` metres from hinge to free edge; ``handle`` (3,) own frame, on the leaf's middle plane; ``thickness`` metres
+    between the places where a hand holds the handle from either side; ``swing`` +1 or -1: the sense in which the heading
+    changes as it opens; ``closed`` its heading when shut.
+    """
+
+    width: float = 0.85
+    handle: Array = None  # type: ignore[assignment]
+    thickness: float = 0.12
+    swing: float = 1.0
+    closed: float = 0.0
+
+    @property
+    def angle(self) -> float:
+        """How far it is open, radians, 0 when closed."""
+        return float(self.swing * wrap_angle(self.pose[3] - self.closed))
+
+    def pose_at(self, angle: float) -> Array:
+        """Its pose (4,) when open by ``angle``."""
+        return np.append(self.pose[:3], self.closed + self.swing * angle)
+
+    def grip(self, side: float, angle: float | None = None) -> Array:
+        """World place (3,) of a wrist at the handle on the side towards +Y (``side`` 1) or -Y (-1) of its frame, when open by ``angle``."""
+        point = np.asarray(self.handle, dtype=np.float64) + (0.0, side * (self.thickness / 2 + WRIST_OFF_HANDLE), 0.0)
+        return self.to_world(point, None if angle is None else self.pose_at(angle))
+
+
+@dataclass(frozen=True)
+class Passage:
+    """The way through a door from one side: planar places (2,), metres, and headings, world.
+
+    ``heading`` the way to pass; ``push`` whether the leaf swings away; ``side`` +1 or -1, the leaf's side on which the handle is
+    reached; ``hand`` 0 right, 1 left; ``reach`` where one stands to take the handle and ``facing`` the heading there; ``back``
+    where one stands once a leaf is pulled open (the same as ``reach`` for a push); ``middle`` of the opening; ``beyond`` where
+    one stands at the end.
+    """
+
+    heading: float
+    push: bool
+    side: float
+    hand: int
+    reach: Array
+    facing: float
+    back: Array
+    middle: Array
+    beyond: Array
+
+
+def passage(leaf: Leaf, coming_from: Array, beyond: float = PASS_BEYOND) -> Passage:
+    """Work out how to pass a door for someone who comes from ``coming_from`` (2,), world.
+
+    The hand on the handle's side opens the door: its shoulder is nearly before the handle while the body is before the opening,
+    and the leaf swings clear of the body.
+    """
+    along = heading_to_direction(np.array(leaf.closed + np.pi / 2))  # +X of the frame: heading 0 faces -Y
+    through = np.array((-along[1], along[0]))  # +Y of the frame
+    hinge = leaf.pose[:2]
+    side = 1.0 if float((np.asarray(coming_from, dtype=np.float64)[:2] - hinge) @ through) > 0 else -1.0
+    go = -side * through
+    push = bool(leaf.swing * -side > 0)
+    heading = float(direction_to_heading(go))
+    # Which hand: with the eyes along ``go``, the hinge is on the right where -along points to the right.
+    right = np.array((go[1], -go[0]))
+    hinge_right = float(-along @ right) > 0
+    hand = int(hinge_right)
+    handle = hinge + along * float(leaf.handle[0])
+    reach = handle - HANDLE_ASIDE * along - HANDLE_STAND * go
+    middle = hinge + along * leaf.width / 2
+    back = reach if push else reach - PULL_BACK * go
+    # A leaf that stands ajar towards one is taken where it stands.
+    turn = 0.0 if push else leaf.swing * float(np.clip(leaf.angle, 0.0, TAKEN_AJAR))
+    reach = hinge + rotate_planar(reach - hinge, np.float64(turn))
+    return Passage(heading, push, side, hand, reach, float(wrap_angle(heading + turn)), back, middle, middle + beyond * go)
