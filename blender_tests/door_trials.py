@@ -19,13 +19,13 @@ import numpy as np
 from scenes import LEAF, box, door, empty, mesh_of_boxes
 
 from nsm_blender.goals.points import HANDLE, SWING, goal_point_of
-from nsm_blender.goals.resolve import GoalSpec, show_goal_point
-from nsm_blender.keys.preview import WorldFrame
+from nsm_blender.goals.resolve import show_goal_point
+from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import Take, TakeSpec, finish, generate, prepare
-from nsm_core.body.capsules import Body
+from nsm_blender.world.frame import WorldFrame
+from nsm_core.body.capsules import Body, penetration_depths
 from nsm_core.errors import NsmError
-from nsm_core.evaluation.measures.motion import penetration_depths
 from nsm_core.evaluation.measures.objects import prop_depths
 from nsm_core.rotations import rotate_planar
 from nsm_core.world.scene.props import Leaf

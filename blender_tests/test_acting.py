@@ -14,14 +14,15 @@ from scenes import box, door, furnish, mesh_of_boxes
 import nsm_blender
 from nsm_blender import batch
 from nsm_blender.goals.open import read_leaf
-from nsm_blender.goals.resolve import GoalSpec
+from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.keys.keying import read_back
 from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import Take, TakeSpec, finish, generate
 from nsm_blender.ui import running
 from nsm_blender.world.surroundings import Surroundings
 from nsm_core.body.skeleton import ARMS, FEET, forward_kinematics
-from nsm_core.world.scene.props import Leaf, passage
+from nsm_core.world.affordances.passage import passage
+from nsm_core.world.scene.props import Leaf
 
 BOX = (0.4, 0.3, 0.25)
 

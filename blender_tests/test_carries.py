@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scenes import empty, mesh_of_boxes
 
-from nsm_blender.goals.resolve import GoalSpec
+from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.keys.keying import read_back
 from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import Take, TakeSpec, finish, generate

@@ -18,8 +18,8 @@ from nsm_blender.rigs.armature import read_pose
 from nsm_blender.takes import TakeSpec, finish, prepare
 from nsm_core.body.skeleton import JOINTS
 from nsm_core.control.actions.registry import check_reachable
+from nsm_core.world.affordances.passage import passage
 from nsm_core.world.planning.floor_plan import FloorPlan
-from nsm_core.world.scene.props import passage
 
 ROOT = Path(__file__).resolve().parents[1]
 

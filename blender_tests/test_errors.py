@@ -7,7 +7,7 @@ import pytest
 from scenes import box, empty, furnish
 
 import nsm_blender
-from nsm_blender.goals.resolve import GoalSpec
+from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import TakeSpec, finish, generate, prepare, shipped_model
 from nsm_blender.ui.operators.generate import spec_of

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scenes import box, door, empty, mesh_of_boxes
 
-from nsm_blender.goals.resolve import GoalSpec
+from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.keys.objects import require_movable
 from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import TakeSpec, finish, generate, prepare

@@ -13,14 +13,15 @@ from scenes import box, furnish
 import nsm_blender
 from nsm_blender.animation.channels import transform_of
 from nsm_blender.animation.kept import SceneState
-from nsm_blender.goals.resolve import GoalSpec, show_goal_point
+from nsm_blender.goals.resolve import show_goal_point
+from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.keys.keying import read_back
-from nsm_blender.keys.preview import WorldFrame
 from nsm_blender.keys.report import result_lines
 from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import TakeSpec, finish, generate, own_objects, prepare, start_of
 from nsm_blender.ui import running
 from nsm_blender.ui.session import Session
+from nsm_blender.world.frame import WorldFrame
 from nsm_core.body.skeleton import HIP_OVER_SEAT, HIPS, forward_kinematics, root_of
 from nsm_core.rotations import wrap_angle
 

@@ -15,9 +15,9 @@ from scenes import box, empty
 import nsm_blender
 from nsm_blender.animation.kept import Kept, restored_on_failure
 from nsm_blender.keys.objects import Thing
-from nsm_blender.keys.preview import WorldFrame
 from nsm_blender.rigs.armature import build_armature
 from nsm_blender.takes import TakeSpec, finish, key_and_check
+from nsm_blender.world.frame import WorldFrame
 from nsm_core.control.goals import Goal, GoalResult
 from nsm_core.control.take import TakeRequest, TakeResult
 from nsm_core.world.geometry.distance import Cuboids

@@ -12,8 +12,8 @@ from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import FEET, INDEX, OFFSETS, TOE_HEIGHT, J
 from nsm_core.data.captures import bvh_writer
 from nsm_core.data.export import export, take_arrays
+from nsm_core.data.matching.source import Source
 from nsm_core.data.scenarios.composer import Composer, load
-from nsm_core.data.scenarios.session import Source
 from nsm_core.data.scenarios.take import Take
 from nsm_core.data.storage import Dataset
 from nsm_core.model.features.state import WINDOW

@@ -12,8 +12,8 @@ ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
-from nsm_core.model.features.codec import layout_description
-from nsm_core.model.inference.model import expected_shapes
+from nsm_core.model.features.layout import layout_description
+from nsm_core.model.inference.sizes import expected_shapes
 from nsm_core.model.inference.weights_file import save_weights
 from nsm_core.model.networks.config import NsmConfig
 

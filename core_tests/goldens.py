@@ -49,7 +49,8 @@ from nsm_core.data.captures import bvh_writer
 from nsm_core.data.scenarios.composer import Composer, load
 from nsm_core.evaluation.trials import carry, climb, sit
 from nsm_core.evaluation.trials import open as doors
-from nsm_core.model.features.codec import FRAME, GOAL, INPUT, OUTPUT, build_inputs, build_targets
+from nsm_core.model.features.codec import build_inputs, build_targets
+from nsm_core.model.features.layout import FRAME, GOAL, INPUT, OUTPUT
 from nsm_core.model.inference.model import load_model
 from nsm_core.rotations import quat_rotate
 from nsm_core.world.scene import furniture

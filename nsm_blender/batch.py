@@ -28,9 +28,10 @@ import bpy
 from nsm_core.data.captures import bvh_writer
 from nsm_core.errors import GoalError, JobError, NsmError, OutputError, SkeletonError
 
-from .goals.resolve import GoalSpec
+from .goals.spec import GoalSpec
+from .jobs.job import Job, JobTake
 from .jobs.paths import refuse_used
-from .jobs.read import Job, JobTake, read_job
+from .jobs.read import read_job
 from .leaving import leave
 from .pictures.outputs import require_writable, save_blend, write_json
 from .pictures.render import contact_sheet, video

@@ -26,7 +26,7 @@ from nsm_core.world.scene.furniture import make
 from nsm_core.world.sensors.environment import environment_sensor
 
 from .demo import build_scene, goals_in
-from .goals.resolve import GoalSpec
+from .goals.spec import GoalSpec
 from .rigs.character import add_character
 from .takes import TakeSpec, prepare
 from .world import colliders

@@ -26,7 +26,7 @@ from nsm_core.errors import NsmError
 from . import takes
 from .demo_scene.house import House, build_house
 from .demo_scene.room import Room, build_room
-from .goals.resolve import GoalSpec
+from .goals.spec import GoalSpec
 from .keys.report import goal_line
 from .leaving import leave
 from .pictures import outputs, render

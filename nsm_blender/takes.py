@@ -25,17 +25,18 @@ from nsm_core.rotations import Array
 from nsm_core.world.scene.props import Leaf
 
 from .animation.kept import Kept, SceneState, restored_on_failure
-from .goals.resolve import GoalSpec, moved_by, place_after, require_swinging, resolve
+from .goals.resolve import moved_by, place_after, require_swinging, resolve
+from .goals.spec import GoalSpec
 from .goals.table import require_learned
 from .keys.keying import KeyedTake, key_take_steps, key_things
 from .keys.layers import require_keyable
 from .keys.objects import Thing, require_movable, rides_along
-from .keys.preview import WorldFrame, holds
 from .keys.report import build_report
 from .keys.shown import look_at
 from .rigs.armature import read_pose, require_skeleton
 from .world.beside import beside
 from .world.evaluated import Snapshot
+from .world.frame import WorldFrame, holds
 from .world.ground import floor_under
 from .world.surroundings import Surroundings
 

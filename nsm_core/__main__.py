@@ -9,13 +9,13 @@ from .errors import NsmError
 
 # Imported only when asked for: bench must run where training's packages are missing.
 COMMANDS = {
-    "train": ("nsm_core.training.loop", "train the network from a capture folder"),
-    "evaluate": ("nsm_core.evaluation.report", "print the tables of figures and write them as JSON"),
+    "train": ("nsm_core.commands.train", "train the network from a capture folder"),
+    "evaluate": ("nsm_core.commands.evaluate", "print the tables of figures and write them as JSON"),
     "bench": ("nsm_core.commands.bench", "measure the speed of the network"),
     "annotate": ("nsm_core.commands.annotate", "propose labels, contacts, phases and goals of captures"),
-    "pool": ("nsm_core.world.assets.pool", "convert a folder of furniture meshes to the object pool"),
-    "augment": ("nsm_core.data.augmentation.swap_seats", "put captured sit-downs on other seats"),
-    "compose": ("nsm_core.data.scenarios.composer", "stitch performances for training from captures"),
+    "pool": ("nsm_core.commands.pool", "convert a folder of furniture meshes to the object pool"),
+    "augment": ("nsm_core.commands.augment", "put captured sit-downs on other seats"),
+    "compose": ("nsm_core.commands.compose", "stitch performances for training from captures"),
 }
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-Array = np.ndarray
+from .rotations import Array
 
 _MOST_ENTRIES = 1000
 _MOST_HEADER = 4096

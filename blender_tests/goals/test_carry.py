@@ -10,13 +10,15 @@ import pytest
 from mathutils import Matrix
 from scenes import box, empty, furnish, mesh_of_boxes
 
-from nsm_blender.goals.resolve import GoalSpec, place_after, resolve, show_goal_point
-from nsm_blender.keys.preview import WorldFrame
+from nsm_blender.goals.resolve import place_after, resolve, show_goal_point
+from nsm_blender.goals.spec import GoalSpec
+from nsm_blender.world.frame import WorldFrame
 from nsm_blender.world.surroundings import Surroundings
+from nsm_core.distances import BODY_TO_BOX
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import heading_to_direction, rotate_planar, wrap_angle
 from nsm_core.world.affordances.standing import BODY_TO_EDGE
-from nsm_core.world.scene.props import BODY_TO_BOX, Box
+from nsm_core.world.scene.props import Box
 
 START = (np.array((0.0, -2.0), np.float32), math.pi)
 

@@ -10,8 +10,9 @@ import pytest
 from scenes import box, furnish, mesh_of_boxes
 
 from nsm_blender.goals.climb import climb_onto
-from nsm_blender.goals.resolve import GoalSpec, resolve, show_goal_point
-from nsm_blender.keys.preview import WorldFrame
+from nsm_blender.goals.resolve import resolve, show_goal_point
+from nsm_blender.goals.spec import GoalSpec
+from nsm_blender.world.frame import WorldFrame
 from nsm_blender.world.surroundings import Surroundings
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import heading_to_direction, rotate_planar

@@ -11,10 +11,11 @@ from door_trials import pair
 from mathutils import Matrix
 from scenes import LEAF, box, door, mesh_of_boxes
 
-from nsm_blender.goals.resolve import GoalSpec, resolve, show_goal_point
-from nsm_blender.keys.preview import WorldFrame
+from nsm_blender.goals.resolve import resolve, show_goal_point
+from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import TakeSpec, finish, generate, prepare
+from nsm_blender.world.frame import WorldFrame
 from nsm_core.errors import GoalError
 
 START = (np.array((0.4, -2.0), np.float32), math.pi)

@@ -11,10 +11,11 @@ from door_trials import TRIALS, loose_handle, low_handle, pair, run, shut_at_an_
 from mathutils import Matrix
 from scenes import LEAF, box, door, empty, mesh_of_boxes
 
-from nsm_blender.goals.resolve import GoalSpec, moved_by, resolve
-from nsm_blender.keys.preview import WorldFrame
+from nsm_blender.goals.resolve import moved_by, resolve
+from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import TakeSpec, finish, prepare
+from nsm_blender.world.frame import WorldFrame
 from nsm_core.errors import GoalError
 from nsm_core.rotations import wrap_angle
 

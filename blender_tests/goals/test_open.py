@@ -11,11 +11,13 @@ from mathutils import Matrix
 from scenes import LEAF, box, door, empty, mesh_of_boxes
 
 from nsm_blender.goals.points import HANDLE, HINGE, SWING, goal_point_of
-from nsm_blender.goals.resolve import GoalSpec, place_after, resolve, show_goal_point
-from nsm_blender.keys.preview import WorldFrame
+from nsm_blender.goals.resolve import place_after, resolve, show_goal_point
+from nsm_blender.goals.spec import GoalSpec
+from nsm_blender.world.frame import WorldFrame
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import rotate_planar, wrap_angle
-from nsm_core.world.scene.props import Leaf, passage
+from nsm_core.world.affordances.passage import passage
+from nsm_core.world.scene.props import Leaf
 
 START = (np.array((0.4, -2.0), np.float32), math.pi)
 

@@ -11,8 +11,9 @@ from mathutils import Matrix
 from scenes import box, empty, furnish
 
 from nsm_blender.goals.points import goal_point_of
-from nsm_blender.goals.resolve import GoalSpec, resolve, show_goal_point
-from nsm_blender.keys.preview import WorldFrame
+from nsm_blender.goals.resolve import resolve, show_goal_point
+from nsm_blender.goals.spec import GoalSpec
+from nsm_blender.world.frame import WorldFrame
 from nsm_core.body.skeleton import HIP_OVER_SEAT
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import rotate_planar, wrap_angle

@@ -10,8 +10,9 @@ import pytest
 from scenes import box, empty, furnish, mesh_of_boxes
 
 from nsm_blender.goals.points import goal_point_of
-from nsm_blender.goals.resolve import GoalSpec, resolve, show_goal_point
-from nsm_blender.keys.preview import WorldFrame
+from nsm_blender.goals.resolve import resolve, show_goal_point
+from nsm_blender.goals.spec import GoalSpec
+from nsm_blender.world.frame import WorldFrame
 from nsm_core.errors import GoalError, NsmError
 from nsm_core.rotations import heading_to_direction
 

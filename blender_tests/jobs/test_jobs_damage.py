@@ -18,7 +18,8 @@ import pytest
 from scenes import empty
 
 from nsm_blender import batch
-from nsm_blender.jobs.read import Job, read_job
+from nsm_blender.jobs.job import Job
+from nsm_blender.jobs.read import read_job
 from nsm_blender.pictures import outputs, render
 from nsm_blender.rigs.character import add_character
 from nsm_core.errors import JobError, NsmError, OutputError

@@ -16,10 +16,11 @@ from nsm_blender.animation.kept import SceneState
 from nsm_blender.goals.open import read_leaf
 from nsm_blender.keys.keying import discard_take, key_take, key_things
 from nsm_blender.keys.objects import Thing, moving_rows, resample_poses
-from nsm_blender.keys.preview import Preview, WorldFrame
+from nsm_blender.keys.preview import Preview
 from nsm_blender.rigs.armature import build_armature
 from nsm_blender.rigs.mount import last
 from nsm_blender.ui.operators import review
+from nsm_blender.world.frame import WorldFrame
 from nsm_blender.world.surroundings import Surroundings
 from nsm_core.body.skeleton import J
 from nsm_core.errors import NsmError

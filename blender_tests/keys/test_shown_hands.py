@@ -10,9 +10,9 @@ from motions import wandering_take
 from scenes import box
 
 from nsm_blender.keys.objects import Thing
-from nsm_blender.keys.preview import WorldFrame
 from nsm_blender.rigs.armature import build_armature
 from nsm_blender.takes import TakeSpec, finish, key_and_check
+from nsm_blender.world.frame import WorldFrame
 from nsm_core.body.skeleton import ARMS, forward_kinematics
 from nsm_core.control.goals import Goal, GoalResult, Taken
 from nsm_core.control.take import TakeRequest, TakeResult

@@ -8,9 +8,9 @@ import bpy
 import numpy as np
 import pytest
 
-from nsm_blender.keys.preview import WorldFrame
 from nsm_blender.world.colliders import BVHQuery, collider_shapes, gather_colliders
 from nsm_blender.world.evaluated import object_mesh_triangles
+from nsm_blender.world.frame import WorldFrame
 from nsm_core.errors import GeometryError
 from nsm_core.world.affordances.seat import find_seat
 from nsm_core.world.geometry.distance import Cuboids

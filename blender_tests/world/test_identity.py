@@ -9,7 +9,7 @@ from scenes import box, empty
 
 import nsm_blender
 from nsm_blender.animation.identity import Known
-from nsm_blender.goals.resolve import GoalSpec
+from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.pictures import viewpoint
 from nsm_blender.rigs.armature import build_armature
 from nsm_blender.takes import TakeSpec, own_objects

@@ -11,14 +11,14 @@ import pytest
 from mathutils import Matrix
 from scenes import box, empty, furnish
 
-from nsm_blender.goals.resolve import GoalSpec
-from nsm_blender.keys.preview import WorldFrame
+from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import TakeSpec, finish, generate, prepare
 from nsm_blender.world import colliders
 from nsm_blender.world.beside import beside, freely
 from nsm_blender.world.colliders import BVHQuery, collider_shapes, gather_colliders
 from nsm_blender.world.evaluated import MeshData, Snapshot
+from nsm_blender.world.frame import WorldFrame
 from nsm_blender.world.ground import floor_under
 from nsm_blender.world.solids import READINGS, Solid, solids_of
 from nsm_blender.world.surroundings import Surroundings

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from captures import capture_folder, source, stand, walk
 
-from nsm_core.body.clip import Clip, resample, transform
+from nsm_core.body.clip import Clip, resample, smoothed_root, transform
 from nsm_core.body.skeleton import HIPS, MIRROR
-from nsm_core.data.matching.database import build, gaussian_smooth, load_walks, smoothed_root
+from nsm_core.data.matching.database import build
+from nsm_core.data.matching.selection import load_walks
 from nsm_core.errors import CaptureError
 from nsm_core.rotations import rotate_planar, wrap_angle
+from nsm_core.signals import gaussian_smooth
 
 
 @pytest.fixture

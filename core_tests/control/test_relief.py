@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nsm_core.body.capsules import penetration_depths
 from nsm_core.body.skeleton import HIPS, forward_kinematics
 from nsm_core.control.goals import Goal
 from nsm_core.control.relief import Relief
 from nsm_core.control.take import TakeRequest, TakeRunner
-from nsm_core.evaluation.measures.motion import jumps, penetration_depths, travel_report
+from nsm_core.evaluation.measures.motion import jumps, travel_report
 from nsm_core.evaluation.trials.sit import sit_goal
 from nsm_core.model.inference.model import load_model
 from nsm_core.rotations import rotate_planar

@@ -11,11 +11,12 @@ from nsm_core.conventions import STYLES
 from nsm_core.evaluation.measures import objects
 from nsm_core.evaluation.measures.motion import foot_sliding, over_ground, travel_report
 from nsm_core.rotations import rotate_planar
+from nsm_core.world.affordances.passage import passage
 from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.scene import furniture
 from nsm_core.world.scene.door import make_door
 from nsm_core.world.scene.furniture import carried_box
-from nsm_core.world.scene.props import Box, passage
+from nsm_core.world.scene.props import Box
 
 STILL = Cuboids()
 

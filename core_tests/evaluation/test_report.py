@@ -9,6 +9,7 @@ import pytest
 from captures import data_folder
 
 from nsm_core.body.skeleton import J
+from nsm_core.commands.evaluate import main
 from nsm_core.control.take import TakeResult
 from nsm_core.conventions import CLIMB, FPS
 from nsm_core.errors import GoalError, OutputError
@@ -18,11 +19,11 @@ from nsm_core.evaluation.trials import carry, interrupt, locomotion, rollout, st
 from nsm_core.evaluation.trials import open as doors
 from nsm_core.evaluation.trials import sit as trials_sit
 from nsm_core.evaluation.trials.suite import ABLATIONS, PARTS, Figures
-from nsm_core.model.features.codec import INPUT
+from nsm_core.model.features.layout import INPUT
 from nsm_core.model.inference.model import Model, load_model
 from nsm_core.rotations import heading_to_direction
+from nsm_core.world.affordances.passage import passage
 from nsm_core.world.scene import furniture
-from nsm_core.world.scene.props import passage
 from nsm_core.world.sensors.interaction import interaction_sensor
 
 
@@ -177,9 +178,9 @@ def test_an_order_is_answered(model):
 
 def test_the_command_runs_parts_and_writes_what_it_printed(tmp_path, capsys):
     with pytest.raises(SystemExit):
-        evaluation_report.main(["--only", "dance"])
+        main(["--only", "dance"])
     assert "there is no part dance" in capsys.readouterr().err
-    assert evaluation_report.main(["--only", "none", "--out", str(tmp_path / "a" / "e.json")]) == 0
+    assert main(["--only", "none", "--out", str(tmp_path / "a" / "e.json")]) == 0
     assert json.loads((tmp_path / "a" / "e.json").read_text()) == {"trials": []}
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="folder"):

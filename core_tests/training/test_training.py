@@ -14,7 +14,8 @@ torch = pytest.importorskip("torch", reason="training needs PyTorch")
 from nsm_core.body.skeleton import FEET, INDEX
 from nsm_core.conventions import STYLES
 from nsm_core.data.storage import Dataset
-from nsm_core.model.features.codec import GATING, INPUT, OUTPUT, build_targets, read_outputs
+from nsm_core.model.features.codec import build_targets, read_outputs
+from nsm_core.model.features.layout import GATING, INPUT, OUTPUT
 from nsm_core.model.features.rollout_step import advance
 from nsm_core.model.features.state import State
 from nsm_core.model.inference.model import load_model

@@ -7,7 +7,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="training needs PyTorch")
 
-from nsm_core.model.features.codec import layout_description
+from nsm_core.model.features.layout import layout_description
 from nsm_core.model.inference.weights_file import save_weights
 from nsm_core.model.networks.config import NsmConfig
 from nsm_core.model.networks.nsm import NSM, STATISTICS

@@ -9,7 +9,7 @@ import numpy as np
 
 from nsm_core.world.scene import furniture
 
-from ..goals.resolve import GoalSpec
+from ..goals.spec import GoalSpec
 from . import door_parts, room_props
 from .room import Room, floor, palette, place
 

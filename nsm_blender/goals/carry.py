@@ -8,13 +8,14 @@ import bpy
 import numpy as np
 
 from nsm_core.control.goals import Goal
+from nsm_core.distances import BODY_TO_BOX, HEAVIEST_SIDE, WIDEST_BOX
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.world.affordances.standing import BODY_TO_EDGE, choose_side, further_off, require_room
-from nsm_core.world.scene.props import BODY_TO_BOX, HEAVIEST_SIDE, WIDEST_BOX, Box, sense
+from nsm_core.world.scene.props import Box, sense
 
-from ..keys.preview import WorldFrame
 from ..world.bodies import Body, place_of
+from ..world.frame import WorldFrame
 from ..world.surroundings import Surroundings
 from ..world.tops import Level, find_levels, occupy, occupy_rectangle, places_near_edge
 

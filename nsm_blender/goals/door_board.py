@@ -13,9 +13,9 @@ from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.world.geometry.orientation import connected_parts
 
-from ..keys.preview import WorldFrame
 from ..world.bodies import Body
 from ..world.evaluated import is_worn
+from ..world.frame import WorldFrame
 from ..world.surroundings import Surroundings
 from .door_kinds import ONLY, furniture_by_name, no_leaf
 

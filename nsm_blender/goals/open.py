@@ -8,8 +8,9 @@ import numpy as np
 from nsm_core.control.goals import Goal
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
+from nsm_core.world.affordances.passage import passage
 from nsm_core.world.geometry.distance import DistanceQuery
-from nsm_core.world.scene.props import Leaf, passage, sense
+from nsm_core.world.scene.props import Leaf, sense
 
 from ..world.surroundings import Surroundings
 from .door_board import Board, neighbours, read_board

@@ -8,7 +8,7 @@ from mathutils import Matrix, Vector
 
 from nsm_core.rotations import Array
 
-from ..keys.preview import WorldFrame
+from ..world.frame import WorldFrame
 
 POINT_NAME = "NSM Goal"
 POINT_LINK = "nsm_goal_of"  # custom property of a goal point: the object it belongs to

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
 from nsm_core.body.skeleton import HIP_OVER_SEAT
-from nsm_core.control.goals import STAND_AHEAD, Goal
+from nsm_core.control.goals import Goal
+from nsm_core.distances import STAND_AHEAD
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, direction_to_heading, heading_to_direction, rotate_planar
+from nsm_core.world.affordances.passage import passage
 from nsm_core.world.affordances.seat import find_seat
 from nsm_core.world.affordances.standing import further_off, standing_place
-from nsm_core.world.scene.props import Box, Leaf, passage
+from nsm_core.world.scene.props import Box, Leaf
 
-from ..keys.preview import WorldFrame, holds
 from ..world.bodies import Body, place_of
+from ..world.frame import WorldFrame, holds
 from ..world.surroundings import Surroundings
 from .carry import carry_goal
 from .climb import climb_goal
@@ -26,31 +27,16 @@ from .door_kinds import require_swings
 from .loose_parts import is_group, seat_body
 from .open import open_goal
 from .points import HANDLE, HINGE, POINT_ACTION, POINT_LINK, POINT_NAME, POINT_TO, SWING, goal_point_of, make_point
+from .spec import GoalSpec
 from .table import require_action
 from .walk import crossings, require_support, walk_goal, what_stands_at
 
-__all__ = ["POINT_ACTION", "POINT_LINK", "GoalSpec", "goal_point_of", "moved_by", "place_after", "resolve", "show_goal_point"]
+__all__ = ["POINT_ACTION", "POINT_LINK", "goal_point_of", "moved_by", "place_after", "resolve", "show_goal_point"]
 
 # Seats that a person of the skeleton's size can use, metres over the floor.
 LOWEST_SEAT, HIGHEST_SEAT = 0.25, 0.8
 # Where one stands before an object that one walks up to, metres from its front.
 _STAND_OFF = 0.45
-
-
-@dataclass
-class GoalSpec:
-    """A goal as asked for: an object or a place (3,), world, an action and a hold in seconds; ``to`` where a box is carried."""
-
-    action: str
-    object: bpy.types.Object | None = None
-    hold: float = 2.0
-    location: tuple[float, float, float] | None = None
-    to: bpy.types.Object | None = None
-
-    @property
-    def label(self) -> str:
-        """Name of the goal in lists, reports and messages."""
-        return self.object.name if self.object else "place" if self.location is not None else "here"
 
 
 def moved_by(specs: list[GoalSpec]) -> list[bpy.types.Object]:

@@ -14,7 +14,7 @@ from nsm_core.errors import JobError
 from ..pictures.outputs import FILM, PICTURE, with_ending
 
 if TYPE_CHECKING:
-    from .read import JobTake
+    from .job import JobTake
 
 # Blender keeps paths of 1023 bytes and cuts longer ones; disks take names of 255.
 _LONGEST_PATH, _LONGEST_NAME = 1000, 255

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ from nsm_core import validate
 from nsm_core.errors import JobError, NsmError
 
 from ..goals.table import require_action
+from .job import Job, JobGoal, JobTake
 from .paths import refuse_clashes, require_path, require_words
 
 OUTPUTS = ("report", "out", "sheet", "video", "bvh")
@@ -21,42 +21,6 @@ _FIRST_FRAME, _LAST_START = -1_048_574, 1_000_000
 _LARGEST_SEED = 2**31 - 1
 _LONGEST_HOLD = 600.0  # seconds
 _FARTHEST = 1e6  # of a coordinate
-
-
-@dataclass(frozen=True)
-class JobGoal:
-    """A goal of a job file: an object's name or a place (3,), world; ``to`` names the destination of what is carried."""
-
-    action: str
-    object: str | None = None
-    hold: float = 2.0
-    location: tuple[float, float, float] | None = None
-    to: str | None = None
-
-
-@dataclass
-class JobTake:
-    """A take of a job file; ``error`` is the sentence about what is wrong with its entry, if anything."""
-
-    name: str
-    character: str = "Character"
-    seed: int = 0
-    start_frame: int = 1
-    contact_ik: bool = True
-    overwrite: bool = False  # whether ``out`` may take the place of the scene
-    goals: list[JobGoal] = field(default_factory=list)
-    outputs: dict[str, Path] = field(default_factory=dict)
-    error: str | None = None
-
-
-@dataclass
-class Job:
-    """A job file that has been read: a scene, its takes, and whether the scripts in the scene may run."""
-
-    path: Path
-    scene: Path
-    takes: list[JobTake]
-    scripts: bool = False
 
 
 def read_job(path: str | Path) -> Job:

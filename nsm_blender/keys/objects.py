@@ -20,7 +20,7 @@ from ..rigs.mount import along
 from .layers import acts, animated_switches, driven, may_move, require_action_rules, require_editable, rotation_channel, varies
 
 if TYPE_CHECKING:
-    from .preview import WorldFrame
+    from ..world.frame import WorldFrame
 
 _DELTAS = ("delta_location", "delta_rotation_euler", "delta_rotation_quaternion", "delta_scale")
 _MOVED = 1e-5  # metres and radians between two frames that count as a move

@@ -1,9 +1,8 @@
-"""The character's place and size in a scene, and putting a scene back as it was."""
+"""The pose of a take that grows, shown on its character without a key."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import bpy
 import numpy as np
@@ -17,37 +16,7 @@ from ..rigs.armature import Placement
 from ..rigs.mount import Mount
 from .keying import bone_channels
 
-__all__ = ["Preview", "SceneState", "WorldFrame", "holds"]
-
-
-@dataclass(frozen=True)
-class WorldFrame:
-    """The core's world as one character sees it: its own metres, of which its legs are as long as the skeleton's; its floor at zero.
-
-    ``scale`` is Blender units to such a metre, whatever the units of scene, object and bones are; ``floor`` a height, Blender units.
-    """
-
-    scale: float = 1.0
-    floor: float = 0.0
-
-    @classmethod
-    def of(cls, armature: bpy.types.Object) -> WorldFrame:
-        """Frame of a character: the size of its skeleton and its armature's height; SkeletonError as for ``Placement.of``."""
-        placement = Placement.of(armature)
-        return cls(placement.scale, float(placement.matrix[2, 3]))
-
-    def to_core(self, points: Array) -> Array:
-        """World points (..., 3), Blender units, in the core's frame."""
-        return (np.asarray(points) - np.array((0, 0, self.floor))) / self.scale
-
-    def to_world(self, points: Array) -> Array:
-        """Core points (..., 3) in the world, Blender units."""
-        return np.asarray(points, dtype=np.float64) * self.scale + np.array((0, 0, self.floor))
-
-
-def holds(scene: bpy.types.Scene, wanted: bpy.types.Object) -> bool:
-    """Whether an object itself is in a scene, not another one of its name (a linked and a local one may share it)."""
-    return scene.objects.get(wanted.name) == wanted or any(o == wanted for o in scene.objects)
+__all__ = ["Preview", "SceneState"]
 
 
 class Preview:

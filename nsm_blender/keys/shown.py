@@ -24,9 +24,9 @@ from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_normalize, 
 from ..animation.kept import frame_kept
 from ..rigs.armature import Placement, read_world_pose
 from ..rigs.mount import go_to
+from ..world.frame import WorldFrame
 from .keying import KeyedTake, resample
 from .objects import Thing, resample_poses
-from .preview import WorldFrame
 
 SHARE = 0.1  # of the take's own time that looking at it may cost
 OFF = 0.01  # metres of the character from which what is seen is not what was made

@@ -13,7 +13,7 @@ from nsm_core.rotations import Array
 
 from ..animation.channels import assign, new_action
 from ..keys.keying import KeyedTake
-from ..keys.preview import WorldFrame
+from ..world.frame import WorldFrame
 from .viewpoint import choose_views, soften
 
 LENS, SENSOR = 45.0, 36.0  # millimetres

@@ -16,7 +16,7 @@ from bpy.props import (
 
 from nsm_core.errors import GoalError
 
-from ..goals.resolve import GoalSpec
+from ..goals.spec import GoalSpec
 from ..goals.table import ACTIONS, BY_KEY, Action
 from .running import unknown_action
 

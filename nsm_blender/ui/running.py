@@ -11,7 +11,7 @@ import bpy
 from nsm_core.body.skeleton import JOINTS
 
 from ..goals.table import BY_KEY
-from ..keys.preview import holds
+from ..world.frame import holds
 
 
 @dataclass

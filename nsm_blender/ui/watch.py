@@ -11,8 +11,8 @@ from bpy.app.handlers import persistent
 from nsm_core.body.skeleton import JOINTS
 
 from ..animation.identity import Known
-from ..keys.preview import holds
 from ..takes import TakeSpec
+from ..world.frame import holds
 from . import running
 from .properties import settings_of, show_results
 

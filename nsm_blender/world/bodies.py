@@ -10,13 +10,14 @@ from mathutils import Vector
 
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, direction_to_heading, rotate_planar
-from nsm_core.world.affordances.seat import Seat, find_seat
+from nsm_core.world.affordances.seat import find_seat
+from nsm_core.world.scene.furniture.piece import Seat
 from nsm_core.world.sensors.interaction import InteractionVolume, interaction_sensor
 
-from ..keys.preview import WorldFrame
 from .beside import freely
 from .colliders import BVHQuery
 from .evaluated import Snapshot, family_of, join, require_faces
+from .frame import WorldFrame
 from .solids import Solid, solids_of
 
 

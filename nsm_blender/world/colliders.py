@@ -15,9 +15,9 @@ from nsm_core.world.geometry.mesh_reading import Reading
 from nsm_core.world.scene.terrain import FLOOR_TOP
 from nsm_core.world.sensors.environment import SPHERE_RADIUS
 
-from ..keys.preview import WorldFrame
 from .beside import freely
 from .evaluated import COLLIDER_PROPERTY, Seen, Snapshot, object_mesh_triangles
+from .frame import WorldFrame
 from .ground import ROOM_WIDTH, floor_faces, is_ground
 from .solids import Solid, is_litter, placed, solids_of
 

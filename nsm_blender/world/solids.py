@@ -11,8 +11,8 @@ import numpy as np
 from nsm_core.rotations import Array, heading_quat, quat_to_matrix
 from nsm_core.world.geometry.mesh_reading import Reading, Readings, digest, parted
 
-from ..keys.preview import WorldFrame
 from .evaluated import Seen, require_finite
+from .frame import WorldFrame
 
 READINGS = Readings()
 # Copies that a scene's objects make of a mesh are grass, leaves and pebbles, and no obstacles, where they are smaller than this

@@ -16,11 +16,11 @@ from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene.props import Prop
 from nsm_core.world.scene.terrain import Terrain
 
-from ..keys.preview import WorldFrame
 from .beside import freely
 from .bodies import Body
 from .colliders import belonging_to, obstacles, query_of, scene_solids, solid_seen
 from .evaluated import Snapshot, family_of
+from .frame import WorldFrame
 from .ground import ground_of
 from .solids import Solid, solids_of
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nsm_core.rotations import Array, quat_rotate
+from nsm_core.world.geometry.distance import DistanceQuery
 
 from .skeleton import INDEX, MIRROR, OFFSETS, forward_kinematics
 
@@ -127,3 +128,11 @@ def _level(positions: Array) -> dict[str, Array]:
         drop = -thigh[:, 2] / np.maximum(np.linalg.norm(thigh, axis=-1), 1e-6)
         level[side] = np.clip((_RISING - drop) / (_RISING - _SEATED), 0, 1)
     return {**level, "": np.minimum(level["Right"], level["Left"])}
+
+
+def penetration_depths(hips_position: Array, local_rotations: Array, query: DistanceQuery, offsets: Array = OFFSETS) -> Array:
+    """Depth (T,) in metres of the deepest point of the body in each frame, 0 where it touches nothing."""
+    body = Body.of(hips_position, local_rotations, offsets)
+    reach = float(body.radii.max(initial=0.0)) + 0.02
+    distance = query.signed_distance(body.centres.reshape(-1, 3).astype(np.float32), reach).reshape(body.radii.shape)
+    return np.maximum(0, body.radii - distance).max(axis=1)

@@ -10,6 +10,7 @@ from nsm_core.conventions import FPS
 from nsm_core.errors import CaptureError
 from nsm_core.rotations import Array, quat_mul, quat_normalize, quat_rotate, quat_slerp
 from nsm_core.rotations import heading_quat as _heading_quat
+from nsm_core.signals import gaussian_smooth
 
 from .skeleton import J, forward_kinematics, mirror, root_of
 
@@ -77,3 +78,17 @@ def resample(hips_position: Array, local_rotations: Array, times: Array, fps: fl
     hips = hips_position[i] + f[:, None] * (hips_position[k] - hips_position[i])
     rotations = quat_slerp(local_rotations[i], local_rotations[k], np.repeat(f[:, None], local_rotations.shape[1], axis=1))
     return hips, quat_normalize(rotations)
+
+
+ROOT_SMOOTHING = 0.12  # seconds: standard deviation of the Gaussian over root position and heading
+
+
+def smoothed_root(positions: Array) -> tuple[Array, Array]:
+    """Root positions (T, 2) and unwrapped headings (T,) of world joints (T, J, 3), smoothed over ROOT_SMOOTHING.
+
+    The root is only a frame of reference, so smoothing costs no precision: the pose is expressed in it.
+    It keeps the sway of a walking pelvis out of the trajectory that the network has to predict.
+    """
+    position, heading = root_of(positions)
+    sigma = ROOT_SMOOTHING * FPS
+    return gaussian_smooth(position, sigma), gaussian_smooth(np.unwrap(heading), sigma)

@@ -1,7 +1,7 @@
 """A body thinner than the one that is seen: training data is checked with it, so that captures of people in real rooms pass,
 and a leaf gives way to it.
 
-How deep a take is inside solids is told by ``evaluation.body``, which is fitted to what is seen.
+How deep a take is inside solids is told by ``capsules``, which is fitted to what is seen.
 """
 
 from __future__ import annotations

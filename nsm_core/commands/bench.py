@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 
 from nsm_core.conventions import DT
-from nsm_core.model.inference.model import BUNDLED, Model, NumpyModel, expected_shapes, model_of
+from nsm_core.model.inference.model import BUNDLED, Model, model_of
+from nsm_core.model.inference.numpy_nsm import NumpyModel
+from nsm_core.model.inference.sizes import expected_shapes
 from nsm_core.model.inference.weights_file import Weights, load_weights
 from nsm_core.model.networks.config import NsmConfig
 

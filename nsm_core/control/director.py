@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.ik.foot_lock import smooth_step
 from nsm_core.conventions import FPS, GOAL_ACTIONS, INTERACTIONS
+from nsm_core.distances import SEAT_MEMORY
 from nsm_core.errors import GoalError
 from nsm_core.model.features.state import FUTURE, KEY_OFFSETS, KEY_STEP, PIVOT, WINDOW
 from nsm_core.rotations import Array, wrap_angle
+from nsm_core.signals import smooth_step
 from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene.props import Prop
@@ -20,9 +21,9 @@ from nsm_core.world.scene.solids import Scene
 from nsm_core.world.sensors.interaction import InteractionVolume
 
 from .actions.approach import Command, Ground
+from .actions.base import Stage
 from .actions.registry import Grasp, begin, check_reachable
-from .actions.walk import Stage
-from .goals import SEAT_MEMORY, Goal, GoalResult, Moment
+from .goals import Goal, GoalResult, Moment
 
 SETTLE = 12  # frames of rest after which a transition has ended
 STEP_ON = 0.25  # metres of its way that one has come nearer to a goal: it is given up where so much is not gained in time

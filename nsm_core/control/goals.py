@@ -13,10 +13,6 @@ from nsm_core.world.scene.props import Box, Leaf, Prop
 from nsm_core.world.scene.terrain import Terrain
 from nsm_core.world.sensors.interaction import InteractionVolume
 
-STAND_AHEAD = 0.45  # how far before the seated hips a person stands before sitting, metres
-SEAT_MEMORY = 0.25  # the seat is sensed until its action label falls to this (published code)
-
-Seat = tuple[Array, float | None]  # where hips (3,) are to settle, metres, and the heading to sit at; None while one still turns
 ACTIONS = ("idle", "walk", "run", "sit", "carry", "open", "climb")  # what the director can lead to
 
 

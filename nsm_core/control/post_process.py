@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from nsm_core.body.ik.foot_plant import ContactIK
+from nsm_core.body.ik.foot_plant import ContactIK, Seat
 from nsm_core.body.ik.hand_clearance import HandClearance
 from nsm_core.body.ik.heels import Heels
 from nsm_core.body.ik.leg_clearance import LegClearance
@@ -22,7 +22,7 @@ from nsm_core.world.scene.terrain import Floor, Terrain
 
 from .actions.box_grasp import Carrying
 from .actions.registry import Grasp
-from .goals import Moment, Seat
+from .goals import Moment
 
 
 class Finishing:

@@ -1,1 +1,1 @@
-"""From captures to training data: library, stitching, scenes, annotation, export."""
+"""From captures to training data: captures, annotation, matching, scenarios, augmentation, storage and export."""

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from nsm_core.body.clip import MIRRORED
-from nsm_core.control.goals import SEAT_MEMORY
 from nsm_core.conventions import INTERACTIONS
+from nsm_core.distances import SEAT_MEMORY
 from nsm_core.errors import CaptureError
 from nsm_core.files import output
-from nsm_core.model.features.codec import CELLS
+from nsm_core.model.features.layout import CELLS
 from nsm_core.rotations import Array
 from nsm_core.world.assets.pool import Pool
 from nsm_core.world.scene.furniture import cuboids
@@ -22,7 +22,7 @@ from nsm_core.world.sensors.environment import environment_sensor_many
 from nsm_core.world.sensors.interaction import interaction_sensor
 
 from .captures.folder import notes
-from .matching.database import stance
+from .matching.selection import stance
 from .scenarios.composer import Composer, load
 from .scenarios.take import Annotated, Piece, Take, annotate, goal_tables
 from .storage import FIELDS, OBJECT_FIELDS

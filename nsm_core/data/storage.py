@@ -12,7 +12,8 @@ import numpy as np
 
 from nsm_core.conventions import DT, STYLES
 from nsm_core.errors import CaptureError
-from nsm_core.model.features.codec import CELLS, ENVIRONMENT, Surroundings, no_object
+from nsm_core.model.features.codec import Surroundings, no_object
+from nsm_core.model.features.layout import CELLS, ENVIRONMENT
 from nsm_core.model.features.state import KEY_STEP, KEYS, WINDOW, State
 from nsm_core.rotations import Array, rotate_planar
 from nsm_core.validate import read_text, table, whole

@@ -1,13 +1,11 @@
-"""Print the figures of the shipped network: one command, fixed seeds, tables and a JSON file."""
+"""The figures of a network: trials of fixed seeds, tables and a JSON file."""
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import multiprocessing
 import os
-import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -16,13 +14,12 @@ from typing import Any
 
 from nsm_core.conventions import STYLES
 from nsm_core.files import output
-from nsm_core.model.features.codec import INPUT
+from nsm_core.model.features.layout import INPUT
 from nsm_core.model.features.rollout_step import Blending
 from nsm_core.model.inference.model import Model, load_model
 from nsm_core.rotations import Array
 from nsm_core.world.assets.pool import Pool
 
-from .measures.data_baseline import slide_of_data
 from .trials import stress
 from .trials.rollout import Report, slides
 from .trials.suite import ABLATIONS, PARTS, Figures, Row, travel_rows
@@ -238,38 +235,4 @@ def _plain(value: Any) -> Any:
     return value if not isinstance(value, float) or math.isfinite(value) else None
 
 
-def main(arguments: list[str]) -> int:
-    """Entry of ``dev.py evaluate``."""
-    parser = argparse.ArgumentParser(prog="evaluate", description="Measure the network on fixed trials.")
-    parser.add_argument("--weights", default=None, help="weights file (default: the shipped one)")
-    parser.add_argument("--only", default=",".join(PARTS), help="parts to run, with commas, or none: " + ", ".join(PARTS))
-    parser.add_argument("--starts", type=int, default=10, help="starts for each object")
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--assets", default=None, help="folder of meshes whose held-back part serves as seats, tables and boxes")
-    parser.add_argument("--stress", type=float, default=0.0, metavar="SECONDS", help="also roll out so much motion of random goals")
-    parser.add_argument("--data", default=None, help="folder of composed data whose own foot slide is printed beside ours")
-    parser.add_argument("--sheets", default=None, help="only draw contact sheets of every part's first trials into this folder")
-    parser.add_argument("--no-ablation", action="store_true", help="skip the runs without parts of the method")
-    parser.add_argument("--out", default="out/evaluation.json")
-    a = parser.parse_args(arguments)
-    only = [name.strip() for name in a.only.split(",") if name.strip() not in ("", "none")]
-    unknown = [name for name in only if name not in PARTS]
-    if unknown:
-        parser.error(f"there is no part {', '.join(unknown)}; choose from {', '.join(PARTS)}")
-    if a.sheets:
-        from .pictures.sheets import draw  # needs matplotlib
 
-        draw(load_model(a.weights, backend="numpy"), a.sheets, only, held_back(a.assets))
-        return 0
-    result = evaluate(a.weights, only, a.starts, a.workers, not a.no_ablation, a.assets)
-    if a.data:
-        result["data"] = slide_of_data(a.data)
-    if a.stress:
-        result["stress"] = run_stress(a.weights, a.stress, a.workers)
-    print(tables(result))
-    write(result, Path(a.out))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

@@ -14,7 +14,8 @@ import numpy as np
 from nsm_core.body.skeleton import INDEX
 from nsm_core.conventions import DT, FOOT_CONTACTS, INTERACTIONS
 from nsm_core.data.storage import Dataset
-from nsm_core.model.features.codec import FRAME, INPUT, OUTPUT, build_inputs, build_targets, read_outputs
+from nsm_core.model.features.codec import build_inputs, build_targets, read_outputs
+from nsm_core.model.features.layout import FRAME, INPUT, OUTPUT
 from nsm_core.model.features.rollout_step import advance
 from nsm_core.model.features.state import FUTURE, KEY_STEP, State
 from nsm_core.rotations import Array, rotate_planar, wrap_angle

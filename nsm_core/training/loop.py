@@ -1,110 +1,14 @@
-"""Train the network: one command from a capture folder to a weights file, resumable at any time."""
+"""The loop of a training, which can be resumed at any time, and a picture of its losses."""
 
 from __future__ import annotations
 
-import argparse
-import hashlib
-import json
 import time
 from pathlib import Path
 
 import numpy as np
-import torch
 
-from nsm_core.data.export import export
-from nsm_core.data.storage import Dataset
-from nsm_core.model.networks.config import NsmConfig
-from nsm_core.model.networks.memory import keep_freed_memory
-
-from .batches import RolloutSettings
-from .fresh_takes import SEEDS_APART, FreshSettings, FreshTakes
 from .log import Log
-from .trainer import Trainer, TrainingSettings, read_checkpoint
-from .warm_start import start_from
-
-
-def main(arguments: list[str]) -> int:
-    """Entry of ``dev.py train``."""
-    parser = argparse.ArgumentParser(prog="train", description="Train the Neural State Machine from a capture folder.")
-    defaults = TrainingSettings()
-    parser.add_argument("captures", help="folder with BVH captures")
-    parser.add_argument("--objects", default=None, help="folder of furniture meshes to put beside the parametric pieces")
-    parser.add_argument("--run", default="runs/nsm", help="folder for data, checkpoints, log and plot (default: runs/nsm)")
-    parser.add_argument("--weights", default=None, help="weights file to write at the end (default: RUN/nsm.npz)")
-    parser.add_argument("--steps", type=int, default=defaults.steps)
-    parser.add_argument("--data-minutes", type=float, default=defaults.data_minutes)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--learning-rate", type=float, default=defaults.learning_rate)
-    parser.add_argument("--rollout", type=int, default=defaults.rollout.length)
-    parser.add_argument(
-        "--root-rate",
-        type=float,
-        default=defaults.rollout.root_rate,
-        help="share of drift that roll-outs learn to undo per frame",
-    )
-    parser.add_argument(
-        "--fresh", type=float, default=defaults.fresh.share, help="share of takes composed meanwhile and put on other objects (0 for none)"
-    )
-    parser.add_argument("--no-stitching", action="store_true", help="train on captured pieces by themselves, to compare")
-    parser.add_argument("--threads", type=int, default=2, help="processor threads (default: 2)")
-    parser.add_argument("--start-from", default=None, help="checkpoint or weights file whose network to start from")
-    a = parser.parse_args(arguments)
-    settings = TrainingSettings(
-        steps=a.steps,
-        data_minutes=a.data_minutes,
-        seed=a.seed,
-        learning_rate=a.learning_rate,
-        rollout=RolloutSettings(length=a.rollout, root_rate=a.root_rate),
-        fresh=FreshSettings(share=a.fresh),
-        stitched=not a.no_stitching,
-    )
-    run = Path(a.run)
-    folder = run / "data"
-    if not (folder / "data.json").exists():
-        print(f"Composing {settings.data_minutes:g} minutes of performances ...", flush=True)
-        export(
-            a.captures,
-            folder,
-            settings.data_minutes,
-            settings.seed,
-            meshes=a.objects,
-            stitch=settings.stitched,
-            progress=lambda n, of: print(f"\r{min(n / of, 1):6.1%}", end="", flush=True),
-            tell=lambda note: print(f"note: {note}", flush=True),
-        )
-        print()
-    keep_freed_memory()
-    torch.set_num_threads(a.threads)
-    checkpoint, log = run / "checkpoint.pt", Log(run / "log.csv")
-    resumed = checkpoint.exists()
-    done = read_checkpoint(checkpoint).get("step", 0) if resumed else 0
-    fresh = None
-    if settings.fresh.share > 0:
-        print("Composing the first fresh takes ...", flush=True)
-        first = settings.seed + SEEDS_APART + done  # fewer than one take a step, so that no take comes twice
-        fresh = FreshTakes(a.captures, a.objects, str(folder / "objects.npz"), first, settings.fresh.slots, settings.stitched)
-    trainer = Trainer(Dataset.open(folder), settings, NsmConfig(), seed_offset=done, fresh=fresh)
-    about = (folder / "data.json").read_bytes()
-    trainer.stance = json.loads(about)["stance"]
-    started_from = Path(a.start_from).name if a.start_from else ""
-    trainer.origin = {"data_version": hashlib.sha256(about).hexdigest()[:16], "started_from": started_from}
-    if resumed:
-        trainer.load(checkpoint)
-        print(f"Going on from step {trainer.step}.")
-    else:
-        trainer.set_statistics()
-        if a.start_from:
-            start_from(trainer.net, a.start_from)
-            trainer.average.refresh(trainer.net)
-    log.begin(trainer.step)
-    try:
-        _loop(trainer, checkpoint, log)
-    finally:
-        if fresh is not None:
-            fresh.close()
-    out = trainer.export(Path(a.weights) if a.weights else run / "nsm.npz")
-    print(f"Wrote {out} ({out.stat().st_size / 2**20:.1f} MB).")
-    return 0
+from .trainer import Trainer
 
 
 def _loop(trainer: Trainer, checkpoint: Path, log: Log) -> None:

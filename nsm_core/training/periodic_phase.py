@@ -13,13 +13,13 @@ import numpy as np
 import torch
 from torch import nn
 
-from nsm_core.body.clip import Clip
+from nsm_core.body.clip import Clip, smoothed_root
 from nsm_core.body.skeleton import J
 from nsm_core.conventions import FPS, RUN, WALK
 from nsm_core.data.annotation.proposal import Annotation
-from nsm_core.data.matching.database import gaussian_smooth, smoothed_root
 from nsm_core.errors import CaptureError
 from nsm_core.rotations import Array, rotate_planar
+from nsm_core.signals import gaussian_smooth
 
 SPAN, STRIDE = 61, 2  # frames of a window, two seconds, of which every second is looked at
 WINDOW = SPAN // STRIDE + 1

@@ -13,7 +13,7 @@ from nsm_core.conventions import STYLES
 from nsm_core.data.storage import Dataset
 from nsm_core.errors import WeightsError
 from nsm_core.files import output
-from nsm_core.model.features.codec import layout_description
+from nsm_core.model.features.layout import layout_description
 from nsm_core.model.inference.weights_file import save_weights
 from nsm_core.model.networks.config import NsmConfig
 from nsm_core.model.networks.nsm import NSM, STATISTICS

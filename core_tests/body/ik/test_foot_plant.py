@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from walks import LEGS, seated_pose, synthetic_walk
 
-from nsm_core.body.ik.foot_lock import ANKLES, TOES, detect_foot_contacts, lock_feet, sole_depth
+from nsm_core.body.contacts import ANKLES, TOES, detect_foot_contacts, sole_depth
+from nsm_core.body.ik.foot_lock import lock_feet
 from nsm_core.body.ik.foot_plant import HIP_PLAY, ContactIK
 from nsm_core.body.ik.planted_foot import CLEARANCE
 from nsm_core.body.skeleton import TOE_HEIGHT, J, forward_kinematics

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from walks import synthetic_walk
 
-from nsm_core.body.ik.foot_lock import ANKLES, TOES, sole_depth
+from nsm_core.body.contacts import ANKLES, TOES, sole_depth
 from nsm_core.body.ik.foot_plant import ContactIK
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import FEET, OFFSETS, TOE_HEIGHT, J, forward_kinematics

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nsm_core.body.ik.foot_lock import ANKLES, LEGS
+from nsm_core.body.contacts import ANKLES, LEGS
 from nsm_core.body.ik.leg_clearance import LEAST, MOST, LegClearance, Pose
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import INDEX, forward_kinematics

@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nsm_core.body.ik.foot_lock import ANKLES, TOES, intervals
+from nsm_core.body.capsules import penetration_depths
+from nsm_core.body.contacts import ANKLES, TOES
 from nsm_core.body.ik.leg_paths import LegPaths
 from nsm_core.body.skeleton import ANKLE_HEIGHT, TOE_HEIGHT, forward_kinematics
 from nsm_core.control.take import TakeRunner
-from nsm_core.evaluation.measures.motion import jumps, penetration_depths
+from nsm_core.evaluation.measures.motion import jumps
 from nsm_core.evaluation.trials import climb
 from nsm_core.model.inference.model import load_model
 from nsm_core.rotations import heading_to_direction
+from nsm_core.signals import intervals
 from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.scene import furniture
 from nsm_core.world.scene.terrain import Terrain

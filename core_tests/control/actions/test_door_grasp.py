@@ -12,10 +12,12 @@ from nsm_core.control.actions.door_grasp import EDGE_HEIGHT, EDGE_IN, FASTEST, O
 from nsm_core.control.actions.leaf_room import NEARLY, LeafRoom, body_spheres
 from nsm_core.control.goals import Goal
 from nsm_core.conventions import GOAL_ACTIONS
+from nsm_core.distances import WIDE_OPEN
 from nsm_core.errors import GoalError
 from nsm_core.rotations import wrap_angle
+from nsm_core.world.affordances.passage import passage
 from nsm_core.world.geometry.distance import Cuboids
-from nsm_core.world.scene.props import WIDE_OPEN, Leaf, passage, sense
+from nsm_core.world.scene.props import Leaf, sense
 
 WIDTH = 0.85
 MIDDLE = np.array((WIDTH / 2, -2.0, 0.0))

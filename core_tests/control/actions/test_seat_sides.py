@@ -8,8 +8,9 @@ from puppets import Puppet
 
 from nsm_core.body.skeleton import HIP_OVER_SEAT
 from nsm_core.control.actions.sit import before_seat
-from nsm_core.control.goals import STAND_AHEAD, Goal
+from nsm_core.control.goals import Goal
 from nsm_core.conventions import GOAL_ACTIONS
+from nsm_core.distances import STAND_AHEAD
 from nsm_core.rotations import wrap_angle
 from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene import furniture

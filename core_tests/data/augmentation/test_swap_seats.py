@@ -11,7 +11,7 @@ from nsm_core.body.skeleton import ARMS, FEET, HIP_OVER_SEAT, forward_kinematics
 from nsm_core.conventions import HAND_CONTACTS
 from nsm_core.data.augmentation.swap_seats import switch_all
 from nsm_core.data.captures import reader
-from nsm_core.data.matching.database import load_sits
+from nsm_core.data.matching.selection import load_sits
 from nsm_core.rotations import rotate_planar
 from nsm_core.world.affordances.arm_rests import arm_rests
 from nsm_core.world.assets.pool import Pool

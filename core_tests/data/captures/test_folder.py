@@ -13,7 +13,7 @@ from nsm_core.body.skeleton import JOINTS
 from nsm_core.data.captures import bvh_writer, reader
 from nsm_core.data.captures.folder import capture_paths, labelled, name_in, read_capture, unlabelled
 from nsm_core.data.captures.joint_map import load_mapping
-from nsm_core.data.matching.database import load_runs, load_walks
+from nsm_core.data.matching.selection import load_runs, load_walks
 from nsm_core.errors import CaptureError
 
 

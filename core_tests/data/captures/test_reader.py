@@ -10,7 +10,7 @@ from captures import walk, write_captures
 
 from nsm_core.body.skeleton import INDEX, JOINTS
 from nsm_core.data.captures import bvh_writer, reader
-from nsm_core.data.matching.database import load_sits, load_walks, stance
+from nsm_core.data.matching.selection import load_sits, load_walks, stance
 from nsm_core.errors import CaptureError, NsmError, SkeletonError
 from nsm_core.rotations import quat_rotate, quat_to_matrix
 

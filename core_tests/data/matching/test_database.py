@@ -16,8 +16,8 @@ from nsm_core.body.ik.two_bone import place_limbs, place_wrists
 from nsm_core.body.skeleton import FEET, INDEX, forward_kinematics
 from nsm_core.data.captures import bvh_writer, reader, sidecar
 from nsm_core.data.captures.folder import Labelled, labelled
-from nsm_core.data.matching.database import load_runs, load_sits, load_walks, neutral, stance
 from nsm_core.data.matching.labelled import grasps, sit_downs, walks_and_runs
+from nsm_core.data.matching.selection import load_runs, load_sits, load_walks, neutral, stance
 from nsm_core.data.scenarios.carry import episode as carry_episode
 from nsm_core.data.scenarios.composer import Composer, load
 from nsm_core.errors import CaptureError

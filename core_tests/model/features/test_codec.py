@@ -13,12 +13,6 @@ from nsm_core.body.skeleton import MIRROR, mirror
 from nsm_core.data.scenarios.take import Command, Placed, Take, Thing
 from nsm_core.data.storage import Dataset
 from nsm_core.model.features.codec import (
-    FRAME,
-    GATING,
-    GOAL,
-    INPUT,
-    INTERACTION,
-    OUTPUT,
     Surroundings,
     build_gating,
     build_inputs,
@@ -27,6 +21,7 @@ from nsm_core.model.features.codec import (
     no_object,
     read_outputs,
 )
+from nsm_core.model.features.layout import FRAME, GATING, GOAL, INPUT, INTERACTION, OUTPUT
 from nsm_core.model.features.rollout_step import advance
 from nsm_core.model.features.state import State
 from nsm_core.rotations import rotate_planar, wrap_angle

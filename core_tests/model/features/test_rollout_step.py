@@ -9,7 +9,8 @@ import pytest
 from captures import walk
 
 from nsm_core.body.skeleton import ARMS, HIPS, OFFSETS, PARENTS, forward_kinematics
-from nsm_core.model.features.codec import OUTPUT, build_targets, read_outputs
+from nsm_core.model.features.codec import build_targets, read_outputs
+from nsm_core.model.features.layout import OUTPUT
 from nsm_core.model.features.rollout_step import Blending, advance, goal_centric_weights, restore_bone_lengths
 from nsm_core.model.features.state import KEY_STEP, State, standing_state
 from nsm_core.rotations import quat_to_matrix

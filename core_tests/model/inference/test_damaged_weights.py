@@ -14,7 +14,7 @@ from conftest import random_arrays
 from fuzzing import one_sentence
 
 from nsm_core.errors import WeightsError
-from nsm_core.model.features.codec import layout_description
+from nsm_core.model.features.layout import layout_description
 from nsm_core.model.inference.model import load_model
 from nsm_core.model.inference.weights_file import load_weights, save_weights
 from nsm_core.model.networks.config import NsmConfig

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from nsm_core.errors import WeightsError
-from nsm_core.model.inference.model import BUNDLED, NEGLIGIBLE, load_model, model_of
+from nsm_core.model.inference.model import BUNDLED, load_model, model_of
+from nsm_core.model.inference.numpy_nsm import NEGLIGIBLE
 from nsm_core.model.inference.weights_file import load_weights
 
 # A sum of n products in single precision rounds by about sqrt(n) units in the last place, in an order that processor and

@@ -7,8 +7,9 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from nsm_core.model.features import codec
-from nsm_core.model.inference.model import expected_shapes, model_of
+from nsm_core.model.features.layout import GATING, INPUT, OUTPUT
+from nsm_core.model.inference.model import model_of
+from nsm_core.model.inference.sizes import expected_shapes
 from nsm_core.model.inference.weights_file import load_weights, save_weights
 from nsm_core.model.networks.config import NsmConfig
 from nsm_core.model.networks.nsm import NSM, STATISTICS, ExpertLinear
@@ -22,9 +23,9 @@ def net(small_config):
 
 def test_defaults_are_the_sizes_of_the_features():
     config = NsmConfig()
-    assert config.parts == tuple(block.stop - block.start for block in codec.INPUT.slices.values())
-    assert list(codec.INPUT.slices) == ["frame", "goal", "environment", "interaction"]
-    assert (config.inputs, config.gating, config.outputs) == (codec.INPUT.size, codec.GATING.size, codec.OUTPUT.size)
+    assert config.parts == tuple(block.stop - block.start for block in INPUT.slices.values())
+    assert list(INPUT.slices) == ["frame", "goal", "environment", "interaction"]
+    assert (config.inputs, config.gating, config.outputs) == (INPUT.size, GATING.size, OUTPUT.size)
     assert NsmConfig.from_dict(config.to_dict() | {"of_a_later_version": 1}) == config
 
 

@@ -7,9 +7,10 @@ import pytest
 
 from nsm_core.errors import GeometryError
 from nsm_core.rotations import rotate_planar, wrap_angle
-from nsm_core.world.affordances.seat import find_seat, hip_setback
+from nsm_core.world.affordances.seat import find_seat
 from nsm_core.world.geometry.triangles import cut_triangles
 from nsm_core.world.scene.furniture import SEAT_KINDS, box_mesh, make
+from nsm_core.world.scene.furniture.piece import hip_setback
 
 
 @pytest.mark.parametrize("kind", SEAT_KINDS)

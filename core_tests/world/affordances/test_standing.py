@@ -12,6 +12,7 @@ from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import ARMS, FEET, J, forward_kinematics
 from nsm_core.control.actions.box_grasp import Carrying
 from nsm_core.conventions import HAND_CONTACTS
+from nsm_core.distances import BODY_TO_BOX
 from nsm_core.errors import GoalError
 from nsm_core.evaluation.measures.objects import box_in_solids
 from nsm_core.evaluation.trials import carry_far
@@ -21,7 +22,7 @@ from nsm_core.world.affordances.standing import BODY_TO_EDGE, TOES_CLEAR, choose
 from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.planning.berth import Berth
 from nsm_core.world.scene import furniture
-from nsm_core.world.scene.props import BODY_TO_BOX, Box, sense
+from nsm_core.world.scene.props import Box, sense
 
 SIZE = np.array((0.34, 0.3, 0.26))
 

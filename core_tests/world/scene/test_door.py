@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from nsm_core.distances import OPENED, WIDE_OPEN, WRIST_OFF_HANDLE
 from nsm_core.errors import GeometryError
+from nsm_core.world.affordances.passage import passage
 from nsm_core.world.scene.door import make_door
 from nsm_core.world.scene.furniture import cuboids
-from nsm_core.world.scene.props import OPENED, WIDE_OPEN, WRIST_OFF_HANDLE, passage
 
 
 def doors(count=12):

@@ -7,10 +7,12 @@ import pytest
 
 from nsm_core.body.ik.reaching import ARM
 from nsm_core.body.skeleton import ARMS, INDEX, J, forward_kinematics
+from nsm_core.distances import BODY_TO_BOX, WRIST_OFF_HANDLE, WRIST_OFF_SIDE
 from nsm_core.errors import GoalError
 from nsm_core.rotations import heading_to_direction, rotate_planar
+from nsm_core.world.affordances.passage import passage
 from nsm_core.world.geometry.distance import Cuboids
-from nsm_core.world.scene.props import BODY_TO_BOX, WRIST_OFF_HANDLE, WRIST_OFF_SIDE, Box, Leaf, passage, sense
+from nsm_core.world.scene.props import Box, Leaf, sense
 
 SIZE = np.array((0.4, 0.3, 0.25))
 

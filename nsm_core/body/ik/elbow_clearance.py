@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from nsm_core.body.skeleton import ARMS
-from nsm_core.rotations import Array, quat_conjugate, quat_from_axis_angle, rotate_planar
+from nsm_core.rotations import Array, quat_conjugate, quat_from_axis_angle, quat_mul, quat_rotate, rotate_planar
 from nsm_core.world.scene.props import Box
 
 from .reaching import Pose
-from .two_bone import limb_frames, mul, rotate
+from .two_bone import limb_frames
 
 SPEED, EASE = np.radians(5), 0.35  # a frame; share of the way that is gone in one
 MARGIN = 0.01  # metres between skin and box
@@ -38,16 +38,16 @@ class Elbows:
         wanted = self._wanted(box, starts, elbows, wrists, line) if near else np.zeros(2)
         self.swivel += np.clip(EASE * (wanted - self.swivel), -SPEED, SPEED)
         turn = quat_from_axis_angle(line, _OUTWARD * self.swivel)
-        new_upper, new_lower = mul(turn, upper), mul(turn, lower)
+        new_upper, new_lower = quat_mul(turn, upper), quat_mul(turn, lower)
         pose.local = pose.local.copy()
-        pose.local[[arm[0] for arm in ARMS]] = mul(quat_conjugate(parents), new_upper)
-        pose.local[[arm[2] for arm in ARMS]] = mul(quat_conjugate(new_lower), hands)  # hands keep their turn
+        pose.local[[arm[0] for arm in ARMS]] = quat_mul(quat_conjugate(parents), new_upper)
+        pose.local[[arm[2] for arm in ARMS]] = quat_mul(quat_conjugate(new_lower), hands)  # hands keep their turn
 
     def _wanted(self, box: Box, starts: Array, elbows: Array, wrists: Array, line: Array) -> Array:
         """Swivels (2,) that keep the arms out of the box, and are no larger than needed."""
         count = len(_TRIES)
         turn = quat_from_axis_angle(np.broadcast_to(line, (count, 2, 3)), _TRIES[:, None] * _OUTWARD)
-        bent = starts + rotate(turn, np.broadcast_to(elbows - starts, (count, 2, 3)))
+        bent = starts + quat_rotate(turn, np.broadcast_to(elbows - starts, (count, 2, 3)))
         upper = starts + _UPPER[:, None, None, None] * (bent - starts)
         lower = bent + _LOWER[:, None, None, None] * (wrists - bent)
         points = np.concatenate((upper, lower))  # (places, tries, arms, 3)

@@ -4,43 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.skeleton import ANKLE_HEIGHT, FEET, OFFSETS, TOE_HEIGHT, forward_kinematics
-from nsm_core.components import clamp
+from nsm_core.body.contacts import ANKLES, LEGS, TOE_OFFSET, TOES, foot_heading, sole_depth
+from nsm_core.body.skeleton import ANKLE_HEIGHT, TOE_HEIGHT, forward_kinematics
 from nsm_core.conventions import FPS
-from nsm_core.rotations import Array, direction_to_heading, heading_quat, quat_from_axis_angle
+from nsm_core.rotations import Array, heading_quat, quat_from_axis_angle, quat_mul, quat_rotate
+from nsm_core.signals import intervals, smooth_step
 
-from .two_bone import leg_reach, mul, place_limbs, rotate
+from .two_bone import leg_reach, place_limbs
 
-ANKLES, TOES = [foot[2] for foot in FEET], [foot[3] for foot in FEET]
-# The toe joint is never lower than this over the floor, metres (the reference code's clamp).
-TOE_CLEARANCE = 0.02
 MAX_PELVIS_DROP = 0.08
 # A correction changes by no more than this a frame between two places, metres, if the intervals of contact leave the time.
 MAX_SHIFT_STEP = 0.03
-LEGS = (FEET[0][:3], FEET[1][:3])
-TOE_OFFSET = OFFSETS[TOES[0]].astype(np.float64)
-# Underside of the heel in the foot's rest frame, from the ankle joint, and seen from the toe joint.
-HEEL_FROM_ANKLE = np.array((0, 0.05, -ANKLE_HEIGHT))
-_HEEL_FROM_TOE = HEEL_FROM_ANKLE - TOE_OFFSET
-_AHEAD = np.array((0.0, -1.0, 0.0))
-
-
-def detect_foot_contacts(positions: Array, height: float = 0.07, speed: float = 0.3, window: int = 5, fps: float = FPS) -> Array:
-    """Tell which feet stand: (T, 2) bool, right and left, from world joint positions (T, 23, 3), metres.
-
-    A foot stands where its toe joint is lower than ``height`` metres and horizontally slower than ``speed`` metres a second,
-    after a majority vote over ``window`` frames that removes flicker.  The speed tells a swing; the height is generous
-    because a foot that pushes off carries its toe joint up to 7 cm high in some captures.
-    """
-    toes = positions[:, TOES]
-    velocity = np.zeros(toes.shape[:2] + (2,), dtype=np.float64)
-    if len(toes) > 1:
-        velocity = np.gradient(toes[..., :2].astype(np.float64), axis=0) * fps
-    on = (toes[..., 2] < height) & (np.linalg.norm(velocity, axis=-1) < speed)
-    half = window // 2
-    padded = np.pad(on.astype(np.int32), ((half, half), (0, 0)), mode="edge")
-    votes = np.stack([padded[i : i + len(on)] for i in range(2 * half + 1)]).sum(0)
-    return votes > half
 
 
 def lock_feet(
@@ -73,15 +47,15 @@ def lock_feet(
     feet = rotations[:, ANKLES]
     if ball_height is not None:
         feet = _press_down(positions[:, TOES, 2], feet, on, ball_height, fade)
-    toes = positions[:, ANKLES] + rotate(feet, TOE_OFFSET)
+    toes = positions[:, ANKLES] + quat_rotate(feet, TOE_OFFSET)
     shift, turn = np.zeros_like(toes), np.zeros(toes.shape[:2])
     for side in (0, 1):
         heights = positions[:, ANKLES[side], 2]
         shift[:, side], turn[:, side] = _corrections(toes[:, side], foot_heading(feet[:, side]), heights, on[:, side], place, fade)
-    feet = mul(heading_quat(turn), feet)
+    feet = quat_mul(heading_quat(turn), feet)
     toes = toes + shift
     toes[..., 2] += sole_depth(toes, feet)
-    targets = toes - rotate(feet, TOE_OFFSET)
+    targets = toes - quat_rotate(feet, TOE_OFFSET)
     hips = hips - np.array((0, 0, 1.0)) * _pelvis_drop(positions, targets, on, fade)[:, None]
     return hips.astype(hips_position.dtype), place_limbs(hips, local, LEGS, targets, feet).astype(dtype)
 
@@ -89,24 +63,14 @@ def lock_feet(
 def _press_down(toe_height: Array, feet: Array, on: Array, height: float, fade: int) -> Array:
     """Pitch feet (T, 2, 4) down until the toe joints of those that stand are at ``height``; smooth in time."""
     lever = float(np.linalg.norm(TOE_OFFSET))
-    slope = np.arcsin(np.clip(rotate(feet, TOE_OFFSET / lever)[..., 2], -1, 1))
+    slope = np.arcsin(np.clip(quat_rotate(feet, TOE_OFFSET / lever)[..., 2], -1, 1))
     down = np.clip(toe_height - height, 0, None) * on
     wanted = np.arcsin(np.clip(np.sin(slope) - down / lever, -0.99, 0.99)) - slope
     half = max(1, fade // 3)
     window = np.hanning(2 * half + 3)[1:-1]
     padded = np.pad(np.clip(wanted, -np.radians(25), 0), ((half, half), (0, 0)), mode="edge")
     pitch = np.stack([np.convolve(padded[:, side], window / window.sum(), mode="valid") for side in (0, 1)], axis=-1)
-    return mul(feet, quat_from_axis_angle(np.array((1.0, 0.0, 0.0)), -pitch))
-
-
-def sole_depth(toes: Array, feet: Array, ground: Array | float = 0.0, heel_ground: Array | float | None = None) -> Array:
-    """How far (...) feet reach under the ground, metres, at least 0: toe joints (..., 3) world, ankle rotations (..., 4) world.
-
-    ``ground`` is its height (...) under the foot, ``heel_ground`` that under the heel where it differs.
-    """
-    heel = rotate(feet, _HEEL_FROM_TOE)[..., 2]
-    under = ground if heel_ground is None else heel_ground
-    return np.maximum(0, np.maximum(TOE_CLEARANCE - (toes[..., 2] - ground), -(toes[..., 2] - under + heel)))
+    return quat_mul(feet, quat_from_axis_angle(np.array((1.0, 0.0, 0.0)), -pitch))
 
 
 def _corrections(toe: Array, heading: Array, ankle_height: Array, on: Array, place: str, fade: int) -> tuple[Array, Array]:
@@ -168,19 +132,3 @@ def _pelvis_drop(positions: Array, targets: Array, on: Array, fade: int) -> Arra
     window = np.hanning(2 * half + 3)[1:-1]
     widest = np.lib.stride_tricks.sliding_window_view(np.pad(need, half, mode="edge"), 2 * half + 1).max(-1)
     return np.convolve(np.pad(widest, half, mode="edge"), window / window.sum(), mode="valid")
-
-
-def intervals(on: Array) -> list[tuple[int, int]]:
-    """Half-open intervals in which (T,) flags are set."""
-    edges = np.flatnonzero(np.diff(np.concatenate(((False,), np.asarray(on, bool), (False,))).astype(np.int8)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-
-
-def foot_heading(feet: Array) -> Array:
-    """Heading (...) of feet from their ankles' world rotations (..., 4)."""
-    return direction_to_heading(rotate(feet, _AHEAD))
-
-
-def smooth_step(t: Array) -> Array:
-    t = clamp(t, 0.0, 1.0) if isinstance(t, float) else np.clip(t, 0, 1)
-    return t * t * (3 - 2 * t)

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsm_core.body.contacts import LEGS, TOE_OFFSET, detect_foot_contacts, foot_heading, sole_depth
 from nsm_core.body.skeleton import FEET, OFFSETS, TOE_HEIGHT
-from nsm_core.control.goals import Seat
 from nsm_core.conventions import FOOT_CONTACTS, FPS, HIP_CONTACT
-from nsm_core.rotations import Array, heading_quat, heading_to_direction, wrap_angle
+from nsm_core.rotations import Array, heading_quat, heading_to_direction, quat_mul, quat_rotate, wrap_angle
+from nsm_core.signals import smooth_step
 from nsm_core.world.scene.terrain import Terrain
 
-from .foot_lock import LEGS, TOE_OFFSET, detect_foot_contacts, foot_heading, lock_feet, smooth_step, sole_depth
+from .foot_lock import lock_feet
 from .footing import Footing
 from .planted_foot import BEARS, EDGE_UP, GATHER, LOCK, UNLOCK, Foot
-from .two_bone import leg_reach, limb_frames, mul, place_limbs, rotate
+from .two_bone import leg_reach, limb_frames, place_limbs
+
+Seat = tuple[Array, float | None]  # where hips (3,) are to settle, metres, and the heading to sit at; None while one still turns
 
 __all__ = ["ContactIK", "detect_foot_contacts", "lock_feet"]
 
@@ -77,7 +80,7 @@ class ContactIK:
         foot_headings = foot_heading(feet)
         own = self._footing.raise_to_low(level, self.dt)
         toes[:, 2] += own
-        ankle_heights = (toes - rotate(feet, TOE_OFFSET))[:, 2]
+        ankle_heights = (toes - quat_rotate(feet, TOE_OFFSET))[:, 2]
         ground = self._look(toes, foot_headings, ankle_heights)
         climbed = ground > self._footing.under
         self._step(toes, bool(climbed.any()))
@@ -91,14 +94,14 @@ class ContactIK:
         self._draw_hips(hips, local, float(contacts[HIP_CONTACT]), hip_goal, heading)
         turn = np.array([foot.turn for foot in self._feet])
         if turn.any():
-            feet = mul(heading_quat(turn), feet)
+            feet = quat_mul(heading_quat(turn), feet)
         raised = np.array([foot.lift for foot in self._feet])
         toes = toes + np.stack([foot.shift for foot in self._feet])
         toes[:, 2] += raised
         lift = self._out_of_ground(toes, feet, ground)
         toes[:, 2] += lift
-        targets = toes - rotate(feet, TOE_OFFSET)
-        starts = hips + rotate(local[0], _HIP_OFFSETS)
+        targets = toes - quat_rotate(feet, TOE_OFFSET)
+        starts = hips + quat_rotate(local[0], _HIP_OFFSETS)
         self._lower_pelvis(hips, starts, targets)
         moved = turn.any() or lift.any() or raised.any() or own.any() or any(foot.shift.any() for foot in self._feet)
         if not (self._draw or self._drop or moved):
@@ -174,7 +177,7 @@ class ContactIK:
         turn = float(wrap_angle(self._facing - now))
         share = float(smooth_step((MAX_DRAW_TURN - abs(turn)) / (MAX_DRAW_TURN - ASKEW)))
         turn = np.sign(turn) * max(abs(turn) - HIP_PLAY_TURN, 0) * share
-        local[0] = mul(heading_quat(np.asarray(float(smooth_step(self._face)) * turn)), local[0])
+        local[0] = quat_mul(heading_quat(np.asarray(float(smooth_step(self._face)) * turn)), local[0])
 
     def _lower_pelvis(self, hips: Array, starts: Array, targets: Array) -> None:
         """Bring ``hips`` down in place, slowly and a little, where a locked foot is out of reach; let go what stays out."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from nsm_core.body.skeleton import ARMS, forward_kinematics
-from nsm_core.data.matching.database import align_quaternions, gaussian_smooth
 from nsm_core.rotations import (
     Array,
     heading_quat,
@@ -14,12 +13,15 @@ from nsm_core.rotations import (
     quat_from_axis_angle,
     quat_from_matrix,
     quat_from_rotvec,
+    quat_mul,
     quat_normalize,
+    quat_rotate,
     quat_slerp,
     rotate_planar,
 )
+from nsm_core.signals import align_quaternions, ease, gaussian_smooth
 
-from .two_bone import mul, place_limbs, place_wrists, rotate
+from .two_bone import place_limbs, place_wrists
 
 STRAIGHT = 0.541  # metres from shoulder to wrist of an arm that is not to be stretched further
 MOST_BENT = np.radians(70)  # most that a hand turns in its wrist to lie on a surface
@@ -32,12 +34,6 @@ _HOLDING = np.array([(quat_from_rotvec(np.array((0.15, s * 1.25, 0.0))), quat_fr
 # World rotation of a hand that lies flat on a box's side with its fingers ahead, right then left, for heading 0.
 _FLAT = quat_from_matrix(np.array([((0, 0, -s), (s, 0, 0), (0, -1, 0)) for s in (1.0, -1.0)]))
 _OUT = 0.05  # metres that wrists swing out on their way past a thing's corners
-
-
-def ease(t: Array) -> Array:
-    """Minimum-jerk step of (...) from 0 to 1."""
-    t = np.clip(t, 0, 1)
-    return t**3 * (10 - 15 * t + 6 * t * t)
 
 
 def lead(wrists: Array, grips: Array, progress: Array, facing: Array) -> Array:
@@ -79,8 +75,8 @@ def place_hands(
     away = grips - positions[:, _SHOULDERS]
     ahead = rotate_planar(away, -facing[:, None])
     dip = 0.65 * np.clip(np.arctan2(-ahead[..., 2], np.maximum(-ahead[..., 1], 0.05)), 0, 1.5)
-    level = mul(heading_quat(facing)[:, None], quat_from_axis_angle(np.array((1.0, 0, 0)), dip))
-    flat = mul(level, np.broadcast_to(_FLAT, level.shape))
+    level = quat_mul(heading_quat(facing)[:, None], quat_from_axis_angle(np.array((1.0, 0, 0)), dip))
+    flat = quat_mul(level, np.broadcast_to(_FLAT, level.shape))
     hands = quat_slerp(world[:, _WRISTS], flat, np.repeat(weight[:, None], 2, axis=1))
     return place_limbs(hips.astype(np.float64), local, ARMS, targets, hands).astype(rotations.dtype)
 
@@ -107,7 +103,7 @@ def lead_hand(hips: Array, rotations: Array, side: int, target: Array, weight: A
     placed[:, wrist] = rotations[:, wrist]  # in line with the forearm as it was
     positions, world = forward_kinematics(hips, placed)
     axis = np.array((-1.0 if side == 0 else 1.0, 0, 0))
-    points = rotate(world[:, wrist], np.broadcast_to(axis, at.shape))
+    points = quat_rotate(world[:, wrist], np.broadcast_to(axis, at.shape))
     forearm = positions[:, wrist] - positions[:, elbow]
     forearm /= np.linalg.norm(forearm, axis=-1, keepdims=True)
     fingers = forearm - (forearm * normal).sum(-1, keepdims=True) * normal + along
@@ -117,8 +113,8 @@ def lead_hand(hips: Array, rotations: Array, side: int, target: Array, weight: A
     sine, cosine = np.linalg.norm(cross, axis=-1), (points * fingers).sum(-1)
     angle = np.minimum(np.arctan2(sine, cosine), MOST_BENT) * weight
     swing = quat_from_rotvec(cross / np.maximum(sine, 1e-6)[:, None] * angle[:, None])
-    placed[:, wrist] = mul(quat_conjugate(world[:, elbow]), mul(swing, world[:, wrist]))
+    placed[:, wrist] = quat_mul(quat_conjugate(world[:, elbow]), quat_mul(swing, world[:, wrist]))
     return quat_normalize(placed).astype(rotations.dtype)
 
 
-__all__ = ["ease", "lead", "lead_hand", "place_hands"]
+__all__ = ["lead", "lead_hand", "place_hands"]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from nsm_core.body.skeleton import ARMS, END_SITES, JOINTS
-from nsm_core.rotations import Array, cross, quat_conjugate, quat_from_axis_angle
+from nsm_core.rotations import Array, cross, quat_conjugate, quat_from_axis_angle, quat_mul, quat_rotate
 from nsm_core.world.geometry.distance import DistanceQuery
 
-from .two_bone import limb_frames, mul, place_limbs, rotate
+from .two_bone import limb_frames, place_limbs
 
 # Places on an arm that are kept out: share of the way from elbow to wrist (0..1) or from wrist to finger tips (1..2); radius, metres.
 # On the hand they lie closer than a table top is thick.
@@ -87,7 +87,7 @@ class HandClearance:
         """New local rotations (23, 4): hands that hold, and so stay where they are, lift their fingers off what lies under them."""
         joints, rotations, _ = limb_frames(hips, local, ARMS)
         starts, position, rotation, hand = joints[:, 0], joints[:, 2], rotations[:, 1], rotations[:, 2]
-        fingers, ahead = rotate(hand, _TIPS), (position - starts) * (1, 1, 0)
+        fingers, ahead = quat_rotate(hand, _TIPS), (position - starts) * (1, 1, 0)
         # A hand that hangs straight down is turned up forward.
         axis = cross(fingers, ahead * 0.3 + (0, 0, 1))
         axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-9)
@@ -95,11 +95,11 @@ class HandClearance:
             wanted = -self._raised[side]
             self._let_go[side] = 0 if held[side] > 0 else self._let_go[side] + 1
             if self._let_go[side] == 0:
-                self._axis[side] = rotate(quat_conjugate(hand[side]), axis[side])
+                self._axis[side] = quat_rotate(quat_conjugate(hand[side]), axis[side])
             else:  # seen from the hand, so that it does not turn over as the fingers swing past
-                axis[side] = rotate(hand[side], self._axis[side])
+                axis[side] = quat_rotate(hand[side], self._axis[side])
             if self._let_go[side] < STILL_TURNED:
-                turned = rotate(quat_from_axis_angle(axis[side], np.asarray(self._raised[side]))[None], fingers[side][None])[0]
+                turned = quat_rotate(quat_from_axis_angle(axis[side], np.asarray(self._raised[side]))[None], fingers[side][None])[0]
                 points = position[side] + _ALONG[:, None] * turned
                 distance = queries[side].signed_distance(points.astype(np.float32), 0.1).astype(np.float64)
                 depth = _FINGERS + LOOK * (0 < held[side] < 1) - distance
@@ -109,7 +109,7 @@ class HandClearance:
         self._raised[self._raised < 1e-3] = 0
         turn = quat_from_axis_angle(axis, self._raised)
         local = local.copy()
-        local[[arm[2] for arm in ARMS]] = mul(quat_conjugate(rotation), mul(turn, hand))
+        local[[arm[2] for arm in ARMS]] = quat_mul(quat_conjugate(rotation), quat_mul(turn, hand))
         return local
 
     def _probe(self, hips: Array, local: Array) -> tuple[Array, Array]:
@@ -117,7 +117,7 @@ class HandClearance:
         joints, rotations, _ = limb_frames(hips, local, ARMS)
         elbow, wrist = joints[:, 1], joints[:, 2]
         moved = wrist + self._push
-        tip = moved + rotate(rotations[:, 2], _TIPS)
+        tip = moved + quat_rotate(rotations[:, 2], _TIPS)
         forearm = elbow[:, None] + _SHARES[None, :, None] * (moved - elbow)[:, None]
         hand = moved[:, None] + (_SHARES[None, :, None] - 1) * (tip - moved)[:, None]
         return wrist, np.where(_SHARES[None, :, None] <= 1, forearm, hand)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from nsm_core.body.skeleton import ARMS, END_SITES, JOINTS
-from nsm_core.rotations import Array
+from nsm_core.rotations import Array, quat_mul, quat_rotate
 from nsm_core.world.geometry.distance import DistanceQuery
 
-from .two_bone import chain_frames, mul, rotate
+from .two_bone import chain_frames
 
 UP, OUT = (0.0, 0.06, 0.12, 0.18, 0.25), (0.0, 0.06, 0.12, 0.18)  # metres off the straight way, in its middle, that are tried
 MARGIN = 0.015  # metres between a hand on its way and what it goes round
@@ -50,8 +50,8 @@ class HandWays:
         arms = [ARMS[h] for h in self.hands]
         rotation = chain_frames(hips, local, tuple(arm[0] for arm in arms))[1]
         for k in range(3):
-            rotation = mul(rotation, local[[arm[k] for arm in arms]])
-        return rotate(rotation, _TIPS[self.hands])
+            rotation = quat_mul(rotation, local[[arm[k] for arm in arms]])
+        return quat_rotate(rotation, _TIPS[self.hands])
 
     def _wanted(self, fingers: Array, now: Array, to: Array, rest: tuple[float, float], ways: Array, solids: DistanceQuery) -> Array:
         """The least (2,) up and outward with which the ``rest`` of the way is free."""

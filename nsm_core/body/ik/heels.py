@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsm_core.body.contacts import LEGS, TOE_OFFSET
 from nsm_core.body.skeleton import FEET, HIP_OVER_SEAT
-from nsm_core.rotations import Array, quat_from_axis_angle
+from nsm_core.rotations import Array, quat_from_axis_angle, quat_mul, quat_rotate
 
-from .foot_lock import LEGS, TOE_OFFSET
-from .two_bone import limb_frames, mul, place_limbs, rotate
+from .two_bone import limb_frames, place_limbs
 
 KNEE_OVER_SEAT = 0.05  # metres that a knee keeps over the level of the seat
 MOST, SPEED, EASE = 0.08, 0.008, 0.3  # metres an ankle is lifted at most; metres per frame and share by which that changes
@@ -40,5 +40,5 @@ class Heels:
         if not self.lift.any():
             return local_rotations
         pitch = quat_from_axis_angle(_AXIS, np.arcsin(np.clip(self.lift / _LEVER, 0, 0.95)))
-        feet = mul(rotation, pitch)
-        return place_limbs(hips, local, LEGS, toes - rotate(feet, TOE_OFFSET), feet).astype(local_rotations.dtype)
+        feet = quat_mul(rotation, pitch)
+        return place_limbs(hips, local, LEGS, toes - quat_rotate(feet, TOE_OFFSET), feet).astype(local_rotations.dtype)

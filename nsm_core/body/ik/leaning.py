@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from nsm_core.body.skeleton import ARMS, FEET, HIPS, INDEX, OFFSETS, PARENTS, forward_kinematics
-from nsm_core.data.matching.database import gaussian_smooth
-from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec
+from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul, quat_rotate
+from nsm_core.signals import gaussian_smooth
 
-from .two_bone import chain_frames, mul, place_limbs, rotate
+from .two_bone import chain_frames, place_limbs
 
 # Joints that share a lean, from below, and their shares: of a trunk over a pelvis that stays, and of one that bends with it.
 SPINE = tuple((INDEX[name], 0.25) for name in ("Chest", "Chest2", "Chest3", "Chest4"))
@@ -36,12 +36,12 @@ def lean(rotations: Array, world: Array, turn: Array, shares: tuple[tuple[int, f
     before = world[:, below].astype(np.float64) if below >= 0 else None
     for joint, share in shares:
         total += share
-        now = mul(quat_from_rotvec(turn * total), world[:, joint].astype(np.float64))
-        local[:, joint] = now if before is None else mul(quat_conjugate(before), now)
+        now = quat_mul(quat_from_rotvec(turn * total), world[:, joint].astype(np.float64))
+        local[:, joint] = now if before is None else quat_mul(quat_conjugate(before), now)
         before = now
     if head != 1:
-        above = mul(quat_from_rotvec(turn), world[:, PARENTS[_NECK]].astype(np.float64))
-        local[:, _NECK] = mul(quat_conjugate(above), mul(quat_from_rotvec(turn * head), world[:, _NECK].astype(np.float64)))
+        above = quat_mul(quat_from_rotvec(turn), world[:, PARENTS[_NECK]].astype(np.float64))
+        local[:, _NECK] = quat_mul(quat_conjugate(above), quat_mul(quat_from_rotvec(turn * head), world[:, _NECK].astype(np.float64)))
     return local
 
 
@@ -83,7 +83,7 @@ def shift_of(height: Array) -> Array:
 
 def _bent(hips: Array, rotations: Array, world: Array, amount: Array) -> tuple[Array, Array]:
     """Hips (T, 3) and local rotations with the trunk pitched forward and the hips moved, by ``amount`` (T,)."""
-    side = rotate(world[:, HIPS].astype(np.float64), np.broadcast_to((1.0, 0, 0), hips.shape))
+    side = quat_rotate(world[:, HIPS].astype(np.float64), np.broadcast_to((1.0, 0, 0), hips.shape))
     ahead = np.stack((side[:, 1], -side[:, 0]), axis=-1)
     ahead *= -SHIFT[1] / np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
     moved = hips + amount[:, None] * np.concatenate((ahead, shift_of(hips[:, 2])[:, 2:]), axis=1)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsm_core.body.contacts import LEGS, TOE_OFFSET
 from nsm_core.body.skeleton import OFFSETS
-from nsm_core.rotations import Array, quat_conjugate, quat_from_axis_angle
+from nsm_core.rotations import Array, quat_conjugate, quat_from_axis_angle, quat_mul, quat_rotate
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.terrain import Terrain
 
-from .foot_lock import LEGS, TOE_OFFSET
-from .two_bone import leg_reach, limb_frames, mul, place_limbs, rotate, solve_two_bone
+from .two_bone import leg_reach, limb_frames, place_limbs, solve_two_bone
 
 CLIMBING = 0.25  # label from which on somebody climbs
 MARGIN = 0.02  # metres off the flesh from which on legs give way
@@ -95,7 +95,7 @@ class LegClearance:
         points = np.concatenate((start + _THIGH[:, None] * (knee - start), knee + _SHIN[:, None] * (ankle - knee)), axis=2)
         radii = _RADII
         if self._feet:
-            places = rotate(pose.feet[:, None], _FOOT) + pose.targets(changes)[:, :, None]
+            places = quat_rotate(pose.feet[:, None], _FOOT) + pose.targets(changes)[:, :, None]
             points, radii = np.concatenate((points, places), axis=2), np.concatenate((_RADII, _FOOT_RADII))
         distance = self.query.signed_distance(points.reshape(-1, 3).astype(np.float32), 0.15).reshape(points.shape[:3])
         # From within a thin wall the nearest way out is through it, for each part of a leg another one; the way is over it.
@@ -115,7 +115,7 @@ class Pose:
         joints, rotations, self.parents = limb_frames(hips, local, LEGS)
         self.joints, self.ankles = np.swapaxes(joints, 0, 1), joints[:, 2]
         self.upper, self.feet = rotations[:, 0], rotations[:, 2]
-        self.hinge = rotate(self.upper, np.array((1.0, 0.0, 0.0)))
+        self.hinge = quat_rotate(self.upper, np.array((1.0, 0.0, 0.0)))
         way = self.ankles - joints[:, 0]
         self.length = np.linalg.norm(way, axis=-1)
         self.down = way / self.length[:, None]
@@ -130,7 +130,7 @@ class Pose:
         """Hip joints, knees and ankles (N, 3, 2, 3) as ``changed`` puts them."""
         start, knee, ankle = (joint + changes[:, None, :3] for joint in self.joints)
         turn = quat_from_axis_angle(np.broadcast_to(self.down, start.shape), _SPLAYED * changes[:, 3:5])
-        bent, hinge = rotate(turn, knee - start), rotate(turn, self.hinge)  # the ankle lies on the axis
+        bent, hinge = quat_rotate(turn, knee - start), quat_rotate(turn, self.hinge)  # the ankle lies on the axis
         knee, ankle, _ = solve_two_bone(start, start + bent, ankle, self.targets(changes), hinge)
         return np.stack((start, knee, ankle), axis=1)
 
@@ -139,8 +139,8 @@ class Pose:
         hips = self.hips + changes[:, :3]
         local = np.repeat(self.local[None], len(changes), axis=0)
         turn = quat_from_axis_angle(np.broadcast_to(self.down, (len(changes), 2, 3)), _SPLAYED * changes[:, 3:5])
-        upper = mul(turn, np.broadcast_to(self.upper, turn.shape))
-        local[:, [leg[0] for leg in LEGS]] = mul(quat_conjugate(np.broadcast_to(self.parents, turn.shape)), upper)
+        upper = quat_mul(turn, np.broadcast_to(self.upper, turn.shape))
+        local[:, [leg[0] for leg in LEGS]] = quat_mul(quat_conjugate(np.broadcast_to(self.parents, turn.shape)), upper)
         feet = np.broadcast_to(self.feet, turn.shape)
         return hips, place_limbs(hips, local, LEGS, self.targets(changes), feet)
 

@@ -11,10 +11,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from nsm_core.rotations import Array
+from nsm_core.signals import intervals
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.terrain import Terrain
 
-from .foot_lock import intervals
 from .leg_clearance import CLIMBING, STIFF, LegClearance, Pose
 
 AROUND = 15  # frames before and after a pass over which the pose may change

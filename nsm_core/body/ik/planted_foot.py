@@ -7,8 +7,7 @@ import numpy as np
 from nsm_core.body.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from nsm_core.components import clamp
 from nsm_core.rotations import Array, wrap_angle
-
-from .foot_lock import smooth_step
+from nsm_core.signals import smooth_step
 
 # Label thresholds with hysteresis, seconds, metres and radians of the frame-by-frame version.
 LOCK, UNLOCK, SURE = 0.5, 0.3, 0.8

@@ -8,12 +8,12 @@ import numpy as np
 
 from nsm_core.body.skeleton import ARMS, FEET, INDEX, OFFSETS
 from nsm_core.conventions import DT
-from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec
+from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul, quat_rotate
+from nsm_core.signals import smooth_step
 from nsm_core.world.geometry.distance import DistanceQuery
 
-from .foot_lock import smooth_step
 from .hand_ways import HandWays
-from .two_bone import SOFT_REACH, chain_frames, limb_frames, mul, place_limbs, rotate
+from .two_bone import SOFT_REACH, chain_frames, limb_frames, place_limbs
 
 ARM = float(np.linalg.norm(OFFSETS[list(ARMS[0][1:])], axis=-1).sum())  # from shoulder to wrist, metres
 TAKE_TIME, LET_GO_TIME = 0.3, 0.4  # seconds in which a hand is drawn onto its place, and given back
@@ -142,8 +142,8 @@ class Hold:
             self._lean = _follow(self._lean, wanted, LEAN_SPEED * DT)
             turn = quat_from_rotvec(self._lean)
             pose.local = pose.local.copy()
-            pose.local[_CHEST] = mul(mul(mul(quat_conjugate(parent), turn), parent), pose.local[_CHEST])
-            shoulders = pivot + rotate(turn[None], shoulders - pivot)
+            pose.local[_CHEST] = quat_mul(quat_mul(quat_mul(quat_conjugate(parent), turn), parent), pose.local[_CHEST])
+            shoulders = pivot + quat_rotate(turn[None], shoulders - pivot)
             lack = _lack(targets - shoulders, self._stretched) if active else lack
         if lack.any() or self._shift.any():
             lack = lack * min(1.0, MOST_SHIFT / max(float(np.linalg.norm(lack)), 1e-9))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsm_core.body.contacts import LEGS
 from nsm_core.body.skeleton import END_SITES, FEET, JOINTS
-from nsm_core.rotations import Array
+from nsm_core.rotations import Array, quat_rotate
 from nsm_core.world.geometry.distance import DistanceQuery
 
-from .foot_lock import LEGS
-from .two_bone import limb_frames, place_limbs, rotate
+from .two_bone import limb_frames, place_limbs
 
 FURTHEST, EASE, SPEED = 0.14, 0.3, 0.012  # metres a foot is brought back at most; share and metres a frame by which that changes
 MARGIN = 0.01  # metres between a shoe and what is before it
@@ -31,7 +31,7 @@ class ToeClearance:
         hips, local = hips_position.astype(np.float64), local_rotations.astype(np.float64)
         joints, rotations, _ = limb_frames(hips, local, FEET)
         ankles, toes, feet = joints[:, 2], joints[:, 3], rotations[:, 2]
-        tips = rotate(rotations[:, 3], _TIP)
+        tips = quat_rotate(rotations[:, 3], _TIP)
         way = tips * (1, 1, 0)
         way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
         wanted = -self.back

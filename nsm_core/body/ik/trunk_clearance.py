@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from nsm_core.body.skeleton import INDEX, OFFSETS
-from nsm_core.rotations import Array, quat_from_axis_angle
+from nsm_core.rotations import Array, quat_from_axis_angle, quat_mul, quat_rotate
 from nsm_core.world.geometry.distance import DistanceQuery
 
-from .two_bone import chain_frames, mul, rotate
+from .two_bone import chain_frames
 
 _CHEST = INDEX["Chest"]
 _SPINE = (INDEX["Chest2"], INDEX["Chest3"], INDEX["Chest4"])
@@ -36,7 +36,7 @@ class TrunkClearance:
     def _leant(self, local: Array) -> Array:
         """The pose with the chest pitched forward, about its own side-to-side axis, by the present lean."""
         turned = local.copy()
-        turned[_CHEST] = mul(quat_from_axis_angle(np.array((1.0, 0, 0)), np.asarray(self.lean)), local[_CHEST])
+        turned[_CHEST] = quat_mul(quat_from_axis_angle(np.array((1.0, 0, 0)), np.asarray(self.lean)), local[_CHEST])
         return turned
 
     def _needed(self, hips: Array, local: Array, pelvis: Array) -> float:
@@ -45,8 +45,8 @@ class TrunkClearance:
         pivot = chain_frames(hips, local, (_CHEST,))[0][0]
         points = [position[0]]
         for before, joint in zip(_SPINE[:-1], _SPINE[1:], strict=True):
-            rotation = mul(rotation, local[[before]])
-            points.append(points[-1] + rotate(rotation, OFFSETS[[joint]].astype(np.float64))[0])
+            rotation = quat_mul(rotation, local[[before]])
+            points.append(points[-1] + quat_rotate(rotation, OFFSETS[[joint]].astype(np.float64))[0])
         spine = np.concatenate([points[k] + _SHARES[:, None] * (points[k + 1] - points[k]) for k in range(2)])
         levers = np.linalg.norm(spine - pivot, axis=1)
         spine, levers = spine[levers > LOWEST], levers[levers > LOWEST]
@@ -54,7 +54,7 @@ class TrunkClearance:
         depth = RADIUS - distance
         deepest = int(depth.argmax())
         if depth[deepest] > 0:
-            forward = rotate(pelvis[None], np.array(((0.0, -1.0, 0.0),)))[0]
+            forward = quat_rotate(pelvis[None], np.array(((0.0, -1.0, 0.0),)))[0]
             ends = np.stack((spine[deepest] + _STEP * forward, spine[deepest] - _STEP * forward)).astype(np.float32)
             ahead, behind = self.query.signed_distance(ends, RADIUS + 0.05)
             if ahead <= behind:  # what it touches stands before the body or at its side: leaning would not help

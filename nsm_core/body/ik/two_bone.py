@@ -31,9 +31,7 @@ from nsm_core.components import (
     unit,
     unit_turn,
 )
-from nsm_core.rotations import Array
-from nsm_core.rotations import quat_mul as mul
-from nsm_core.rotations import quat_rotate as rotate
+from nsm_core.rotations import Array, quat_mul, quat_rotate
 
 # Hinge axis of knee and elbow in the rest frame of the upper bone: turning the lower bone about it flexes the joint.
 _HINGES = np.zeros((J, 3))
@@ -142,7 +140,7 @@ def place_wrists(
 
 def solve_leg_with_toe(hips_position: Array, local_rotations: Array, side: int, toe_target: Array, foot_rotation: Array) -> Array:
     """Put the toe joint of one leg at (..., 3) world metres with the foot turned to (..., 4) world; return new local rotations."""
-    ankle_target = toe_target - rotate(foot_rotation, OFFSETS[FEET[side][3]].astype(foot_rotation.dtype))
+    ankle_target = toe_target - quat_rotate(foot_rotation, OFFSETS[FEET[side][3]].astype(foot_rotation.dtype))
     return place_limb(hips_position, local_rotations, FEET[side][:3], ankle_target, foot_rotation)
 
 
@@ -157,12 +155,12 @@ def chain_frames(hips_position: Array, local_rotations: Array, joints: tuple[int
     def frame(j: int) -> tuple[Array, Array]:
         if j not in known:
             p, r = frame(PARENTS[j])
-            known[j] = (p + rotate(r, OFFSETS[j].astype(r.dtype)), mul(r, local_rotations[..., j, :]))
+            known[j] = (p + quat_rotate(r, OFFSETS[j].astype(r.dtype)), quat_mul(r, local_rotations[..., j, :]))
         return known[j]
 
     parents = [frame(PARENTS[j]) for j in joints]
     rotation = np.stack([r for _, r in parents], axis=-2)
-    return np.stack([p for p, _ in parents], axis=-2) + rotate(rotation, OFFSETS[list(joints)].astype(rotation.dtype)), rotation
+    return np.stack([p for p, _ in parents], axis=-2) + quat_rotate(rotation, OFFSETS[list(joints)].astype(rotation.dtype)), rotation
 
 
 def _frames(hips: list, pose: list, joints: Sequence[int]) -> list[tuple[Vector, Quaternion]]:

@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 
 from nsm_core.body.ik.elbow_clearance import Elbows
-from nsm_core.body.ik.foot_lock import smooth_step
 from nsm_core.body.ik.reaching import Hold, Pose
 from nsm_core.control.goals import Taken
 from nsm_core.conventions import DT, HAND_CONTACTS
+from nsm_core.distances import WRIST_BEHIND
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_angle
+from nsm_core.signals import smooth_step
 from nsm_core.world.geometry.distance import DistanceQuery, Union
 from nsm_core.world.planning.berth import Berth, kept_out
-from nsm_core.world.scene.props import WRIST_BEHIND, Box
+from nsm_core.world.scene.props import Box
 
 # Seconds at least in which the box leaves its resting pose for the one that the hands give it; metres a second at most.
 SETTLING, SETTLE_SPEED = 0.5, 0.45

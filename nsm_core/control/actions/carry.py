@@ -11,8 +11,8 @@ from nsm_core.world.affordances.standing import TOES_CLEAR, choose_side, further
 from nsm_core.world.geometry.distance import DistanceQuery
 
 from .approach import CARRYING, Approach, Command, Ground
+from .base import EXECUTED, Stage
 from .box_grasp import Carrying
-from .walk import EXECUTED, Stage
 
 FETCH, BRING = 2.5, 2.2  # metres from which the box, and its place, are commanded themselves
 PLACED, TRIES = 0.05, 2  # metres from its place at which a box counts as placed; how often one that slipped is fetched

@@ -10,7 +10,7 @@ from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_
 from nsm_core.world.scene.terrain import edge_before
 
 from .approach import Approach, Command, Ground
-from .walk import Stage
+from .base import Stage
 
 BEFORE = 0.6  # metres from the near edge of the object to where one stands before it
 UNKNOWN = 0.3  # metres from the goal to the edge where the object is not known

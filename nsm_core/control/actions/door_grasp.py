@@ -6,14 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from nsm_core.body.ik.foot_lock import smooth_step
 from nsm_core.body.ik.reaching import Hold, Pose
 from nsm_core.control.goals import Taken
 from nsm_core.conventions import DT, HAND_CONTACTS
+from nsm_core.distances import WIDE_OPEN
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, heading_to_direction, wrap_angle
+from nsm_core.signals import smooth_step
+from nsm_core.world.affordances.passage import Passage
 from nsm_core.world.geometry.distance import DistanceQuery
-from nsm_core.world.scene.props import WIDE_OPEN, Leaf, Passage
+from nsm_core.world.scene.props import Leaf
 
 from .leaf_room import NEARLY, LeafRoom, Spheres, body_spheres
 

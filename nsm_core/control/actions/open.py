@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from nsm_core.control.goals import Goal, Moment
+from nsm_core.distances import OPENED
 from nsm_core.rotations import Array, heading_to_direction
+from nsm_core.world.affordances.passage import Passage, passage
 from nsm_core.world.geometry.distance import DistanceQuery
-from nsm_core.world.scene.props import OPENED, Passage, passage
 
 from .approach import REACH, Approach, Command, Ground
+from .base import Stage
 from .door_grasp import Opening
-from .walk import Stage
 
 HANDLE = 2.5  # metres from which the handle itself is commanded
 # A leaf half open that turns by less than this a frame, before a body that stands, is let go after so many frames.

@@ -14,14 +14,15 @@ from nsm_core.world.scene.props import Box
 from nsm_core.world.scene.solids import Scene
 
 from .approach import Command, Ground
+from .base import EXECUTED, Stage
 from .box_grasp import Carrying
 from .carry import Carry
 from .climb import Climb, foot_of
 from .door_grasp import Opening
 from .open import Pass, beyond
 from .rise import TurnBack
-from .sit import before_seat
-from .walk import EXECUTED, Go, Sit, Stage, Stay
+from .sit import Sit, before_seat
+from .walk import Go, Stay
 
 Grasp = Carrying | Opening
 

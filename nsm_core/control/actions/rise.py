@@ -7,12 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from nsm_core.control.goals import STAND_AHEAD, Goal, Moment, Seat
+from nsm_core.body.ik.foot_plant import Seat
+from nsm_core.control.goals import Goal, Moment
 from nsm_core.conventions import SIT
+from nsm_core.distances import STAND_AHEAD
 from nsm_core.rotations import Array, heading_to_direction, wrap_angle
 
 from .approach import Command
-from .walk import Stage
+from .base import Stage
 
 TURNED, UP, BESIDE = np.radians(12), 0.3, 0.2  # from here on one may rise; sit label and metres from where one is up beside the seat
 PATIENCE = 75  # frames after which one rises, and after which one goes on, all the same

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.ik.foot_lock import HEEL_FROM_ANKLE, TOES, detect_foot_contacts, intervals
+from nsm_core.body.contacts import HEEL_FROM_ANKLE, TOES, detect_foot_contacts
 from nsm_core.body.skeleton import FEET, HIPS, INDEX, TOE_HEIGHT
 from nsm_core.conventions import CONTACTS, FPS, HAND_CONTACTS, HIP_CONTACT, STYLES
-from nsm_core.data.matching.database import gaussian_smooth
 from nsm_core.rotations import Array, quat_rotate, rotate_planar
+from nsm_core.signals import gaussian_smooth, intervals
 
 from .hand_rules import carries, reaches
 from .measures import Motion, Span, first_of, hold_while, inside_clip, rate

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.ik.foot_lock import intervals
 from nsm_core.body.skeleton import INDEX
 from nsm_core.conventions import FPS
-from nsm_core.data.matching.database import gaussian_smooth
 from nsm_core.rotations import Array, rotate_planar
+from nsm_core.signals import gaussian_smooth, intervals
 
 from .measures import Motion, Span, closed, first_of, hold_while, inside_clip, rate
 

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsm_core.body.clip import Clip
-from nsm_core.body.ik.foot_lock import intervals
+from nsm_core.body.clip import Clip, smoothed_root
 from nsm_core.conventions import FPS
-from nsm_core.data.matching.database import gaussian_smooth, smoothed_root
 from nsm_core.rotations import Array
+from nsm_core.signals import gaussian_smooth, intervals
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.ik.foot_lock import TOES, intervals
+from nsm_core.body.contacts import TOES
 from nsm_core.body.skeleton import HIPS, INDEX
 from nsm_core.conventions import FPS
+from nsm_core.signals import intervals
 
 from .measures import Motion, Span, closed
 

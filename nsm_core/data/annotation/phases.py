@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.ik.foot_lock import intervals
 from nsm_core.conventions import FPS
 from nsm_core.rotations import Array
+from nsm_core.signals import intervals
 
 Key = tuple[int, float]
 PERIOD = 1.0  # seconds of a cycle where nothing says otherwise

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from nsm_core.body.clip import Clip
+from nsm_core.body.clip import Clip, smoothed_root
 from nsm_core.body.skeleton import HIPS, INDEX, JOINTS, PARENTS
 from nsm_core.conventions import CONTACTS, FPS, GOAL_ACTIONS, STYLES
-from nsm_core.data.matching.database import smoothed_root
 from nsm_core.errors import OutputError
 from nsm_core.files import output
 from nsm_core.rotations import Array, rotate_planar

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nsm_core.body.clip import Clip
-from nsm_core.body.ik.foot_lock import intervals
 from nsm_core.body.skeleton import HIPS, INDEX
 from nsm_core.conventions import CLIMB, CONTACTS, FOOT_CONTACTS, FPS, GOAL_ACTIONS, HAND_CONTACTS, IDLE, RUN, SIT, STYLES, WALK
 from nsm_core.data.captures.sidecar import SECTIONS, GoalKey, Key, Sheet, fingerprint
 from nsm_core.rotations import Array
+from nsm_core.signals import intervals
 
 from .action_rules import propose_actions
 from .measures import Motion, Span, motion_of

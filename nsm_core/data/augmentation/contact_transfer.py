@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nsm_core.body.ik.foot_lock import intervals
 from nsm_core.body.ik.root_reach import within_reach
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import ANKLE_HEIGHT, ARMS, FEET, HIP_OVER_SEAT, HIPS, forward_kinematics, root_of
 from nsm_core.conventions import FOOT_CONTACTS, FPS, HAND_CONTACTS, HIP_CONTACT
 from nsm_core.errors import GeometryError
 from nsm_core.rotations import Array, heading_quat, quat_mul, rotate_planar, wrap_angle
+from nsm_core.signals import intervals
 from nsm_core.world.affordances.arm_rests import arm_rests
 from nsm_core.world.assets.pool import Pool, scaled
 from nsm_core.world.scene.furniture import Furniture, top_of

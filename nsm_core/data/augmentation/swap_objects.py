@@ -10,13 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from nsm_core.body.ik.foot_lock import intervals
 from nsm_core.body.skeleton import ARMS, FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
 from nsm_core.body.thin_capsules import body_spheres
 from nsm_core.conventions import CLIMB, FOOT_CONTACTS, FPS, HAND_CONTACTS, HIP_CONTACT, SIT
 from nsm_core.data.scenarios.take import Command, Take, Thing
 from nsm_core.errors import GeometryError
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
+from nsm_core.signals import intervals
 from nsm_core.world.affordances.arm_rests import arm_rests
 from nsm_core.world.assets.pool import Pool, scaled
 from nsm_core.world.geometry.distance import Cuboids

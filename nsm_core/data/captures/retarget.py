@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nsm_core.body.clip import Clip
-from nsm_core.body.ik.foot_lock import intervals
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import ANKLE_HEIGHT, FEET, INDEX, OFFSETS, TOE_HEIGHT, J, local_from_world
 from nsm_core.conventions import FPS
 from nsm_core.errors import CaptureError, SkeletonError
 from nsm_core.rotations import Array, quat_from_matrix, quat_slerp, quat_to_matrix
+from nsm_core.signals import intervals
 
 from .joint_map import SIDES, SPINE, Mapping
 from .rest_pose import Frames, from_motion, from_pose, is_rest, normalized, shortest_turn

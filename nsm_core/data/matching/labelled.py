@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from nsm_core.body.clip import Clip
-from nsm_core.body.ik.foot_lock import TOES, intervals
+from nsm_core.body.contacts import TOES
 from nsm_core.body.skeleton import HIPS
 from nsm_core.conventions import CONTACTS, FPS, HAND_CONTACTS
 from nsm_core.data.captures.folder import Labelled
 from nsm_core.rotations import Array
+from nsm_core.signals import intervals
 
 SHORTEST = 30  # frames of a stretch
 ABOUT_RUN = round(1.5 * FPS)  # frames before and after running that belong to a run

@@ -7,17 +7,17 @@ needs them.  Everything else is furnished around the path that was walked.
 
 from __future__ import annotations
 
-import argparse
 from types import ModuleType
 
 import numpy as np
 
+from nsm_core.body.ik.fitting import lift_swinging_feet
 from nsm_core.body.ik.foot_lock import lock_feet
 from nsm_core.body.skeleton import FEET, forward_kinematics
 from nsm_core.conventions import FOOT_CONTACTS, FPS
 from nsm_core.data.matching.inertialization import place, soften_seam
+from nsm_core.data.matching.source import Source, gather
 from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul, quat_normalize, quat_to_rotvec
-from nsm_core.world.affordances.arm_rests import lift_swinging_feet
 from nsm_core.world.assets.pool import Pool
 
 from . import single_clips
@@ -26,7 +26,7 @@ from .climb import episode as climb_episode
 from .furnishing import furnish, keep_clear
 from .motion import Motion
 from .open import episode as open_episode
-from .session import Session, Source, gather
+from .session import Session
 from .sit import episode as sit_episode
 from .take import Command, Piece, Take
 from .walk import ways as walk_ways
@@ -180,29 +180,3 @@ def _provenance(session: Session, i: Array) -> list[Piece]:
     for a, b in zip([0, *jumps], [*jumps, len(i)], strict=True):
         result.append(Piece(lib.names[clip[a]], int(i[a] - lib.start[i[a]]), int(i[b - 1] - lib.start[i[a]] + 1), int(b - a)))
     return result
-
-
-def main(arguments: list[str]) -> int:
-    """Entry of ``python -m nsm_core compose``: write training data and say what it covers."""
-    from nsm_core.data.coverage import (
-        picture,
-        report,  # these need this module
-    )
-    from nsm_core.data.export import export
-
-    parser = argparse.ArgumentParser(prog="compose", description="Stitch goal-directed performances from a capture folder.")
-    parser.add_argument("captures", help="folder with BVH captures")
-    parser.add_argument("--objects", default=None, help="folder of furniture meshes to put beside the parametric pieces")
-    parser.add_argument("--out", default="runs/data")
-    parser.add_argument("--minutes", type=float, default=60.0)
-    parser.add_argument("--seed", type=int, default=0)
-    a = parser.parse_args(arguments)
-
-    def show(n: int, of: int) -> None:
-        print(f"\r{min(n / of, 1):6.1%}", end="", flush=True)
-
-    folder = export(a.captures, a.out, a.minutes, a.seed, meshes=a.objects, progress=show, tell=lambda note: print(f"note: {note}"))
-    print()
-    print(report(folder))
-    print(f"Wrote {picture(folder, folder / 'coverage.png')}.")
-    return 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from nsm_core.rotations import Array
 from .take import Command, Placed, Thing
 
 if TYPE_CHECKING:
-    from .session import Session
+    pass
 
 
 @dataclass
@@ -51,25 +51,3 @@ class Motion:
         values = np.interp(np.arange(len(self)), (start, full, leaving, max(gone, leaving + 1)), (0, 1, 1, 0)).astype(np.float32)
         values[: max(start, 0)] = 0
         np.maximum(self.labels[:, label], values, out=self.labels[:, label])
-
-
-class Episode(Protocol):
-    """One action of a performance, from the way there to its end.
-
-    A module of an action has a function ``lay(session) -> Episode | None`` that lays frames on the session's tape and gives
-    commands; None where the draw did not work out (the session then takes everything back).
-    """
-
-    places: list[tuple[Array, float]]  # planar places (2,) and radii, metres, that later ways and objects keep off
-
-    def clear(self, session: Session) -> bool:
-        """Whether the way walked so far, all of ``session.tape``, keeps off the episode's objects."""
-        ...
-
-    def fit(self, motion: Motion) -> None:
-        """Fit the body before feet are locked on the floor: hips, foot contacts, labels, phase keys, commands, things."""
-        ...
-
-    def finish(self, motion: Motion) -> None:
-        """Fit what comes after the feet: hands, objects in hands, feet on things that are not the floor."""
-        ...

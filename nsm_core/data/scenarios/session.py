@@ -2,88 +2,43 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
-from nsm_core.body.clip import Clip
-from nsm_core.body.skeleton import HIPS
-from nsm_core.data.matching.database import Library, build, gaussian_smooth, load_runs, load_walks
-from nsm_core.data.matching.search import Matcher
+from nsm_core.data.matching.segment import LaidSegment
+from nsm_core.data.matching.source import Source
 from nsm_core.data.matching.timeline import Tape
-from nsm_core.errors import CaptureError
 from nsm_core.rotations import Array, heading_to_direction, wrap_angle
+from nsm_core.signals import gaussian_smooth
 from nsm_core.world.assets.pool import Pool
 from nsm_core.world.planning.path import Course
 from nsm_core.world.scene.furniture import Furniture
 
-from .motion import Episode
+from .motion import Motion
 from .take import Command
 
 
-@dataclass(frozen=True)
-class Segment:
-    """A captured piece that is played as a whole: a clip and frames in it by name."""
+class Episode(Protocol):
+    """One action of a performance, from the way there to its end.
 
-    clip: Clip
-    marks: dict[str, int]
-
-    def mirrored(self) -> Segment:
-        """The piece reflected left to right."""
-        return Segment(self.clip.mirrored(), self.marks)
-
-
-@dataclass(frozen=True)
-class LaidSegment:
-    """A segment in a library: its ``first`` frame, one past its ``last``, and its marks, library indices."""
-
-    first: int
-    last: int
-    marks: dict[str, int]
-
-
-@dataclass
-class Source:
-    """What to compose from: one library of walks, runs and the episodes' segments, and how to search it.
-
-    ``walker`` finds walking frames, ``runner`` walking and running ones; ``still`` are frames to start standing from;
-    ``segments`` the captured pieces of each kind of episode by its name.
+    A module of an action has a function ``lay(session) -> Episode | None`` that lays frames on the session's tape and gives
+    commands; None where the draw did not work out (the session then takes everything back).
     """
 
-    library: Library
-    walker: Matcher
-    runner: Matcher
-    still: Array
-    segments: dict[str, list[LaidSegment]]
+    places: list[tuple[Array, float]]  # planar places (2,) and radii, metres, that later ways and objects keep off
 
+    def clear(self, session: Session) -> bool:
+        """Whether the way walked so far, all of ``session.tape``, keeps off the episode's objects."""
+        ...
 
-def gather(folder: str | Path, segments: dict[str, list[Segment]]) -> Source:
-    """Build the source from a capture folder and the ``segments`` cut from it, all with their mirror images."""
-    walks, runs = load_walks(folder), load_runs(folder)
-    walks, runs = ([c for c in clips if len(c) >= 20] for clips in (walks, runs))
-    if not walks:
-        raise CaptureError(
-            f"no level walk was found in {folder}; run `python -m nsm_core annotate` on it, whose labels say what captures are used for, "
-            "or add captures that stand, walk and stand again."
-        )
-    walks += [c.mirrored() for c in walks]
-    runs += [c.mirrored() for c in runs]
-    clips, laid = walks + runs, {}
-    at = sum(map(len, clips))
-    for name, pieces in segments.items():
-        laid[name] = []
-        for piece in [*pieces, *(p.mirrored() for p in pieces)]:
-            laid[name].append(LaidSegment(at, at + len(piece.clip), {k: at + v for k, v in piece.marks.items()}))
-            clips.append(piece.clip)
-            at += len(piece.clip)
-    library = build(clips)
-    n, walked, run = np.arange(len(library)), sum(map(len, walks)), sum(map(len, walks + runs))
-    slow = np.linalg.norm(library.velocity[:, HIPS, :2], axis=1) < 0.06
-    still = np.flatnonzero(slow & (library.end - n > 50) & (n < walked) & library.contacts.all(axis=1))
-    if not len(still):
-        raise CaptureError(f"nobody stands still for two seconds in {folder}; add a capture of a quiet stand, from which takes start.")
-    return Source(library, Matcher(library, n < walked), Matcher(library, n < run) if runs else Matcher(library, n < walked), still, laid)
+    def fit(self, motion: Motion) -> None:
+        """Fit the body before feet are locked on the floor: hips, foot contacts, labels, phase keys, commands, things."""
+        ...
+
+    def finish(self, motion: Motion) -> None:
+        """Fit what comes after the feet: hands, objects in hands, feet on things that are not the floor."""
+        ...
 
 
 class Session:

@@ -11,13 +11,14 @@ from dataclasses import replace
 import numpy as np
 
 from nsm_core.conventions import FPS, IDLE, RUN, STYLES, WALK
+from nsm_core.data.matching.segment import LaidSegment
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
 from nsm_core.world.scene.furniture import Furniture
 
 from .carry import episode as carry_episode
-from .carry.episode import Carry
+from .carry.carried import Carry
 from .carry.supports import draw_support
-from .session import LaidSegment, Session
+from .session import Session
 from .sit import episode as sit_episode
 from .sit.episode import Sit
 from .take import Command, styles_of

@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nsm_core.body.clip import smoothed_root
 from nsm_core.body.skeleton import forward_kinematics
 from nsm_core.conventions import CLIMB, DT, FOOT_CONTACTS, FPS, GOAL_ACTIONS, IDLE, RUN, SIT, WALK
-from nsm_core.data.matching.database import gaussian_smooth, smoothed_root
 from nsm_core.model.features.state import KEY_OFFSETS, KEYS
 from nsm_core.rotations import Array, quat_to_matrix
+from nsm_core.signals import gaussian_smooth
 from nsm_core.world.scene.furniture import Furniture
 
 

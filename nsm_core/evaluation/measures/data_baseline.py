@@ -9,7 +9,7 @@ import numpy as np
 
 from nsm_core.conventions import CLIMB, FPS
 from nsm_core.data.storage import Dataset
-from nsm_core.model.features.codec import CELLS
+from nsm_core.model.features.layout import CELLS
 from nsm_core.rotations import Array, rotate_planar
 from nsm_core.world.sensors.interaction import RESOLUTION
 

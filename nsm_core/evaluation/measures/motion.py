@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nsm_core.body.capsules import Body
-from nsm_core.body.ik.foot_lock import ANKLES, TOES, sole_depth
+from nsm_core.body.capsules import penetration_depths
+from nsm_core.body.contacts import ANKLES, TOES, sole_depth
 from nsm_core.body.skeleton import ANKLE_HEIGHT, ARMS, FEET, HIPS, OFFSETS, TOE_HEIGHT, forward_kinematics
 from nsm_core.conventions import FPS, STYLES
 from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_rotate, quat_to_rotvec
@@ -146,12 +146,6 @@ def depth_report(depth: Array) -> dict[str, float]:
     }
 
 
-def penetration_depths(hips_position: Array, local_rotations: Array, query: DistanceQuery, offsets: Array = OFFSETS) -> Array:
-    """Depth (T,) in metres of the deepest point of the body in each frame, 0 where it touches nothing."""
-    body = Body.of(hips_position, local_rotations, offsets)
-    reach = float(body.radii.max(initial=0.0)) + 0.02
-    distance = query.signed_distance(body.centres.reshape(-1, 3).astype(np.float32), reach).reshape(body.radii.shape)
-    return np.maximum(0, body.radii - distance).max(axis=1)
 
 
 def backward_bend(hips_position: Array, local_rotations: Array, offsets: Array = OFFSETS) -> dict[str, float]:

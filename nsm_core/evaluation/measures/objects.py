@@ -9,15 +9,15 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from nsm_core.body.capsules import Body
-from nsm_core.body.ik.foot_lock import ANKLES, TOES
+from nsm_core.body.capsules import Body, penetration_depths
+from nsm_core.body.contacts import ANKLES, TOES
 from nsm_core.body.skeleton import ANKLE_HEIGHT, ARMS, OFFSETS, TOE_HEIGHT, forward_kinematics
 from nsm_core.conventions import CARRY, CLIMB, FPS, OPEN, RUN, SIT, STYLES
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.world.geometry.distance import Cuboids, DistanceQuery
 from nsm_core.world.scene.props import Box, Leaf, Prop
 
-from .motion import DEEP, SKATE_HEIGHT, foot_sliding, over_ground, penetration_depths
+from .motion import DEEP, SKATE_HEIGHT, foot_sliding, over_ground
 
 WRISTS = [arm[2] for arm in ARMS]  # right, left
 MOVES, TURNS = 0.002, np.radians(0.15)  # a frame, from which a thing counts as moving: metres and radians
@@ -166,7 +166,7 @@ def _solid_points(still: DistanceQuery, way: Array, reach: float) -> Array:
 def leaf_report(leaf: Leaf, poses: Array, side: float, hand: int, hips_position: Array, local_rotations: Array) -> dict[str, float]:
     """Measure how a leaf was opened: widest angle, degrees, and the hand's distance from the grip, cm, in frames in which it holds.
 
-    ``side`` and ``hand`` as in ``props.Passage``.  The hand holds where the leaf moves and that wrist is within 20 cm of the grip;
+    ``side`` and ``hand`` as in ``passage.Passage``.  The hand holds where the leaf moves and that wrist is within 20 cm of the grip;
     ``leaf_alone_share`` is the share of the leaf's moving frames, up to its widest angle, in which it does not.
     """
     poses = np.asarray(poses, dtype=np.float64)

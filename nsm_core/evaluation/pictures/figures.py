@@ -180,7 +180,8 @@ def path_sheet(
     from matplotlib.collections import LineCollection
     from matplotlib.colors import to_rgba
 
-    from nsm_core.body.ik.foot_lock import detect_foot_contacts, intervals
+    from nsm_core.body.contacts import detect_foot_contacts
+    from nsm_core.signals import intervals
 
     points, headings = roots_of(positions, roots)
     contacts = detect_foot_contacts(positions) if contacts is None else np.asarray(contacts)[:, -2:] > 0.5

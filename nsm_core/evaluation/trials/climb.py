@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsm_core.body.ik.foot_lock import ANKLES, TOES
+from nsm_core.body.contacts import ANKLES, TOES
 from nsm_core.body.skeleton import HIPS, forward_kinematics
 from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest, TakeResult

@@ -7,17 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nsm_core.body.capsules import penetration_depths
 from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest, TakeResult
 from nsm_core.conventions import FPS, HAND_CONTACTS
-from nsm_core.evaluation.measures.motion import penetration_depths
 from nsm_core.evaluation.measures.objects import leaf_report, prop_depths
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
+from nsm_core.world.affordances.passage import Passage, passage
 from nsm_core.world.assets.pool import Pool
 from nsm_core.world.scene import furniture
 from nsm_core.world.scene.door import Door, make_door
-from nsm_core.world.scene.props import Leaf, Passage, passage
+from nsm_core.world.scene.props import Leaf
 
 from . import rollout
 from .rollout import SEED, Report

@@ -21,9 +21,9 @@ from nsm_core import npz
 from nsm_core.body.skeleton import JOINTS
 from nsm_core.errors import WeightsError
 from nsm_core.files import output
+from nsm_core.rotations import Array
 from nsm_core.validate import is_number, listed, number, shown, table, text
 
-Array = np.ndarray
 Layout = Mapping[str, Mapping[str, Sequence[int]]]  # vector ("input", "output", ...) -> its blocks in order -> their shapes
 
 FORMAT = "nsm-weights"

@@ -6,17 +6,12 @@ person; the front is the side from which it can be reached, with the back rest o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from nsm_core.errors import GeometryError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.world.geometry.triangles import check_mesh, cut_triangles
-
-# How far behind the front edge of a seat the hips go, and what they keep free of the back, metres.
-HIP_BEHIND_EDGE = 0.28
-HIP_FROM_BACK = 0.15
+from nsm_core.world.scene.furniture.piece import Seat, hip_setback
 
 LOWEST, HIGHEST = 0.26, 0.88  # seat surfaces looked for, metres over the floor
 _USUAL = 0.45
@@ -27,29 +22,6 @@ _LEAST = 0.18  # narrower strips are arms and rails, not seats
 _SLOT = 0.06  # gaps between slats and cushions
 _REST = 0.10  # what stands this much over the seat is a back or an arm
 _PERSON = 0.36  # width of a sitter's place
-
-
-@dataclass
-class Seat:
-    """A place to sit.
-
-    ``point`` (3,) on the seat surface where the hips go, metres, object frame; ``heading`` the way a sitter faces,
-    radians (0 faces -Y of the object); ``height`` of the surface over the floor, ``width`` and ``depth`` of the seat
-    in metres; ``back`` and ``arms`` tell whether there is something to lean on.
-    """
-
-    point: Array
-    heading: float
-    height: float
-    width: float
-    depth: float
-    back: bool = False
-    arms: bool = False
-
-
-def hip_setback(depth: float) -> float:
-    """How far behind the front edge the hips go on a seat of ``depth`` metres, metres."""
-    return min(HIP_BEHIND_EDGE, max(depth - HIP_FROM_BACK, depth / 2))
 
 
 def find_seat(vertices: Array, triangles: Array) -> Seat:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsm_core.distances import BODY_TO_BOX, WIDEST_BOX
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.berth import ROOFED, Berth, depth, room_over
 from nsm_core.world.planning.floor_plan import FloorPlan
-from nsm_core.world.scene.props import BODY_TO_BOX, WIDEST_BOX, Box
+from nsm_core.world.scene.props import Box
 
 BODY_TO_EDGE = 0.21  # metres from the root of who reaches over an edge to that edge: thighs stay out of it
 FURTHEST = 0.32  # metres that a body leans over an edge beyond where it stands before a box at the edge

@@ -6,10 +6,11 @@ import numpy as np
 
 from nsm_core.errors import GeometryError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
-from nsm_core.world.affordances.seat import Seat, find_seat, hip_setback
+from nsm_core.world.affordances.seat import find_seat
 from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.geometry.voxels import VoxelGrid, merge, voxelise
 from nsm_core.world.scene.furniture import Furniture, box_mesh, top_of
+from nsm_core.world.scene.furniture.piece import Seat, hip_setback
 
 FINE = 0.02  # metres: what boxes shrink to
 MOST_BOXES = 40

@@ -6,7 +6,6 @@ Some pieces of every class are held back for testing, by name, so that it is the
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -18,10 +17,10 @@ from nsm_core.errors import GeometryError, OutputError
 from nsm_core.files import atomic_path
 from nsm_core.rotations import Array
 from nsm_core.validate import read_bytes, read_csv, shown
-from nsm_core.world.affordances.seat import Seat
 from nsm_core.world.scene import furniture
 from nsm_core.world.scene.door import Door, make_door
 from nsm_core.world.scene.furniture import SEAT_KINDS, Furniture, box_mesh
+from nsm_core.world.scene.furniture.piece import Seat
 
 from .door_from_mesh import LIMITS, door_measures
 from .from_mesh import piece_of
@@ -297,14 +296,3 @@ def _cached(path: Path, stamp: str) -> Pool | None:
             piece = Furniture(str(kind), *box_mesh(boxes[:, :3], boxes[:, 3:]), boxes[:, :3], boxes[:, 3:], seat, gap)
             pool.entries.append(Entry(str(name), str(group), piece, bool(held)))
     return pool
-
-
-def main(arguments: list[str]) -> int:
-    """Entry of ``python -m nsm_core pool``: read an object pool, keep it and say what of it is usable."""
-    parser = argparse.ArgumentParser(prog="pool", description="Convert a folder of furniture meshes to the object pool.")
-    parser.add_argument("folder", help="folder with index.csv and GLB files")
-    parser.add_argument("--cache", default="runs/pool.npz")
-    parser.add_argument("--held-back", type=float, default=0.2)
-    a = parser.parse_args(arguments)
-    print(Pool.load(a.folder, a.held_back, a.cache).table())
-    return 0

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.ik.foot_lock import smooth_step
 from nsm_core.rotations import Array, rotate_planar
+from nsm_core.signals import smooth_step
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.props import Box
 

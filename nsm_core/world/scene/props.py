@@ -9,28 +9,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from nsm_core.distances import (
+    BODY_TO_BOX,
+    GRIP_IN,
+    GRIP_UNDER_TOP,
+    WRIST_BEHIND,
+    WRIST_BELOW,
+    WRIST_OFF_HANDLE,
+    WRIST_OFF_SIDE,
+)
 from nsm_core.errors import GoalError
-from nsm_core.rotations import Array, direction_to_heading, heading_to_direction, rotate_planar, wrap_angle
+from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.sensors.interaction import InteractionVolume, interaction_sensor
-
-# Holding a box: how far the wrists lie off its sides, behind its centre (hands reach on from them) and, as a share of its
-# height, under its centre; and how far its near face is from the root of who lifts or holds it, metres.
-WRIST_OFF_SIDE, WRIST_BEHIND, WRIST_BELOW = 0.03, 0.085, 0.1
-BODY_TO_BOX = 0.24
-# Of a box too tall or deep for that: how far the wrists are under its top and behind its near face at most, metres.
-GRIP_UNDER_TOP, GRIP_IN = 0.22, 0.11
-WIDEST_BOX, HEAVIEST_SIDE = 0.6, 0.6  # metres across and in depth that two hands hold
-
-# Doors: places on the floor seen from the handle and the opening, metres.
-HANDLE_STAND = 0.42  # from the closed leaf to the root of who reaches for its handle: an arm reaches low handles from here
-WRIST_OFF_HANDLE = 0.03  # from where a hand holds it to the wrist
-HANDLE_ASIDE = 0.25  # from the handle towards the hinge: from here straight on the way leads through the opening
-PULL_BACK = 0.55  # how much further off one stands once a leaf is pulled open
-PASS_BEYOND = 1.0  # from the opening to where one stands on the far side
-TAKEN_AJAR = np.radians(40)  # angle of a leaf that is ajar up to which who pulls it goes round with it
-OPENED = np.radians(75)  # from this angle on a pulled leaf lets a body pass
-WIDE_OPEN = np.radians(95)  # where a leaf comes to rest
 
 
 @dataclass
@@ -156,51 +147,3 @@ class Leaf(Prop):
         """World place (3,) of a wrist at the handle on the side towards +Y (``side`` 1) or -Y (-1) of its frame, when open by ``angle``."""
         point = np.asarray(self.handle, dtype=np.float64) + (0.0, side * (self.thickness / 2 + WRIST_OFF_HANDLE), 0.0)
         return self.to_world(point, None if angle is None else self.pose_at(angle))
-
-
-@dataclass(frozen=True)
-class Passage:
-    """The way through a door from one side: planar places (2,), metres, and headings, world.
-
-    ``heading`` the way to pass; ``push`` whether the leaf swings away; ``side`` +1 or -1, the leaf's side on which the handle is
-    reached; ``hand`` 0 right, 1 left; ``reach`` where one stands to take the handle and ``facing`` the heading there; ``back``
-    where one stands once a leaf is pulled open (the same as ``reach`` for a push); ``middle`` of the opening; ``beyond`` where
-    one stands at the end.
-    """
-
-    heading: float
-    push: bool
-    side: float
-    hand: int
-    reach: Array
-    facing: float
-    back: Array
-    middle: Array
-    beyond: Array
-
-
-def passage(leaf: Leaf, coming_from: Array, beyond: float = PASS_BEYOND) -> Passage:
-    """Work out how to pass a door for someone who comes from ``coming_from`` (2,), world.
-
-    The hand on the handle's side opens the door: its shoulder is nearly before the handle while the body is before the opening,
-    and the leaf swings clear of the body.
-    """
-    along = heading_to_direction(np.array(leaf.closed + np.pi / 2))  # +X of the frame: heading 0 faces -Y
-    through = np.array((-along[1], along[0]))  # +Y of the frame
-    hinge = leaf.pose[:2]
-    side = 1.0 if float((np.asarray(coming_from, dtype=np.float64)[:2] - hinge) @ through) > 0 else -1.0
-    go = -side * through
-    push = bool(leaf.swing * -side > 0)
-    heading = float(direction_to_heading(go))
-    # Which hand: with the eyes along ``go``, the hinge is on the right where -along points to the right.
-    right = np.array((go[1], -go[0]))
-    hinge_right = float(-along @ right) > 0
-    hand = int(hinge_right)
-    handle = hinge + along * float(leaf.handle[0])
-    reach = handle - HANDLE_ASIDE * along - HANDLE_STAND * go
-    middle = hinge + along * leaf.width / 2
-    back = reach if push else reach - PULL_BACK * go
-    # A leaf that stands ajar towards one is taken where it stands.
-    turn = 0.0 if push else leaf.swing * float(np.clip(leaf.angle, 0.0, TAKEN_AJAR))
-    reach = hinge + rotate_planar(reach - hinge, np.float64(turn))
-    return Passage(heading, push, side, hand, reach, float(wrap_angle(heading + turn)), back, middle, middle + beyond * go)

@@ -6,20 +6,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nsm_core.body.ik.grip import ease, place_hands
+from nsm_core.body.clip import smoothed_root
+from nsm_core.body.ik.grip import place_hands
 from nsm_core.body.ik.leaning import ARM_LENGTH, lean_into_reach
 from nsm_core.body.skeleton import ARMS, forward_kinematics
 from nsm_core.conventions import CARRY, HAND_CONTACTS
-from nsm_core.data.matching.database import gaussian_smooth, smoothed_root
 from nsm_core.data.scenarios.motion import Motion
 from nsm_core.data.scenarios.take import Command, Placed, Thing
+from nsm_core.distances import WRIST_BEHIND, WRIST_BELOW, WRIST_OFF_SIDE
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_angle
-from nsm_core.world.scene.props import WRIST_BEHIND, WRIST_BELOW, WRIST_OFF_SIDE
+from nsm_core.signals import ease, gaussian_smooth
 
 from .pick_up import Bend
 
 if TYPE_CHECKING:
-    from .episode import Carry
+    from .carried import Carry
 
 HOLDING_HEIGHT, HOLDING_AHEAD = 1.0, 0.05  # metres: wrists over the floor, box beyond where it stood when it was lifted
 _BENT = 0.9 * ARM_LENGTH  # how far arms stretch at most while walking

@@ -3,78 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from nsm_core.body.clip import Clip
 from nsm_core.body.ik.leaning import COMFORT, LEAN, shift_of
-from nsm_core.body.ik.two_bone import place_wrists
-from nsm_core.body.skeleton import ARMS, FEET, HIPS, INDEX, forward_kinematics
+from nsm_core.body.skeleton import ARMS, FEET, HIPS
 from nsm_core.conventions import FPS
-from nsm_core.data.captures.folder import labelled, read_capture, unlabelled
-from nsm_core.data.matching.database import _ARM_JOINTS, gaussian_smooth, neutral
-from nsm_core.data.matching.labelled import grasps
-from nsm_core.data.scenarios.session import LaidSegment, Segment, Session
+from nsm_core.data.matching.segment import LaidSegment
+from nsm_core.data.scenarios.session import Session
 from nsm_core.rotations import Array, quat_rotate, rotate_planar
 
-_WORDS = ("pickupbox", "pick_up_box", "lift_box", "putdownbox", "put_down_box")
-_LEVEL, _LEAST, _DRIFT = 0.02, 0.25, 0.07  # metres: upright again, least drop of the chest, most drift of a standing foot
 _SHOULDERS, _KNEES = [arm[0] for arm in ARMS], [leg[1] for leg in FEET]
-_CHEST = INDEX["Chest4"]
 _AMOUNTS = np.linspace(0, 1, 6)  # of the extra lean, see ``leaning.lean_into_reach``
-
-
-def load_bends(folder: str | Path) -> list[Segment]:
-    """Cut pick-ups and put-downs into halves that lead from upright (frame 0) to low; the arms hang.  May be empty.
-
-    By the hands' contacts where there are sidecars, else by names.
-    """
-    paths = [p for p in unlabelled(folder) if any(w in p.stem for w in _WORDS) and "run" not in p.stem]
-    found = [(read_capture(p, folder), None) for p in paths]
-    found += [(piece.clip, frame) for piece in labelled(folder) for frame in grasps(piece)]
-    halves: dict[str, Segment] = {}
-    if not found:
-        return []
-    arms = neutral(folder)
-    for clip, grasp in found:
-        height = gaussian_smooth(clip.world()[0][:, _CHEST, 2], 2.0)
-        near = 0 if grasp is None else max(grasp - FPS, 0)
-        low = near + int(height[near : None if grasp is None else grasp + FPS].argmin())
-        upright = float(np.percentile(height, 97)) - _LEVEL
-        bottom = np.flatnonzero(height < height[low] + 0.02)
-        before, after = np.flatnonzero(height[:low] > upright), np.flatnonzero(height[low:] > upright)
-        spans = []
-        if len(before):
-            spans.append((int(before[-1]), int(bottom[bottom > before[-1]][0]), 1))
-        if len(after):
-            end = low + int(after[0])
-            spans.append((int(bottom[bottom < end][-1]), end, -1))
-        for first, last, way in spans:
-            half = Clip(f"{clip.name}@{first}", clip.hips_position[first : last + 1][::way], clip.local_rotations[first : last + 1][::way])
-            if len(half) >= 20 and np.ptp(height[first : last + 1]) > _LEAST and _stands(half) and half.name not in halves:
-                halves[half.name] = Segment(hang_arms(half, arms), {})
-    return list(halves.values())
-
-
-def _stands(clip: Clip) -> bool:
-    toes = clip.world()[0][:, [leg[3] for leg in FEET], :2]
-    return bool(np.linalg.norm(toes - np.median(toes, axis=0), axis=-1).max() < _DRIFT)
-
-
-def hang_arms(clip: Clip, neutral: Clip) -> Clip:
-    """Give a bend the arms of a quiet stand (one frame) that hang straight down from wherever the shoulders go."""
-    still, _ = neutral.world()
-    offset = rotate_planar(still[0, [a[2] for a in ARMS]] - still[0, _SHOULDERS], -neutral.root()[1][0])
-    rotations = clip.local_rotations.copy()
-    rotations[:, _ARM_JOINTS] = neutral.local_rotations[0, _ARM_JOINTS]
-    positions, world = forward_kinematics(clip.hips_position, rotations)
-    heading = clip.root()[1][0]
-    for side, arm in enumerate(ARMS):
-        wrist = (positions[:, arm[0]] + rotate_planar(offset[side], heading)).astype(np.float32)
-        hand = np.repeat(world[:1, arm[2]], len(clip), axis=0)
-        rotations = place_wrists(clip.hips_position, rotations, side, wrist, hand)
-    return Clip(clip.name, clip.hips_position, rotations.astype(np.float32))
 
 
 @dataclass

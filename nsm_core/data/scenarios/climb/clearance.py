@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.ik.foot_lock import LEGS
-from nsm_core.body.ik.two_bone import mul, rotate
+from nsm_core.body.contacts import LEGS
 from nsm_core.body.skeleton import END_SITES, FEET, HIPS, OFFSETS, forward_kinematics
-from nsm_core.rotations import Array, quat_conjugate, quat_from_axis_angle
+from nsm_core.rotations import Array, quat_conjugate, quat_from_axis_angle, quat_mul, quat_rotate
 
 from .footholds import Block
 
@@ -17,7 +16,7 @@ def leg_depths(hips: Array, rotations: Array, block: Block) -> Array:
     positions, world = forward_kinematics(hips.astype(np.float64), rotations.astype(np.float64))
     depths = []
     for side, (start, knee, ankle, toe) in enumerate(FEET):
-        tip = positions[:, toe] + rotate(world[:, toe], np.array(END_SITES[("RightToe", "LeftToe")[side]]))
+        tip = positions[:, toe] + quat_rotate(world[:, toe], np.array(END_SITES[("RightToe", "LeftToe")[side]]))
         points, radii = [], []
         for (a, b), (ra, rb) in zip(
             ((positions[:, start], positions[:, knee]), (positions[:, knee], positions[:, ankle]),
@@ -81,9 +80,9 @@ def splayed(positions: Array, rotations: Array, world: Array, feet: Array, gaps:
         down = positions[where, ankle] - positions[where, start]
         down /= np.linalg.norm(down, axis=-1, keepdims=True)
         turn, hips = quat_from_axis_angle(down, angle[where]), world[where, HIPS]
-        rotations[where, start] = mul(quat_conjugate(hips), mul(turn, mul(hips, rotations[where, start])))
+        rotations[where, start] = quat_mul(quat_conjugate(hips), quat_mul(turn, quat_mul(hips, rotations[where, start])))
         swing = np.arange(begin, end)
         u = (swing - begin + 1) / (end - begin + 1)
         yaw = quat_from_axis_angle(np.array((0.0, 0.0, -1.0)), 0.5 * (splay, -splay)[side] * np.sin(np.pi * u) ** 2)
-        feet[swing, side] = mul(yaw, feet[swing, side])
+        feet[swing, side] = quat_mul(yaw, feet[swing, side])
     return rotations, feet, angles

@@ -8,9 +8,10 @@ import numpy as np
 
 from nsm_core.body.skeleton import FEET
 from nsm_core.conventions import FPS
-from nsm_core.data.matching.database import gaussian_smooth
-from nsm_core.data.scenarios.session import Segment, Session
+from nsm_core.data.matching.segment import Segment
+from nsm_core.data.scenarios.session import Session
 from nsm_core.rotations import heading_to_direction, rotate_planar
+from nsm_core.signals import gaussian_smooth
 from nsm_core.world.scene.furniture import Furniture
 
 from .fit import Climb

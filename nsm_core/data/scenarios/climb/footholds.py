@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsm_core.body.ik.foot_lock import ANKLES, TOES, foot_heading, intervals
+from nsm_core.body.contacts import ANKLES, TOES, foot_heading
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
+from nsm_core.signals import intervals
 
 # The sole from the toe joint, metres: back to the heel, ahead to the tips, and half its width.
 HEEL, TIPS, HALF_WIDTH = 0.18, 0.07, 0.045

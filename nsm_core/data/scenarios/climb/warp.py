@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsm_core.body.ik.foot_lock import ANKLES, HEEL_FROM_ANKLE, LEGS, TOE_OFFSET, TOES, smooth_step
-from nsm_core.body.ik.two_bone import leg_reach, mul, place_limbs, rotate
+from nsm_core.body.contacts import ANKLES, HEEL_FROM_ANKLE, LEGS, TOE_OFFSET, TOES
+from nsm_core.body.ik.two_bone import leg_reach, place_limbs
 from nsm_core.body.skeleton import END_SITES, HIPS, INDEX, TOE_HEIGHT, forward_kinematics
-from nsm_core.rotations import Array, quat_conjugate, quat_from_axis_angle, rotate_planar
+from nsm_core.rotations import Array, quat_conjugate, quat_from_axis_angle, quat_mul, quat_rotate, rotate_planar
+from nsm_core.signals import smooth_step
 
 from .clearance import crosses, shin_depth, splayed
 from .footholds import Block, Hold
@@ -89,7 +90,7 @@ def climb(
     rounds = SHRINKS * on_top.any()
     for attempt in range(1 + rounds):
         stood = out.copy()
-        stood[:, 2] -= _lowering(out, positions, toes + moved - rotate(flat, TOE_OFFSET), on)
+        stood[:, 2] -= _lowering(out, positions, toes + moved - quat_rotate(flat, TOE_OFFSET), on)
         hip = positions[:, [leg[0] for leg in LEGS]] + (stood - positions[:, HIPS])[:, None]
         across = hip[:, 1] - hip[:, 0]
         ahead = np.stack((across[:, 1], -across[:, 0], np.zeros(len(t))), axis=-1)
@@ -101,13 +102,13 @@ def climb(
             moved[gap, side] = _swing(path, flat[gap, side], before, after, block, hip[gap, side], bends)
         raised, feet, result = toes + moved, flat.copy(), rotations.astype(np.float64)
         for _ in range(2):
-            targets = raised - rotate(feet, TOE_OFFSET)
+            targets = raised - quat_rotate(feet, TOE_OFFSET)
             result[changed] = place_limbs(stood[changed], result[changed], LEGS, targets[changed], feet[changed])
             up = _heels_up(result[changed])
-            feet[changed] = mul(feet[changed], up)
+            feet[changed] = quat_mul(feet[changed], up)
             # Toes stay flat where the heel comes up.
-            result[changed, TOES[0] : TOES[0] + 1] = mul(quat_conjugate(up[:, :1]), result[changed, TOES[0] : TOES[0] + 1])
-            result[changed, TOES[1] : TOES[1] + 1] = mul(quat_conjugate(up[:, 1:]), result[changed, TOES[1] : TOES[1] + 1])
+            result[changed, TOES[0] : TOES[0] + 1] = quat_mul(quat_conjugate(up[:, :1]), result[changed, TOES[0] : TOES[0] + 1])
+            result[changed, TOES[1] : TOES[1] + 1] = quat_mul(quat_conjugate(up[:, 1:]), result[changed, TOES[1] : TOES[1] + 1])
         back = _shrink_back(stood[changed], result[changed], block)
         if attempt == rounds or np.abs(back).max() < 0.01:
             break
@@ -164,7 +165,7 @@ def _swing(toe: Array, feet: Array, before: Array, after: Array, block: Block, h
     bump = np.sin(np.pi * u**skew) ** 1.5
     # Axes: delay, change, skew, extra height, frame.  A step beside the block only keeps out of it.
     margin, lack = 0.02 if crossing else -0.01, np.zeros((len(delay), len(change), n))
-    heel, tip = rotate(feet, _HEEL_FROM_TOE), rotate(feet, _TIP)
+    heel, tip = quat_rotate(feet, _HEEL_FROM_TOE), quat_rotate(feet, _TIP)
     for point, thick in ((heel, 0.0), (0 * heel, TOE_HEIGHT), (tip, TOE_HEIGHT), (heel / 2, 0.03)):
         over = block.holds(toe[1:-1, :2] + flat + point[:, :2], margin)[:, None]
         low = block.height + CLEARANCE - (toe[1:-1, 2] + level + point[:, 2] - thick)
@@ -180,7 +181,7 @@ def _swing(toe: Array, feet: Array, before: Array, after: Array, block: Block, h
     cost = z.mean(-1) + 2 * np.maximum(hurry - 0.04, 0) + np.maximum(apex - HIGHEST_LIFT, 0)[..., None]
     cost = cost + 0.03 * (delay - 1)[..., None, None] + 0.01 * np.abs(skew - 1)
     if crossing:
-        at = toe[1:-1] - rotate(feet, TOE_OFFSET)
+        at = toe[1:-1] - quat_rotate(feet, TOE_OFFSET)
         ankle = np.concatenate(
             (np.broadcast_to(block.local(at[:, :2] + flat)[:, None, None, None], z.shape + (2,)), (at[:, 2] + z)[..., None]), -1
         )
@@ -227,5 +228,5 @@ def _leaned(rotations: Array, lean: Array) -> Array:
     where = np.flatnonzero(np.abs(lean) > 1e-4)
     for name, share in (("Chest", 0.4), ("Chest2", 0.3), ("Chest3", 0.3), ("Neck", -0.25), ("Head", -0.25)):
         bend = quat_from_axis_angle(np.array((1.0, 0.0, 0.0)), share * lean[where])
-        rotations[where, INDEX[name]] = mul(rotations[where, INDEX[name]], bend)
+        rotations[where, INDEX[name]] = quat_mul(rotations[where, INDEX[name]], bend)
     return rotations

@@ -11,18 +11,22 @@ from pathlib import Path
 
 import numpy as np
 
-from nsm_core.body.ik.grip import ease, lead_hand
+from nsm_core.body.ik.grip import lead_hand
 from nsm_core.body.ik.leaning import lean_to
 from nsm_core.body.skeleton import ARMS, forward_kinematics
 from nsm_core.body.thin_capsules import body_spheres
 from nsm_core.conventions import HAND_CONTACTS, OPEN
+from nsm_core.data.matching.segment import Segment
 from nsm_core.data.scenarios.motion import Motion
-from nsm_core.data.scenarios.session import Segment, Session
+from nsm_core.data.scenarios.session import Session
 from nsm_core.data.scenarios.take import Command, Placed, Thing
+from nsm_core.distances import OPENED
 from nsm_core.rotations import Array, direction_to_heading, heading_to_direction, rotate_planar
+from nsm_core.signals import ease
+from nsm_core.world.affordances.passage import Passage, passage
 from nsm_core.world.scene.door import Door, make_door
 from nsm_core.world.scene.furniture import cuboids
-from nsm_core.world.scene.props import OPENED, Leaf, Passage, passage
+from nsm_core.world.scene.props import Leaf
 
 from .leaf_motion import Doorway, Turning, turn
 from .ways import joints_from, step_back, straight_on

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsm_core.body.skeleton import ARMS, INDEX
-from nsm_core.data.matching.database import gaussian_smooth
 from nsm_core.rotations import Array, heading_to_direction
-from nsm_core.world.scene.props import Leaf, Passage
+from nsm_core.signals import gaussian_smooth
+from nsm_core.world.affordances.passage import Passage
+from nsm_core.world.scene.props import Leaf
 
 ANGLES = np.radians(np.arange(0, 111.0, 2))  # angles of the leaf that are weighed against one another
 REACH, FURTHEST = 0.62, 0.7  # metres from shoulder to wrist: of an arm alone, and of one that the trunk's lean helps

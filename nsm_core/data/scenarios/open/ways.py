@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.data.matching.database import gaussian_smooth
 from nsm_core.data.scenarios.session import Session
+from nsm_core.distances import HANDLE_STAND, PASS_BEYOND, PULL_BACK
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
+from nsm_core.signals import gaussian_smooth
 from nsm_core.world.planning.path import Course
-from nsm_core.world.scene.props import HANDLE_STAND, PASS_BEYOND, PULL_BACK
 
 
 def step_back(session: Session, heading: float) -> bool:

@@ -8,17 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
+from nsm_core.body.ik.fitting import hands_on_arm_rests
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import FEET, HIP_OVER_SEAT, HIPS, INDEX, forward_kinematics, root_of
 from nsm_core.body.thin_capsules import penetration_depths
-from nsm_core.control.goals import STAND_AHEAD
 from nsm_core.conventions import FPS, HIP_CONTACT, SIT
-from nsm_core.data.matching.database import gaussian_smooth, load_sits
+from nsm_core.data.matching.segment import LaidSegment, Segment
+from nsm_core.data.matching.selection import load_sits
 from nsm_core.data.scenarios.motion import Motion
-from nsm_core.data.scenarios.session import LaidSegment, Segment, Session
+from nsm_core.data.scenarios.session import Session
 from nsm_core.data.scenarios.take import Command, Placed, Thing
+from nsm_core.distances import STAND_AHEAD
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
-from nsm_core.world.affordances.arm_rests import hands_on_arm_rests
+from nsm_core.signals import gaussian_smooth
 from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.scene import furniture
 from nsm_core.world.scene.furniture import Furniture

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.ik.foot_lock import smooth_step
 from nsm_core.body.ik.hand_clearance import HandClearance
 from nsm_core.body.ik.heels import KNEE_OVER_SEAT, Heels
-from nsm_core.body.ik.two_bone import mul, place_limbs
+from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import ARMS, FEET, HIP_OVER_SEAT, INDEX, forward_kinematics, root_of
 from nsm_core.conventions import SIT
-from nsm_core.data.matching.database import gaussian_smooth
 from nsm_core.data.scenarios.motion import Motion
-from nsm_core.rotations import Array, heading_quat, quat_from_axis_angle, wrap_angle
+from nsm_core.rotations import Array, heading_quat, quat_from_axis_angle, quat_mul, wrap_angle
+from nsm_core.signals import gaussian_smooth, smooth_step
 from nsm_core.world.geometry.distance import DistanceQuery
 
 RESTLESS = 0.12  # share of its sway that a seated body keeps
@@ -41,7 +40,7 @@ def bring_to_rest(motion: Motion, reached: int, still: slice, rise: int) -> None
     ankles = [leg[2] for leg in FEET]
     motion.hips[span] -= weight[:, None] * (motion.hips[span] - motion.hips[still].mean(axis=0))
     turned = motion.rotations[span].copy()
-    turned[:, 0] = mul(heading_quat(-off), turned[:, 0])
+    turned[:, 0] = quat_mul(heading_quat(-off), turned[:, 0])
     motion.headings[span] -= off
     placed = place_limbs(motion.hips[span], turned, _LEGS, positions[:, ankles], world[:, ankles])
     motion.rotations[span] = placed.astype(motion.rotations.dtype)
@@ -66,7 +65,7 @@ def lean_off(motion: Motion, span: slice, solid: DistanceQuery) -> None:
 
 def _leant(local: Array, chest: int, lean: Array) -> Array:
     turned = local.copy()
-    turned[:, chest] = mul(quat_from_axis_angle(np.array((1.0, 0.0, 0.0)), lean), turned[:, chest])
+    turned[:, chest] = quat_mul(quat_from_axis_angle(np.array((1.0, 0.0, 0.0)), lean), turned[:, chest])
     return turned
 
 

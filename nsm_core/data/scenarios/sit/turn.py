@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.ik.foot_lock import smooth_step
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import FEET, forward_kinematics
 from nsm_core.data.scenarios.motion import Motion
 from nsm_core.rotations import Array, heading_quat, quat_mul, rotate_planar
+from nsm_core.signals import smooth_step
 
 # Shares of the turn in which the leading and the other foot are in the air; each takes two steps.
 _SWINGS = (((0.0, 0.27), (0.5, 0.77)), ((0.25, 0.52), (0.73, 1.0)))

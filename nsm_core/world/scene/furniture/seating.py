@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.world.affordances.seat import Seat, hip_setback
-
 from .measures import choose, pick, supports
-from .piece import Furniture, Part, build
+from .piece import Furniture, Part, Seat, build, hip_setback
 
 
 def _back(w: float, y: float, thick: float, low: float, top: float, style: str) -> list[Part]:

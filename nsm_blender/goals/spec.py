@@ -1,0 +1,23 @@
+"""What is asked of an object: an action, and how long to stay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+
+
+@dataclass
+class GoalSpec:
+    """A goal as asked for: an object or a place (3,), world, an action and a hold in seconds; ``to`` where a box is carried."""
+
+    action: str
+    object: bpy.types.Object | None = None
+    hold: float = 2.0
+    location: tuple[float, float, float] | None = None
+    to: bpy.types.Object | None = None
+
+    @property
+    def label(self) -> str:
+        """Name of the goal in lists, reports and messages."""
+        return self.object.name if self.object else "place" if self.location is not None else "here"

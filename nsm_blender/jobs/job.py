@@ -1,0 +1,42 @@
+"""A job of the batch: its takes and their goals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class JobGoal:
+    """A goal of a job file: an object's name or a place (3,), world; ``to`` names the destination of what is carried."""
+
+    action: str
+    object: str | None = None
+    hold: float = 2.0
+    location: tuple[float, float, float] | None = None
+    to: str | None = None
+
+
+@dataclass
+class JobTake:
+    """A take of a job file; ``error`` is the sentence about what is wrong with its entry, if anything."""
+
+    name: str
+    character: str = "Character"
+    seed: int = 0
+    start_frame: int = 1
+    contact_ik: bool = True
+    overwrite: bool = False  # whether ``out`` may take the place of the scene
+    goals: list[JobGoal] = field(default_factory=list)
+    outputs: dict[str, Path] = field(default_factory=dict)
+    error: str | None = None
+
+
+@dataclass
+class Job:
+    """A job file that has been read: a scene, its takes, and whether the scripts in the scene may run."""
+
+    path: Path
+    scene: Path
+    takes: list[JobTake]
+    scripts: bool = False

@@ -1,0 +1,44 @@
+"""Print the figures of the shipped network: one command, fixed seeds, tables and a JSON file."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from nsm_core.evaluation.measures.data_baseline import slide_of_data
+from nsm_core.evaluation.report import evaluate, held_back, run_stress, tables, write
+from nsm_core.evaluation.trials.suite import PARTS
+from nsm_core.model.inference.model import load_model
+
+
+def main(arguments: list[str]) -> int:
+    """Entry of ``dev.py evaluate``."""
+    parser = argparse.ArgumentParser(prog="evaluate", description="Measure the network on fixed trials.")
+    parser.add_argument("--weights", default=None, help="weights file (default: the shipped one)")
+    parser.add_argument("--only", default=",".join(PARTS), help="parts to run, with commas, or none: " + ", ".join(PARTS))
+    parser.add_argument("--starts", type=int, default=10, help="starts for each object")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--assets", default=None, help="folder of meshes whose held-back part serves as seats, tables and boxes")
+    parser.add_argument("--stress", type=float, default=0.0, metavar="SECONDS", help="also roll out so much motion of random goals")
+    parser.add_argument("--data", default=None, help="folder of composed data whose own foot slide is printed beside ours")
+    parser.add_argument("--sheets", default=None, help="only draw contact sheets of every part's first trials into this folder")
+    parser.add_argument("--no-ablation", action="store_true", help="skip the runs without parts of the method")
+    parser.add_argument("--out", default="out/evaluation.json")
+    a = parser.parse_args(arguments)
+    only = [name.strip() for name in a.only.split(",") if name.strip() not in ("", "none")]
+    unknown = [name for name in only if name not in PARTS]
+    if unknown:
+        parser.error(f"there is no part {', '.join(unknown)}; choose from {', '.join(PARTS)}")
+    if a.sheets:
+        from .pictures.sheets import draw  # needs matplotlib
+
+        draw(load_model(a.weights, backend="numpy"), a.sheets, only, held_back(a.assets))
+        return 0
+    result = evaluate(a.weights, only, a.starts, a.workers, not a.no_ablation, a.assets)
+    if a.data:
+        result["data"] = slide_of_data(a.data)
+    if a.stress:
+        result["stress"] = run_stress(a.weights, a.stress, a.workers)
+    print(tables(result))
+    write(result, Path(a.out))
+    return 0

@@ -1,0 +1,98 @@
+"""The network stepped in numpy alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nsm_core.rotations import Array
+from nsm_core.threads import one_thread
+
+from .sizes import _checked, _config_of
+from .weights_file import Weights
+
+# Experts with a smaller coefficient are not read for a single character: their share of the output stays
+# below the rounding of single precision by which the back ends differ, and reading weights is what a step costs.
+NEGLIGIBLE = 1e-6
+
+
+class NumpyModel:
+    """The network in numpy alone, single precision."""
+
+    backend = "numpy"
+
+    def __init__(self, weights: Weights) -> None:
+        self.config, self.metadata = _config_of(weights), weights.metadata
+        p = {name: np.ascontiguousarray(values) for name, values in weights.parameters.items()}
+        self._statistics = weights.statistics
+        self._encoders = [[(p[f"encoders.{e}.layers.{i}.weight"], p[f"encoders.{e}.layers.{i}.bias"]) for i in range(2)] for e in range(4)]
+        self._gating = [(p[f"gating.{i}.weight"], p[f"gating.{i}.bias"]) for i in range(3)]
+        self._experts = [(p[f"experts.{i}.weight"], p[f"experts.{i}.bias"]) for i in range(3)]
+        self._bounds = np.cumsum(self.config.parts)[:-1]
+
+    def predict(self, x: Array, gating: Array) -> tuple[Array, Array]:
+        """Predict as ``Model.predict`` says."""
+        x, gating = _checked(x, gating, self.config)
+        if len(x) > 8:
+            return self._predict(x, gating)
+        with one_thread():
+            return self._predict(x, gating)
+
+    def _predict(self, x: Array, gating: Array) -> tuple[Array, Array]:
+        s = self._statistics
+        coefficients = self.gate((gating - s["gating_mean"]) / s["gating_std"])
+        h = self.mix(self.encode((x - s["input_mean"]) / s["input_std"]), coefficients)
+        return h * s["output_std"] + s["output_mean"], coefficients
+
+    def gate(self, gating: Array) -> Array:
+        """Coefficients (B, K) of normalised gating features (B, gating); papers/000 section 3.2."""
+        h = gating
+        for weight, bias in self._gating[:-1]:
+            h = _elu(_dense(weight, bias, h))
+        return _softmax(_dense(*self._gating[-1], h))
+
+    def encode(self, x: Array) -> Array:
+        """Four encodings side by side, (B, sum of encoders), of normalised inputs (B, inputs)."""
+        encodings = []
+        for layers, h in zip(self._encoders, np.split(x, self._bounds, axis=1), strict=True):
+            for weight, bias in layers:
+                h = _elu(_dense(weight, bias, h))
+            encodings.append(h)
+        return np.concatenate(encodings, axis=1)
+
+    def mix(self, encoded: Array, coefficients: Array) -> Array:
+        """Normalised outputs (B, outputs) of the prediction network blended by ``coefficients`` (B, K)."""
+        h, blend = encoded, _mix_one if len(encoded) == 1 else _mix_many
+        for i, (weight, bias) in enumerate(self._experts):
+            h = blend(weight, h, coefficients) + coefficients @ bias
+            h = _elu(h) if i < len(self._experts) - 1 else h
+        return h
+
+
+def _dense(weight: Array, bias: Array, h: Array) -> Array:
+    return h @ weight.T + bias
+
+
+def _elu(x: Array) -> Array:
+    return np.where(x > 0, x, np.expm1(np.minimum(x, 0)))
+
+
+def _softmax(x: Array) -> Array:
+    e = np.exp(x - x.max(axis=1, keepdims=True))
+    return e / e.sum(axis=1, keepdims=True)
+
+
+def _mix_one(weight: Array, h: Array, coefficients: Array) -> Array:
+    """Blend the experts' products (K, out, in) for one character: only experts that count are read."""
+    c, v = coefficients[0], h[0]
+    active = np.flatnonzero(c > NEGLIGIBLE)
+    if len(active) in (0, len(c)):  # none counts where the coefficients are not numbers: let that show in the result
+        products = (weight.reshape(-1, weight.shape[2]) @ v).reshape(len(c), -1)
+        return (c @ products)[None]
+    return sum(c[k] * (weight[k] @ v) for k in active)[None]
+
+
+def _mix_many(weight: Array, h: Array, coefficients: Array) -> Array:
+    """Blend the experts' products (K, out, in) for a batch: one matrix product over all experts."""
+    experts, out, inputs = weight.shape
+    products = (h @ weight.reshape(-1, inputs).T).reshape(len(h), experts, out)
+    return (coefficients[:, None, :] @ products)[:, 0]
