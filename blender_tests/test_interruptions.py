@@ -13,7 +13,7 @@ from nsm_blender.keys.preview import Preview
 from nsm_blender.rigs.character import add_character
 from nsm_blender.ui import running
 from nsm_blender.ui.operators.generate import spec_of
-from nsm_blender.ui.session import Session
+from nsm_blender.ui.session import TakeSession
 from nsm_core.errors import NsmError
 
 
@@ -260,7 +260,7 @@ def test_one_take_at_a_time_and_none_after_its_end(modal):
     grow(modal, "reading")
     session = modal._session
     with pytest.raises(NsmError, match="being generated"):
-        Session(spec_of(bpy.context.scene), bpy.context.scene)
+        TakeSession(spec_of(bpy.context.scene), bpy.context.scene)
     assert running.current() is not None
     modal.event("ESC")
     with pytest.raises(NsmError, match="cancelled"):

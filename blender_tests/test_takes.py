@@ -20,7 +20,7 @@ from nsm_blender.keys.report import result_lines
 from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import TakeSpec, finish, generate, own_objects, prepare, start_of
 from nsm_blender.ui import running
-from nsm_blender.ui.session import Session
+from nsm_blender.ui.session import TakeSession
 from nsm_blender.world.frame import WorldFrame
 from nsm_core.body.skeleton import HIP_OVER_SEAT, HIPS, forward_kinematics, root_of
 from nsm_core.rotations import wrap_angle
@@ -189,7 +189,7 @@ class TestOnTheNetwork:
         character.pose.bones["Chest"].location = (0, 0.1, 0)  # not keyed
         bpy.context.view_layer.update()
         before = everything(scene, character)
-        session = Session(sit_on(character, seat, start_frame=1), scene)
+        session = TakeSession(sit_on(character, seat, start_frame=1), scene)
         shown = set()
         while session.fraction < 0.1:
             assert session.tick(0.03) is None
@@ -207,7 +207,7 @@ class TestOnTheNetwork:
         def pose():
             return [transform_of(bone) for bone in character.pose.bones]
 
-        session, before = Session(step_aside(character), bpy.context.scene), pose()
+        session, before = TakeSession(step_aside(character), bpy.context.scene), pose()
         while not session.posed:
             assert pose() == before and session.tick(0.02) is None
         assert pose() != before
@@ -227,7 +227,7 @@ class TestOnTheNetwork:
 
     def test_a_session_ends_with_the_take_of_a_straight_run(self):
         character, seat, _ = room()
-        session, take = Session(step_aside(character), bpy.context.scene), None
+        session, take = TakeSession(step_aside(character), bpy.context.scene), None
         while take is None:
             take = session.tick(0.2)
         assert running.current() is None

@@ -14,7 +14,7 @@ from scenes import box, empty
 
 import nsm_blender
 from nsm_blender.animation.kept import Kept, restored_on_failure
-from nsm_blender.keys.objects import Thing
+from nsm_blender.keys.objects import MovedObject
 from nsm_blender.rigs.armature import build_armature
 from nsm_blender.takes import TakeSpec, finish, key_and_check
 from nsm_blender.world.frame import WorldFrame
@@ -112,7 +112,7 @@ def job(request):
     )  # fmt: skip
     asked = TakeRequest(np.zeros(2), 0.0, [Goal("carry", "Box", poses[-1, :3], 0.5, prop=prop)], Cuboids())
     spec = TakeSpec(character, [], "New", 3)
-    things = {"Box": Thing.of(thing, frame, prop)}
+    things = {"Box": MovedObject.of(thing, frame, prop)}
     return lambda: key_and_check(spec, scene, asked, result, frame, things), [character, thing]
 
 

@@ -14,7 +14,7 @@ from nsm_core.data.captures import bvh_writer
 from nsm_core.data.export import export, take_arrays
 from nsm_core.data.matching.source import Source
 from nsm_core.data.scenarios.composer import Composer, load
-from nsm_core.data.scenarios.take import Take
+from nsm_core.data.scenarios.take import ComposedTake
 from nsm_core.data.storage import Dataset
 from nsm_core.model.features.state import WINDOW
 from nsm_core.rotations import heading_quat, heading_to_direction, quat_from_rotvec, quat_mul, quat_rotate
@@ -163,7 +163,7 @@ def source(folder: Path) -> Source:
 
 
 @cache
-def seeded(folder: Path) -> dict[int, Take]:
+def seeded(folder: Path) -> dict[int, ComposedTake]:
     """The first takes that the seeds from 0 compose, by seed: some with seats, some led along, some among furniture."""
     composer, found = Composer(source(folder), {"sit": 0.68, "walk": 0.27, "run": 0.05}), {}
     for seed in range(60):
@@ -177,7 +177,7 @@ def seeded(folder: Path) -> dict[int, Take]:
     raise AssertionError(f"60 seeds composed {len(found)} takes, and not enough to look at")
 
 
-def takes(folder: Path) -> tuple[Take, ...]:
+def takes(folder: Path) -> tuple[ComposedTake, ...]:
     """The takes of ``seeded``."""
     return tuple(seeded(folder).values())
 
@@ -188,7 +188,7 @@ def dataset(folder: Path) -> Dataset:
     return Dataset.open(folder)
 
 
-def data_of(take: Take) -> Dataset:
+def data_of(take: ComposedTake) -> Dataset:
     """One take as a data set of its own, as ``Dataset.open`` would give it."""
     arrays = take_arrays(take)
     return Dataset(arrays, np.arange(len(take) - WINDOW - 1))

@@ -85,7 +85,7 @@ def _walk() -> TakeRequest:
 
 def _sit() -> TakeRequest:
     chair = furniture.make("chair", np.random.default_rng(7))
-    return sit.request(sit.Trial(0, chair, np.array((0.5, -1.0)), 0.3), hold=0.3)
+    return sit.request(sit.SitTrial(0, chair, np.array((0.5, -1.0)), 0.3), hold=0.3)
 
 
 def _carry() -> TakeRequest:
@@ -95,17 +95,17 @@ def _carry() -> TakeRequest:
     facing = 0.5
     top, still = carry.support(rng, (0.5, 0.5), crate, np.array((1.3, 0.9)), facing, None)
     box, goal = np.array((0, 0, 0.13, 0.2)), np.array((1.3, 0.9, top + 0.13, facing))
-    return carry.request(carry.Trial(0, "", np.array((0.1, 0.9)), 0.2, crate, box, goal, facing, tuple(still)), hold=0.3)
+    return carry.request(carry.CarryTrial(0, "", np.array((0.1, 0.9)), 0.2, crate, box, goal, facing, tuple(still)), hold=0.3)
 
 
 def _open(push: bool) -> TakeRequest:
     door = make_door(np.random.default_rng(5), width=0.85, near=2.0, far=2.0)
-    return doors.request(doors.Trial(0, "", np.array((0.5, -1.0)), 2.8, door, np.zeros(4), 1.0 if push else -1.0), hold=0.2)
+    return doors.request(doors.DoorTrial(0, "", np.array((0.5, -1.0)), 2.8, door, np.zeros(4), 1.0 if push else -1.0), hold=0.2)
 
 
 def _climb() -> TakeRequest:
     step = furniture.make("step", np.random.default_rng(2), width=1.2, depth=0.7, height=0.3)
-    return climb.request(climb.Trial(0, "", np.array((0.2, -1.2)), 2.9, step, 0.2), hold=0.3)
+    return climb.request(climb.ClimbTrial(0, "", np.array((0.2, -1.2)), 2.9, step, 0.2), hold=0.3)
 
 
 SCENES: dict[str, Callable[[], TakeRequest]] = {

@@ -25,7 +25,7 @@ from nsm_core.errors import NsmError
 
 from . import takes
 from .demo_scene.house import House, build_house
-from .demo_scene.room import Room, build_room
+from .demo_scene.room import DemoRoom, build_room
 from .goals.spec import GoalSpec
 from .keys.report import goal_line
 from .leaving import leave
@@ -79,14 +79,14 @@ def run(options: argparse.Namespace) -> int:
     return 0 if all(goal["reached"] for goal in take.report["goals"]) else 1
 
 
-def goals_in(room: Room, hold: float = 2.0) -> list[GoalSpec]:
+def goals_in(room: DemoRoom, hold: float = 2.0) -> list[GoalSpec]:
     """What the character does in a room: the goals that come with it, or to sit on each seat for ``hold`` seconds."""
     if isinstance(room, House):
         return [replace(goal, hold=hold) if goal.action == "sit" else goal for goal in room.goals]
     return [GoalSpec("sit", bpy.data.objects[name], hold=hold) for name in room.seats]
 
 
-def build_scene(second_seat: str = "armchair", all_actions: bool = True) -> tuple[Room, bpy.types.Object]:
+def build_scene(second_seat: str = "armchair", all_actions: bool = True) -> tuple[DemoRoom, bpy.types.Object]:
     """Replace the open file by the demo's room with the character in it; returns room and armature.
 
     ``all_actions`` builds two rooms with a door, a box and a podium; without, one room with a chair and a ``second_seat``.
@@ -156,7 +156,7 @@ def _generate(spec: takes.TakeSpec, scene: bpy.types.Scene, line: Line) -> takes
             return stop.value
 
 
-def _light_and_look(scene: bpy.types.Scene, room: Room) -> None:
+def _light_and_look(scene: bpy.types.Scene, room: DemoRoom) -> None:
     """A camera over the whole room, a sun, a bright world and coloured viewports, for whoever opens the file."""
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     direction = Vector(room.view).normalized()

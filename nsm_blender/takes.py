@@ -30,7 +30,7 @@ from .goals.spec import GoalSpec
 from .goals.table import require_learned
 from .keys.keying import KeyedTake, key_take_steps, key_things
 from .keys.layers import require_keyable
-from .keys.objects import Thing, require_movable, rides_along
+from .keys.objects import MovedObject, require_movable, rides_along
 from .keys.report import build_report
 from .keys.shown import look_at
 from .rigs.armature import read_pose, require_skeleton
@@ -122,7 +122,7 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference_model.Mode
 
 
 def key_and_check(
-    spec: TakeSpec, scene: bpy.types.Scene, request: TakeRequest, result: TakeResult, frame: WorldFrame, things: dict[str, Thing]
+    spec: TakeSpec, scene: bpy.types.Scene, request: TakeRequest, result: TakeResult, frame: WorldFrame, things: dict[str, MovedObject]
 ) -> Generator[Progress, None, Take]:
     """Key a finished motion, look at what the scene shows of it, and report: all or nothing, whatever is raised or closed."""
     with restored_on_failure(Kept(scene, [spec.character, *(thing.object for thing in things.values())])):
@@ -152,7 +152,7 @@ def _waited(stage: str, work: Callable[[Callable[[float], None]], _T]) -> Genera
     return _shown(stage, beside(work), waits=True)
 
 
-def _growing(runner: TakeRunner, frame: WorldFrame, things: dict[str, Thing]) -> Generator[Progress, None, TakeResult]:
+def _growing(runner: TakeRunner, frame: WorldFrame, things: dict[str, MovedObject]) -> Generator[Progress, None, TakeResult]:
     """Progress of a motion that grows in a thread, as fast as it can, however long the window takes to draw; its result."""
     newest: deque[tuple[float, Array, Array, dict[str, Array]]] = deque(maxlen=1)
 
@@ -195,7 +195,7 @@ def finish(steps: Generator[Progress, None, _T]) -> _T:
 
 def prepare(
     spec: TakeSpec, scene: bpy.types.Scene
-) -> Generator[Progress, None, tuple[TakeRequest, WorldFrame, dict[str, Thing]]]:
+) -> Generator[Progress, None, tuple[TakeRequest, WorldFrame, dict[str, MovedObject]]]:
     """Gather what a take needs from the scene as it is at the take's first frame, in slices; the current frame is put back.
 
     The last of the generator's value are the objects that it moves, by their names.
@@ -217,7 +217,7 @@ def prepare(
             "Finding the goals", beside(lambda _: resolve_goals(spec.goals, scene, frame, start, around), touches=True)
         )
         _go_to(scene, spec.start_frame)
-        things = {target.name: Thing.of(target, frame, around.left[target][0]) for target in moving_alone}
+        things = {target.name: MovedObject.of(target, frame, around.left[target][0]) for target in moving_alone}
         environment, ground = around.query, around.ground
     finally:
         state.restore()

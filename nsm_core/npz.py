@@ -24,7 +24,7 @@ class DamagedArrays(Exception):
 
 
 @dataclass(frozen=True)
-class Entry:
+class Member:
     """An array of an .npz as its header declares it, held against the bytes that follow."""
 
     dtype: np.dtype
@@ -95,7 +95,7 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, kinds: Mapping[str, 
     return np.frombuffer(data, entry.dtype).reshape(entry.shape, order="F" if entry.fortran else "C")
 
 
-def _declared(begun: bytes, rest: bytes, name: str) -> Entry:
+def _declared(begun: bytes, rest: bytes, name: str) -> Member:
     match = _HEADER.fullmatch(begun + rest)
     try:
         dtype = np.dtype(match[1].decode()) if match else None
@@ -106,4 +106,4 @@ def _declared(begun: bytes, rest: bytes, name: str) -> Entry:
     shape = tuple(int(n) for n in match[3].split(b",") if n.strip())
     if len(shape) > 8:
         raise DamagedArrays(f"its entry {name} has {len(shape)} dimensions")
-    return Entry(dtype, match[2] == b"True", shape)
+    return Member(dtype, match[2] == b"True", shape)

@@ -11,7 +11,7 @@ from mathutils import Matrix
 from motions import blender_heads, wandering_take
 
 from nsm_blender.animation.channels import GENERATED, channels_of
-from nsm_blender.keys.keying import discard_take, key_take, read_back, resample, scene_fps
+from nsm_blender.keys.keying import discard_take, key_take, read_back, resample_take, scene_fps
 from nsm_blender.rigs.armature import build_armature, read_pose
 from nsm_core.body.skeleton import JOINTS, OFFSETS, J, forward_kinematics
 from nsm_core.errors import NsmError, SkeletonError
@@ -73,7 +73,7 @@ def test_the_scene_rate_is_honoured(fps, base):
 
 def test_resampling_at_the_same_rate_changes_nothing():
     hips, local = wandering_take(20)
-    again_hips, again_local = resample(hips, local, 30, 30)
+    again_hips, again_local = resample_take(hips, local, 30, 30)
     assert np.abs(again_hips - hips).max() < 1e-12
     assert angle_between(again_local, local).max() < 1e-6
 

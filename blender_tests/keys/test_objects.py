@@ -15,7 +15,7 @@ from nsm_blender.animation.channels import channels_of
 from nsm_blender.animation.kept import SceneState
 from nsm_blender.goals.open import read_leaf
 from nsm_blender.keys.keying import discard_take, key_take, key_things
-from nsm_blender.keys.objects import Thing, moving_rows, resample_poses
+from nsm_blender.keys.objects import MovedObject, moving_rows, resample_poses
 from nsm_blender.keys.preview import Preview
 from nsm_blender.rigs.armature import build_armature
 from nsm_blender.rigs.mount import last
@@ -50,7 +50,7 @@ def thing_of(target, frame=None):
     frame = frame or WorldFrame()
     place = frame.to_core(np.array(target.matrix_world.translation))
     prop = Prop(target.name, Cuboids(), None, np.append(place + (0.1, -0.2, 0.05), 0.4))  # its frame is not the object's own
-    return Thing.of(target, frame, prop)
+    return MovedObject.of(target, frame, prop)
 
 
 def standing_take(frames=FRAMES, start=5):
@@ -157,7 +157,7 @@ def test_a_leaf_turns_about_its_hinge_and_its_parts_go_along():
     knob.parent, knob.matrix_parent_inverse = target, target.matrix_world.inverted()
     leaf = read_leaf(target, None, None, Surroundings(bpy.context.scene, WorldFrame(), moving=[target]))
     angles = np.clip(np.linspace(-0.2, 1.6, FRAMES), 0, 1.5)
-    take = key(Thing.of(target, WorldFrame(), leaf), np.array([leaf.pose_at(a) for a in angles]))
+    take = key(MovedObject.of(target, WorldFrame(), leaf), np.array([leaf.pose_at(a) for a in angles]))
     assert [t.object for t in take.things] == [target]
     open_by = world_at(target, 5 + FRAMES - 1)
     np.testing.assert_allclose(open_by[:3, 3], (1, 0, 0), atol=1e-5)

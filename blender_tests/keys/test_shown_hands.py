@@ -9,7 +9,7 @@ from mathutils import Vector
 from motions import wandering_take
 from scenes import box
 
-from nsm_blender.keys.objects import Thing
+from nsm_blender.keys.objects import MovedObject
 from nsm_blender.rigs.armature import build_armature
 from nsm_blender.takes import TakeSpec, finish, key_and_check
 from nsm_blender.world.frame import WorldFrame
@@ -43,7 +43,7 @@ def taking(hero, hands):
     goal.taken, goal.hand_rotation_deg = taken, 0.0 if len(hands) == 2 else np.nan
     result = TakeResult(hips, local, hips, local, zeros[:, :5], zeros[:, :3], zeros, zeros, [goal], {}, {"Box": poses})
     asked = TakeRequest(np.zeros(2), 0.0, [Goal("carry", "Box", poses[-1, :3], 0.5, prop=prop)], Cuboids())
-    things = {"Box": Thing.of(crate, frame, prop)}
+    things = {"Box": MovedObject.of(crate, frame, prop)}
     return finish(key_and_check(TakeSpec(hero, [], "New", 3), scene, asked, result, frame, things)).report
 
 

@@ -8,7 +8,7 @@ from captures import capture_folder, source, stand, walk
 
 from nsm_core.body.clip import Clip, resample, smoothed_root, transform
 from nsm_core.body.skeleton import HIPS, MIRROR
-from nsm_core.data.matching.database import build
+from nsm_core.data.matching.database import build_library
 from nsm_core.data.matching.selection import load_walks
 from nsm_core.errors import CaptureError
 from nsm_core.rotations import rotate_planar, wrap_angle
@@ -91,7 +91,7 @@ def test_smoothed_root_follows_the_body_without_turning_over(clip):
 
 def test_library_frames_are_seen_from_their_roots(clip):
     other = Clip("stand", *(a.astype(np.float32) for a in stand(60)))
-    library = build([clip, other, clip[:10]])  # too short a clip is left out
+    library = build_library([clip, other, clip[:10]])  # too short a clip is left out
     assert library.names == ("walk", "stand") and len(library) == len(clip) + 60
     assert set(library.start) == {0, len(clip)} and set(library.end) == {len(clip), len(clip) + 60}
     positions, _ = clip.world()
@@ -103,7 +103,7 @@ def test_library_frames_are_seen_from_their_roots(clip):
     assert (library.velocity[60:70, HIPS, 1] < -0.5).all(), "a walker goes to the front, -Y of its root"
     assert library.contacts[len(clip) :].all() and not library.contacts[40:100].all()
     with pytest.raises(CaptureError, match="no usable clip"):
-        build([clip[:5]])
+        build_library([clip[:5]])
 
 
 def test_loaders_choose_by_name_and_measure(tmp_path_factory):

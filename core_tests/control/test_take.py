@@ -11,7 +11,7 @@ from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner
 from nsm_core.conventions import STYLES
 from nsm_core.errors import GoalError, NsmError
 from nsm_core.evaluation.measures.motion import travel_report
-from nsm_core.evaluation.trials.sit import Trial, request, trials
+from nsm_core.evaluation.trials.sit import SitTrial, request, trials
 from nsm_core.model.inference.model import Model, load_model
 from nsm_core.rotations import rotate_planar, wrap_angle
 from nsm_core.world.geometry.distance import Cuboids
@@ -24,8 +24,8 @@ def model() -> Model:
     return load_model(backend="numpy")
 
 
-def trial(kind: str = "chair", start=(1.2, -1.4), heading: float = 0.3, seed: int = 7) -> Trial:
-    return Trial(0, furniture.make(kind, np.random.default_rng(seed)), np.array(start), heading)
+def trial(kind: str = "chair", start=(1.2, -1.4), heading: float = 0.3, seed: int = 7) -> SitTrial:
+    return SitTrial(0, furniture.make(kind, np.random.default_rng(seed)), np.array(start), heading)
 
 
 def run(model: Model, asked: TakeRequest) -> TakeResult:
@@ -36,7 +36,7 @@ def run(model: Model, asked: TakeRequest) -> TakeResult:
 
 
 @pytest.fixture(scope="module")
-def takes(model) -> list[tuple[Trial, TakeResult]]:
+def takes(model) -> list[tuple[SitTrial, TakeResult]]:
     """Three seats, three starts: from the side, from the front with the back to the seat, and from behind."""
     chosen = [trial(), trial("armchair", (-0.4, -2.4), 3.0, seed=8), trial("stool", (-1.8, 0.6), -1.0, seed=9)]
     return [(t, run(model, request(t, time_limit=12.0))) for t in chosen]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ..rigs.mannequin.loft import Part, loft
+from ..rigs.mannequin.loft import LoftPart, loft
 
 Materials = dict[str, bpy.types.Material]
 
@@ -64,13 +64,13 @@ def add_frame(
     return _add(name, parts, [materials["Skirting"]], (*hinge, 0.0), turn)
 
 
-def _block(low: tuple[float, float, float], high: tuple[float, float, float], tone: int) -> Part:
+def _block(low: tuple[float, float, float], high: tuple[float, float, float], tone: int) -> LoftPart:
     corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     vertices = np.where(corners == 1, np.array(high), np.array(low))
-    return Part(vertices, [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)], tone)
+    return LoftPart(vertices, [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)], tone)
 
 
-def _rod(start: tuple[float, float, float], end: tuple[float, float, float], radius: float, tone: int) -> Part:
+def _rod(start: tuple[float, float, float], end: tuple[float, float, float], radius: float, tone: int) -> LoftPart:
     """A round bar between two points."""
     a, b = np.array(start), np.array(end)
     length = float(np.linalg.norm(b - a))
@@ -78,11 +78,11 @@ def _rod(start: tuple[float, float, float], end: tuple[float, float, float], rad
     z = (b - a) / length
     x = np.cross(z, (0.0, 0.0, 1.0)) if abs(z[2]) < 0.9 else np.array((1.0, 0.0, 0.0))
     x /= np.linalg.norm(x)
-    return Part(part.vertices @ np.stack((x, np.cross(z, x), z)) + a, part.faces, tone)
+    return LoftPart(part.vertices @ np.stack((x, np.cross(z, x), z)) + a, part.faces, tone)
 
 
 def _add(
-    name: str, parts: list[Part], tones: list[bpy.types.Material], location: tuple[float, float, float], turn: float
+    name: str, parts: list[LoftPart], tones: list[bpy.types.Material], location: tuple[float, float, float], turn: float
 ) -> bpy.types.Object:
     starts = np.cumsum([0] + [len(p.vertices) for p in parts])
     mesh = bpy.data.meshes.new(name)

@@ -11,7 +11,7 @@ from nsm_core.world.scene import furniture
 
 from ..goals.spec import GoalSpec
 from . import door_parts, room_props
-from .room import Room, floor, palette, place
+from .room import DemoRoom, floor, palette, place
 
 LEFT, RIGHT, HALF_DEPTH, HEIGHT = -4.3, 6.3, 2.6, 2.5  # metres; the wall with the door stands at x = 0
 WALL = 0.12  # its thickness
@@ -22,7 +22,7 @@ BOX = (0.38, 0.29, 0.25)
 
 
 @dataclass
-class House(Room):
+class House(DemoRoom):
     """A room with all that a take of every action needs; ``goals`` are what to do, in their order."""
 
     goals: list[GoalSpec] = field(default_factory=list)

@@ -43,7 +43,7 @@ HALF_WIDTH, HALF_DEPTH, HEIGHT = 3.1, 2.6, 2.5  # metres
 
 
 @dataclass
-class Room:
+class DemoRoom:
     """What the demo needs to know of its room."""
 
     seats: list[str]
@@ -55,13 +55,13 @@ class Room:
     distance: float = 8.0  # of that camera, metres
 
 
-def build_room(seed: int = 7, second_seat: str = "armchair") -> Room:
+def build_room(seed: int = 7, second_seat: str = "armchair") -> DemoRoom:
     """Build floor, two walls and furniture; "Chair" stands 4 m from the start with the table between them.
 
     ``second_seat`` is the kind of furniture of the other seat, which bears that name with a capital letter.
     """
     rng = np.random.default_rng(seed)
-    room = Room(seats=["Chair", second_seat.capitalize()], start=(1.75, -1.35), start_heading=np.radians(-55))
+    room = DemoRoom(seats=["Chair", second_seat.capitalize()], start=(1.75, -1.35), start_heading=np.radians(-55))
     made = [floor(rng, (-HALF_WIDTH, -HALF_DEPTH), (HALF_WIDTH, HALF_DEPTH)), *_walls()]
     table = furniture.make("table", rng, width=1.35, depth=0.8, height=0.74, legs="posts")
     made.append(place(table, "Table", (0.1, -0.15), np.radians(8), "Oak", "Oak"))

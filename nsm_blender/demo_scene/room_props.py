@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ..rigs.mannequin.loft import Part, ball, loft
+from ..rigs.mannequin.loft import LoftPart, ball, loft
 
 Materials = dict[str, bpy.types.Material]
 
@@ -65,7 +65,7 @@ def box(
     return made
 
 
-def _object(name: str, parts: list[Part], tones: list[bpy.types.Material], location: tuple[float, float, float]) -> bpy.types.Object:
+def _object(name: str, parts: list[LoftPart], tones: list[bpy.types.Material], location: tuple[float, float, float]) -> bpy.types.Object:
     starts = np.cumsum([0] + [len(p.vertices) for p in parts])
     mesh = bpy.data.meshes.new(name)
     faces = [tuple(int(s) + i for i in face) for part, s in zip(parts, starts, strict=False) for face in part.faces]
@@ -81,14 +81,14 @@ def _object(name: str, parts: list[Part], tones: list[bpy.types.Material], locat
     return made
 
 
-def _round(profile: list[tuple[float, float]], tone: int = 0, ring: int = 24, caps: tuple[float, float] = (0.002, 0.002)) -> Part:
+def _round(profile: list[tuple[float, float]], tone: int = 0, ring: int = 24, caps: tuple[float, float] = (0.002, 0.002)) -> LoftPart:
     """A turned body from (height, radius) pairs."""
     return loft([(z, 0, 0, r, r, r) for z, r in profile], tone, caps=caps, spacing=0.02, ring=ring)
 
 
 def rug(materials: Materials, centre: tuple[float, float], half: tuple[float, float]) -> bpy.types.Object:
     """An oval rug, its border in another tone; ``half`` its half axes, metres."""
-    def oval(scale: float, height: float, tone: int) -> Part:
+    def oval(scale: float, height: float, tone: int) -> LoftPart:
         a, b = half[0] * scale, half[1] * scale
         return loft([(0.0, 0, 0, a, b, b), (height, 0, 0, a, b, b)], tone, caps=(1e-4, 5e-4), roundness=(6, 6), ring=64)
 
@@ -105,7 +105,7 @@ def plant(materials: Materials, rng: np.random.Generator, place: tuple[float, fl
     return _object("Plant", parts, [materials["Terracotta"], materials["Leaf"], materials["Walnut"]], (*place, 0))
 
 
-def _leaf(turn: float, reach: float, rise: float, width: float) -> Part:
+def _leaf(turn: float, reach: float, rise: float, width: float) -> LoftPart:
     """A long leaf that grows up and bends outwards; slightly folded along its middle."""
     steps = 12
     t = np.linspace(0, 1, steps)
@@ -118,7 +118,7 @@ def _leaf(turn: float, reach: float, rise: float, width: float) -> Part:
     faces = []
     for strip in (0, steps):
         faces += [(strip + i, strip + i + 1, strip + steps + i + 1, strip + steps + i) for i in range(steps - 1)]
-    return Part(vertices, faces, 1)
+    return LoftPart(vertices, faces, 1)
 
 
 def lamp(materials: Materials, place: tuple[float, float]) -> bpy.types.Object:

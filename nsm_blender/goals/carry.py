@@ -14,7 +14,7 @@ from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.world.affordances.standing import BODY_TO_EDGE, choose_side, further_off, require_room
 from nsm_core.world.scene.props import Box, sense
 
-from ..world.bodies import Body, place_of
+from ..world.bodies import GoalBody, place_of
 from ..world.frame import WorldFrame
 from ..world.surroundings import Surroundings
 from ..world.tops import Level, find_levels, occupy, occupy_rectangle, places_near_edge
@@ -28,7 +28,7 @@ _STANDING, _COMING = 0.12, 0.24  # clearance of the standing place and of the pl
 
 
 @dataclass
-class Spot:
+class SetDown:
     """Where a box is set down: the centre of its base (3,) and the heading of the carrier, core frame."""
 
     base: Array
@@ -62,7 +62,7 @@ def carry_goal(
                 f"{(point or to).name} is {base[2] * frame.scale:.2f} m over the character's floor; boxes are set down between 0 and "
                 f"{HIGHEST_TOP * frame.scale:.2f} m: move it."
             )
-        spot = Spot(base.astype(np.float64), facing)
+        spot = SetDown(base.astype(np.float64), facing)
     else:
         spot = spot_on_top(target, to, box, box.across(facing_in_box), pose[:2], around)
     centre = spot.base + (0, 0, box.size[2] / 2)
@@ -93,7 +93,7 @@ def _side(target: bpy.types.Object, box: Box, pose: Array, here: Array, around: 
 
 def spot_on_top(
     target: bpy.types.Object, to: bpy.types.Object, box: Box, across: tuple[float, float], coming_from: Array, around: Surroundings
-) -> Spot:
+) -> SetDown:
     """Choose the place on the largest level top of ``to``: near an edge, nothing on it, and room to stand before it."""
     scale = around.frame.scale
     body = around.body(to, snug=True)
@@ -126,7 +126,7 @@ def spot_on_top(
     return found
 
 
-def _nearest(level: Level, across: tuple[float, float], body: Body, coming_from: Array, around: Surroundings) -> Spot | None:
+def _nearest(level: Level, across: tuple[float, float], body: GoalBody, coming_from: Array, around: Surroundings) -> SetDown | None:
     """The free place whose standing place is nearest and can be walked to."""
     candidates = []
     for quarter in range(4):
@@ -151,7 +151,7 @@ def _nearest(level: Level, across: tuple[float, float], body: Body, coming_from:
         if not free[k] or round(facing, 3) in refused:
             continue
         if around.can_walk(coming_from, behind[:2]):
-            return Spot(np.array((base[0], base[1], level.height)), float(wrap_angle(facing)))
+            return SetDown(np.array((base[0], base[1], level.height)), float(wrap_angle(facing)))
         refused.add(round(facing, 3))  # one side of a top is reached as a whole, or not at all
     return None
 

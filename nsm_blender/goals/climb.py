@@ -10,7 +10,7 @@ from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, direction_to_heading, rotate_planar, wrap_angle
 from nsm_core.world.scene.terrain import FLOOR_TOP
 
-from ..world.bodies import Body, place_of
+from ..world.bodies import GoalBody, place_of
 from ..world.surroundings import Surroundings
 from ..world.tops import CELL, Level, find_levels, occupy, standing_room
 
@@ -74,7 +74,7 @@ def _stands_on(level: Level, here: Array) -> bool:
     return bool((cell >= 0).all() and (cell < level.top.shape).all() and level.top[tuple(cell)])
 
 
-def _level(body: Body, target: bpy.types.Object, scale: float, here: Array) -> Level:
+def _level(body: GoalBody, target: bpy.types.Object, scale: float, here: Array) -> Level:
     levels = find_levels(body.vertices, body.triangles, here)
     if not levels:
         raise GeometryError(f"{target.name} has no level top to step on; choose a step or a low wall.")
@@ -101,7 +101,7 @@ def _side(level: Level, here: Array) -> int:
 
 
 def _on_top(
-    level: Level, quarter: int, here: Array, body: Body, target: bpy.types.Object, around: Surroundings, wish: Array | None = None
+    level: Level, quarter: int, here: Array, body: GoalBody, target: bpy.types.Object, around: Surroundings, wish: Array | None = None
 ) -> Array:
     """The free place nearest to ``wish`` (2,), own frame of ``body``; core frame.
 
@@ -123,7 +123,7 @@ def _on_top(
     raise GoalError(f"There is no free place to stand on {target.name}; clear its top, or move its goal point.")
 
 
-def _behind(level: Level, quarter: int, body: Body, target: bpy.types.Object, around: Surroundings) -> Array:
+def _behind(level: Level, quarter: int, body: GoalBody, target: bpy.types.Object, around: Surroundings) -> Array:
     """The place on the floor behind a low wall, core frame; ``level`` as seen from ``quarter``."""
     cells = np.argwhere(level.top)
     x, y = level.corner + CELL * np.array(((cells[:, 0].min() + cells[:, 0].max() + 1) / 2, cells[:, 1].max() + 1.0))

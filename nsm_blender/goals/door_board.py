@@ -13,7 +13,7 @@ from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.world.geometry.orientation import connected_parts
 
-from ..world.bodies import Body
+from ..world.bodies import GoalBody
 from ..world.evaluated import is_worn
 from ..world.frame import WorldFrame
 from ..world.surroundings import Surroundings
@@ -35,7 +35,7 @@ _TWO_FROM = 1.1  # metres of width from which an object may be two leaves
 class Board:
     """A leaf along X: ``low`` and ``high`` x of its vertical edges, ``faces`` the two y of its board, own frame of ``body``."""
 
-    body: Body
+    body: GoalBody
     low: float
     high: float
     top: float
@@ -144,7 +144,7 @@ def _family(target: bpy.types.Object) -> str:
     return "separate the leaf into an object of its own (Edit Mode, P) and choose that"
 
 
-def _require_one_leaf(name: str, body: Body, corners: Array, normal: Array, size: Array, remedy: str) -> None:
+def _require_one_leaf(name: str, body: GoalBody, corners: Array, normal: Array, size: Array, remedy: str) -> None:
     """GoalError where a mesh holds a frame besides its leaf, or two leaves: what is keyed turns as a whole.
 
     ``corners`` (F, 3, 3), ``normal`` (F, 3) and its length ``size`` (F,) of the triangles.

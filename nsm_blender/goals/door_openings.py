@@ -26,7 +26,7 @@ _ALONG = np.radians(12)  # by which the wall may deviate from where a leaf fits
 
 
 @dataclass(frozen=True)
-class Doorway:
+class WallOpening:
     """A leaf about its hinge among solids: ``pivot`` (2,) core frame; ``edge``, ``width`` x of both edges and ``middle`` y, ``top``
     z of the board, along its own +X from the pivot."""
 

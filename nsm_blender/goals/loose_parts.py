@@ -10,7 +10,7 @@ from nsm_core.errors import GeometryError
 from nsm_core.rotations import Array
 from nsm_core.world.affordances.seat import find_seat
 
-from ..world.bodies import Body
+from ..world.bodies import GoalBody
 from ..world.evaluated import family_of
 from ..world.solids import Solid
 from ..world.surroundings import Surroundings
@@ -28,7 +28,7 @@ def is_group(candidate: bpy.types.Object) -> bool:
     return candidate.instance_type == "COLLECTION" or any(c.type == "MESH" for c in candidate.children_recursive)
 
 
-def seat_body(target: bpy.types.Object, around: Surroundings) -> Body:
+def seat_body(target: bpy.types.Object, around: Surroundings) -> GoalBody:
     """The mesh of a thing to sit on or to walk up to, with the loose parts that belong to it; GeometryError where it has none."""
     alone = around.body(target)
     parts = loose_parts(target, around)
@@ -100,7 +100,7 @@ def _share(part: _Thing, low: Array, high: Array) -> float:
     return float(np.prod(np.maximum(common, 0) / size)) if (common > -1e-3).all() else 0.0
 
 
-def _seat_height(body: Body) -> float | None:
+def _seat_height(body: GoalBody) -> float | None:
     try:
         return float(find_seat(body.vertices, body.triangles).point[2])
     except GeometryError:

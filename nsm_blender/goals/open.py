@@ -17,7 +17,7 @@ from .door_board import Board, neighbours, read_board
 from .door_handles import find_handle, fittings_of, grip_depth
 from .door_hinges import find_pivot
 from .door_kinds import require_no_track, require_swings, require_way_through
-from .door_openings import AJAR, Doorway, earlier_headings
+from .door_openings import AJAR, WallOpening, earlier_headings
 from .points import SWING
 
 
@@ -62,7 +62,7 @@ def read_leaf(target: bpy.types.Object, hinge: bpy.types.Object | None, handle: 
     pose = np.append(body.to_core(np.append(pivot, 0.0)), heading)
     query = body.solid_at(pose)
     edge = width - (board.high - board.low)
-    doorway = Doorway(around.query, pose[:2].astype(np.float64), edge, width, middle, board.top)
+    doorway = WallOpening(around.query, pose[:2].astype(np.float64), edge, width, middle, board.top)
     closed = doorway.shut(heading, *earlier_headings(target, heading))
     require_way_through(target, pose, closed, (edge, width), board.top, around.query, frame.scale)
     open_by = float(wrap_angle(heading - closed))

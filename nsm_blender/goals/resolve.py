@@ -17,7 +17,7 @@ from nsm_core.world.affordances.seat import find_seat
 from nsm_core.world.affordances.standing import further_off, standing_place
 from nsm_core.world.scene.props import Box, Leaf
 
-from ..world.bodies import Body, place_of
+from ..world.bodies import GoalBody, place_of
 from ..world.frame import WorldFrame, holds
 from ..world.surroundings import Surroundings
 from .carry import carry_goal
@@ -145,7 +145,7 @@ def _walk(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: 
     return goal
 
 
-def _in_front_of(body: Body, around: Surroundings) -> tuple[Array, float]:
+def _in_front_of(body: GoalBody, around: Surroundings) -> tuple[Array, float]:
     """Ground point (3,) before the object's front (its -Y) and the heading that looks at it, core frame.
 
     Where something stands there, it is the next side that is free: left, right, and last behind.
@@ -207,7 +207,7 @@ def show_goal_point(
     return point
 
 
-def _somewhere_on(body: Body, action: str) -> tuple[Array, float]:
+def _somewhere_on(body: GoalBody, action: str) -> tuple[Array, float]:
     """A place (3,) to begin with where the mesh shows none, and its heading, core frame: on its middle, or before it."""
     (low, high), heading = body.bounds, body.yaw
     if action in ("walk", "run"):
@@ -218,7 +218,13 @@ def _somewhere_on(body: Body, action: str) -> tuple[Array, float]:
 
 
 def _show_door_points(
-    target: bpy.types.Object, leaf: Leaf | None, body: Body, reason: str, scene: bpy.types.Scene, frame: WorldFrame, told: list[str] | None
+    target: bpy.types.Object,
+    leaf: Leaf | None,
+    body: GoalBody,
+    reason: str,
+    scene: bpy.types.Scene,
+    frame: WorldFrame,
+    told: list[str] | None,
 ) -> bpy.types.Object:
     """The points of a ``leaf``, or of what was found to be none for some ``reason``: at its edges."""
     (low, high), heading = body.bounds, body.yaw

@@ -21,9 +21,9 @@ from ..animation.kept import Kept, restored_on_failure
 from ..rigs.armature import Placement, StartPose, read_pose, read_world_pose
 from ..rigs.mount import Mount, along, last
 from .layers import carried, channels_of_strips, posed_bones, require_keyable, rotation_channel
-from .objects import KeyedThing, Thing, discard_thing, key_thing
+from .objects import KeyedThing, MovedObject, discard_thing, key_thing
 
-__all__ = ["KeyedTake", "StartPose", "discard_take", "key_take", "read_back", "read_pose", "resample"]
+__all__ = ["KeyedTake", "StartPose", "discard_take", "key_take", "read_back", "read_pose", "resample_take"]
 
 _NO_TURN = {"rotation_quaternion": (1.0, 0.0, 0.0, 0.0), "rotation_axis_angle": (0.0, 0.0, 1.0, 0.0)}
 
@@ -50,7 +50,7 @@ def scene_fps(scene: bpy.types.Scene) -> float:
     return scene.render.fps / scene.render.fps_base
 
 
-def resample(hips_position: Array, local_rotations: Array, fps_from: float, fps_to: float) -> tuple[Array, Array]:
+def resample_take(hips_position: Array, local_rotations: Array, fps_from: float, fps_to: float) -> tuple[Array, Array]:
     """Sample a take at another rate: (T, 3), (T, J, 4) to (N, 3), (N, J, 4), linear and by slerp.
 
     The first frame stays the first; the last sample is the first one at or after the take's end, held there.
@@ -98,7 +98,7 @@ def key_take_steps(
     local_rotations = quat_normalize(np.asarray(local_rotations, dtype=np.float64))
     _require_take(hips_position, local_rotations)
     rate = scene_fps(scene)
-    hips, local = resample(hips_position, local_rotations, fps, rate)
+    hips, local = resample_take(hips_position, local_rotations, fps, rate)
     frames = frame_start + np.arange(len(hips))
 
     data = armature.animation_data
@@ -131,7 +131,7 @@ def key_take_steps(
 
 
 def key_things(
-    take: KeyedTake, moved: Sequence[tuple[Thing, Array]], fps: float, name: str, scene: bpy.types.Scene
+    take: KeyedTake, moved: Sequence[tuple[MovedObject, Array]], fps: float, name: str, scene: bpy.types.Scene
 ) -> Generator[float, None, None]:
     """Key what a take has moved, each object in an action of its own named after ``name`` and the object.
 

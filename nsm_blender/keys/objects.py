@@ -41,7 +41,7 @@ class KeyedThing:
 
 
 @dataclass
-class Thing:
+class MovedObject:
     """An object that a take moves: where it and its prop are before the first frame.
 
     ``world`` its matrix, ``space`` the one from the world to its own channels, ``turn`` its own rotation; ``pose`` (4,) of the
@@ -57,7 +57,7 @@ class Thing:
     prop: str
 
     @classmethod
-    def of(cls, target: bpy.types.Object, frame: WorldFrame, prop: Prop) -> Thing:
+    def of(cls, target: bpy.types.Object, frame: WorldFrame, prop: Prop) -> MovedObject:
         """Note where an object stands now; GoalError where its parents would shear it as it turns."""
         turn = delta_turn(target) @ own_turn(target)
         _require_unsheared(target)
@@ -120,7 +120,7 @@ def _require_unsheared(target: bpy.types.Object) -> None:
 
 
 def resample_poses(poses: Array, fps_from: float, fps_to: float) -> Array:
-    """Sample poses (T, 4) at another rate: (N, 4), linear, headings by the shorter way; ends as in ``keying.resample``."""
+    """Sample poses (T, 4) at another rate: (N, 4), linear, headings by the shorter way; ends as in ``keying.resample_take``."""
     poses = np.array(poses, dtype=np.float64)
     poses[:, 3] = np.unwrap(poses[:, 3])
     seconds = (len(poses) - 1) / fps_from
@@ -129,7 +129,7 @@ def resample_poses(poses: Array, fps_from: float, fps_to: float) -> Array:
 
 
 def key_thing(
-    thing: Thing, poses: Array, frame_start: int, fps: float, scene_rate: float, name: str, scene: bpy.types.Scene
+    thing: MovedObject, poses: Array, frame_start: int, fps: float, scene_rate: float, name: str, scene: bpy.types.Scene
 ) -> Generator[float, None, KeyedThing | None]:
     """Key a moved object as a new action and keep the action it had; the generator's value is None where it never moves.
 
@@ -195,7 +195,7 @@ def moving_rows(poses: Array) -> Array:
     return np.flatnonzero(keyed)
 
 
-def _channel_values(thing: Thing, poses: Array, spaces: list[Matrix]) -> tuple[Array, Array, Array]:
+def _channel_values(thing: MovedObject, poses: Array, spaces: list[Matrix]) -> tuple[Array, Array, Array]:
     """Location (N, 3), rotation (N, 3 or 4) in the object's mode and first scale (3,) that put it where ``poses`` (N, 4) say.
 
     ``spaces``, one for each pose or one for all: from the world to the object's own channels, its parents as they are then.

@@ -25,8 +25,8 @@ from ..animation.kept import frame_kept
 from ..rigs.armature import Placement, read_world_pose
 from ..rigs.mount import go_to
 from ..world.frame import WorldFrame
-from .keying import KeyedTake, resample
-from .objects import Thing, resample_poses
+from .keying import KeyedTake, resample_take
+from .objects import MovedObject, resample_poses
 
 SHARE = 0.1  # of the take's own time that looking at it may cost
 OFF = 0.01  # metres of the character from which what is seen is not what was made
@@ -57,7 +57,7 @@ class ShownTake:
 
 
 def look_at(
-    keyed: KeyedTake, result: TakeResult, frame: WorldFrame, things: Mapping[str, Thing], scene: bpy.types.Scene
+    keyed: KeyedTake, result: TakeResult, frame: WorldFrame, things: Mapping[str, MovedObject], scene: bpy.types.Scene
 ) -> Generator[float, None, ShownTake]:
     """Evaluate a keyed take; yields the share done after every frame, and puts the scene's frame back at the end.
 
@@ -90,7 +90,7 @@ def look_at(
 class _Look:
     """What was seen in the rows looked at: bones in the core's frame, and the objects' world matrices."""
 
-    def __init__(self, keyed: KeyedTake, frame: WorldFrame, things: Mapping[str, Thing]) -> None:
+    def __init__(self, keyed: KeyedTake, frame: WorldFrame, things: Mapping[str, MovedObject]) -> None:
         self.keyed, self.frame, self.things = keyed, frame, things
         self.placement = Placement.of(keyed.armature)
         self.seen: dict[int, tuple[Array, Array, dict[str, Matrix]]] = {}
@@ -108,7 +108,7 @@ class _Look:
         rows = np.array(sorted(self.seen))
         joints, local = (np.array([self.seen[r][k] for r in rows]) for k in (0, 1))
         motion = (np.asarray(m, dtype=np.float64) for m in (result.hips_position, result.local_rotations))
-        made_hips, made_local = (m[rows] for m in resample(*motion, FPS, self.keyed.fps))
+        made_hips, made_local = (m[rows] for m in resample_take(*motion, FPS, self.keyed.fps))
         offsets = own_offsets(self.placement)
         own, standard = (forward_kinematics(made_hips, made_local, o.astype(np.float64))[0] for o in (offsets, OFFSETS))
         shown = ShownTake(np.empty(0), np.empty(0), offsets, {}, len(rows), character=self.keyed.armature.name)
@@ -129,7 +129,7 @@ class _Look:
             self._thing(name, thing, rows, at, shown, result)
         return shown
 
-    def _thing(self, name: str, thing: Thing, rows: Array, at: Array, shown: ShownTake, result: TakeResult) -> None:
+    def _thing(self, name: str, thing: MovedObject, rows: Array, at: Array, shown: ShownTake, result: TakeResult) -> None:
         """Note where a moved object is seen; its prop, where it has its name, is then there too."""
         poses = np.asarray(result.props[thing.prop], dtype=np.float64)
         made, change = resample_poses(poses, FPS, self.keyed.fps)[rows], np.zeros((len(rows), 4))

@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 _FORGETTING = 0.9  # a step, from which the length of the longest to come is guessed
 
 
-class Session:
+class TakeSession:
     """One take under way in a scene; at most one runs at a time.
 
     However it ends, the scene is as it was or holds the whole take, and nothing counts as running.  ``why`` then says in a

@@ -31,7 +31,7 @@ def place_of(marker: bpy.types.Object, frame: WorldFrame) -> tuple[Array, float]
 
 
 @dataclass
-class Body:
+class GoalBody:
     """A goal object's evaluated mesh, upright: Z up, origin on the floor at the centre of its footprint.
 
     ``vertices`` (V, 3) and ``triangles`` (F, 3), turned by ``-yaw`` about Z, in units of the character's size.
@@ -45,7 +45,7 @@ class Body:
     solids: list[Solid] = field(default_factory=list)  # what it was read from, core frame
 
     @classmethod
-    def of(cls, target: bpy.types.Object, frame: WorldFrame, snug: bool = False, snapshot: Snapshot | None = None) -> Body:
+    def of(cls, target: bpy.types.Object, frame: WorldFrame, snug: bool = False, snapshot: Snapshot | None = None) -> GoalBody:
         """Read an object's mesh as the scene shows it, or as ``snapshot`` has it; GeometryError when there is none.
 
         The yaw is the object's own; ``snug``, that of the smallest box around it, where this is much smaller.
@@ -73,7 +73,7 @@ class Body:
             here = rotate_planar(self.to_core(self.vertices) - pose[:3], np.float64(-pose[3]))  # a part of what was read
             return BVHQuery.from_triangles(here.astype(np.float32), self.triangles)
 
-    def joined(self, parts: list[Solid]) -> Body:
+    def joined(self, parts: list[Solid]) -> GoalBody:
         """This and other solids, core frame, as one thing that looks the same way."""
         own = [rotate_planar(s.vertices, -self.yaw) for s in parts]
         turned = np.concatenate((rotate_planar(self.to_core(self.vertices).astype(np.float64), -self.yaw), *own))
@@ -82,7 +82,7 @@ class Body:
         low, high = turned.min(0), turned.max(0)
         centre = np.array(((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, 0.0))
         place = rotate_planar(centre[:2], self.yaw)
-        return Body(self.name, (turned - centre).astype(np.float32), triangles, place, self.yaw, [*self.solids, *parts])
+        return GoalBody(self.name, (turned - centre).astype(np.float32), triangles, place, self.yaw, [*self.solids, *parts])
 
     def to_core(self, points: Array) -> Array:
         """Points (..., 3) of the upright object frame in the core's frame."""

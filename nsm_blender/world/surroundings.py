@@ -17,7 +17,7 @@ from nsm_core.world.scene.props import Prop
 from nsm_core.world.scene.terrain import Terrain
 
 from .beside import freely
-from .bodies import Body
+from .bodies import GoalBody
 from .colliders import belonging_to, obstacles, query_of, scene_solids, solid_seen
 from .evaluated import Snapshot, family_of
 from .frame import WorldFrame
@@ -55,7 +55,7 @@ class Surroundings:
         self.moving = list(dict.fromkeys(moving))
         self.left: dict[bpy.types.Object, tuple[Prop, Array]] = {}
         self._plan: FloorPlan | None = None
-        self._bodies: dict[tuple[str, bool], Body] = {}
+        self._bodies: dict[tuple[str, bool], GoalBody] = {}
         self._given = snapshot
 
     @cached_property
@@ -117,12 +117,12 @@ class Surroundings:
         names = belonging_to(self.scene, left_out)
         return lambda solid: solid.owner not in names
 
-    def body(self, target: bpy.types.Object, snug: bool = False) -> Body:
-        """A goal object's mesh, upright; see ``Body.of``."""
+    def body(self, target: bpy.types.Object, snug: bool = False) -> GoalBody:
+        """A goal object's mesh, upright; see ``GoalBody.of``."""
         key = target.name_full, snug
         if key not in self._bodies:
             known = self.snapshot if self.snapshot.of(o.name_full for o in family_of(target)) else None  # it may be newer
-            self._bodies[key] = Body.of(target, self.frame, snug, known)
+            self._bodies[key] = GoalBody.of(target, self.frame, snug, known)
         return copy(self._bodies[key])
 
     @cached_property

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 # The body as capsules: two joints (or a joint and the end of its bone) and a radius at each, metres.  Pelvis and thighs are
 # as thin below as a seated person's are once flesh and cushion have given way: the hip joints of a seated pose lie 4 cm over
 # the seat (HIP_OVER_SEAT less their offset), so sitting as told counts as touching, not as penetrating.
-CAPSULES: tuple[tuple[str, str, float, float], ...] = (
+THIN_CAPSULES: tuple[tuple[str, str, float, float], ...] = (
     ("RightHip", "LeftHip", 0.04, 0.04),
     ("Hips", "Chest2", 0.07, 0.09),
     ("Chest2", "Chest4", 0.10, 0.10),
@@ -44,16 +44,16 @@ CAPSULES: tuple[tuple[str, str, float, float], ...] = (
 _SAMPLE = 0.05  # metres between the spheres that stand for a capsule
 
 
-def penetration_depths(hips_position: Array, local_rotations: Array, query: DistanceQuery) -> Array:
+def thin_depths(hips_position: Array, local_rotations: Array, query: DistanceQuery) -> Array:
     """Depth (T,) in metres of the deepest point of the body in each frame, 0 where it touches nothing."""
-    centres, radii = body_spheres(hips_position, local_rotations)
+    centres, radii = thin_spheres(hips_position, local_rotations)
     reach = float(radii.max()) + 0.02
     distance = query.signed_distance(centres.reshape(-1, 3).astype(np.float32), reach).reshape(centres.shape[:2])
     return np.maximum(0, radii - distance).max(axis=1)
 
 
-def body_spheres(hips_position: Array, local_rotations: Array) -> tuple[Array, Array]:
-    """Spheres along ``CAPSULES``: centres (T, S, 3) world and radii (S,), metres."""
+def thin_spheres(hips_position: Array, local_rotations: Array) -> tuple[Array, Array]:
+    """Spheres along ``THIN_CAPSULES``: centres (T, S, 3) world and radii (S,), metres."""
     positions, rotations = forward_kinematics(hips_position.astype(np.float64), local_rotations.astype(np.float64))
 
     def point(name: str) -> Array:
@@ -64,7 +64,7 @@ def body_spheres(hips_position: Array, local_rotations: Array) -> tuple[Array, A
         return positions[:, INDEX[joint]] + quat_rotate(rotations[:, INDEX[joint]], end)
 
     centres, radii = [], []
-    for a, b, ra, rb in CAPSULES:
+    for a, b, ra, rb in THIN_CAPSULES:
         pa, pb = point(a), point(b)
         # Lengths are rounded, so that bones have as many spheres whatever a pose's arithmetic.
         for t in np.linspace(0, 1, 2 + int(round(float(np.linalg.norm(pb[0] - pa[0])), 3) / _SAMPLE)):

@@ -16,7 +16,7 @@ from nsm_core.model.networks.memory import keep_freed_memory
 from nsm_core.training.batches import RolloutSettings
 from nsm_core.training.fresh_takes import SEEDS_APART, FreshSettings, FreshTakes
 from nsm_core.training.log import Log
-from nsm_core.training.loop import _loop
+from nsm_core.training.loop import run_training
 from nsm_core.training.trainer import Trainer, TrainingSettings, read_checkpoint
 from nsm_core.training.warm_start import start_from
 
@@ -96,7 +96,7 @@ def main(arguments: list[str]) -> int:
             trainer.average.refresh(trainer.net)
     log.begin(trainer.step)
     try:
-        _loop(trainer, checkpoint, log)
+        run_training(trainer, checkpoint, log)
     finally:
         if fresh is not None:
             fresh.close()

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from nsm_core.body.ik.foot_plant import ContactIK, Seat
+from nsm_core.body.ik.foot_plant import ContactIK, SeatTarget
 from nsm_core.body.ik.hand_clearance import HandClearance
 from nsm_core.body.ik.heels import Heels
 from nsm_core.body.ik.leg_clearance import LegClearance
@@ -38,7 +38,7 @@ class Finishing:
         self._trunk, self._hands = TrunkClearance(scene.environment), HandClearance(scene.environment)
 
     def apply(
-        self, hips: Array, rotations: Array, moment: Moment, seat: Seat | None, grasps: Sequence[Grasp], level: float = 0.0
+        self, hips: Array, rotations: Array, moment: Moment, seat: SeatTarget | None, grasps: Sequence[Grasp], level: float = 0.0
     ) -> tuple[Array, Array]:
         """Return new hips (3,) and local rotations (23, 4) and move the props in hand.
 

@@ -14,7 +14,7 @@ import numpy as np
 from nsm_core.body.skeleton import ARMS, HIPS, forward_kinematics, root_of
 from nsm_core.conventions import CLIMB, CONTACTS, FOOT_CONTACTS, FPS
 from nsm_core.errors import GoalError
-from nsm_core.model.features.codec import Surroundings, build_inputs, no_object, read_outputs
+from nsm_core.model.features.codec import SensorReading, build_inputs, no_object, read_outputs
 from nsm_core.model.features.rollout_step import Blending, advance
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, wrap_angle
@@ -158,7 +158,7 @@ class TakeRunner:
         if sensed is not None:
             cells, occupancy = relief.sensed(sensed).cells_world()[None], sensed.occupancy[None]
         t2 = time.perf_counter()
-        x, gating = build_inputs(state, Surroundings(environment[None], cells, occupancy))
+        x, gating = build_inputs(state, SensorReading(environment[None], cells, occupancy))
         t3 = time.perf_counter()
         y, experts = self.model.predict(x, gating)
         t4 = time.perf_counter()

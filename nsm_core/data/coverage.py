@@ -15,7 +15,7 @@ from nsm_core.rotations import Array, direction_to_heading, wrap_angle
 
 from .storage import Dataset, described
 
-# Goals by what is asked for together, as in ``take.Command``; those with a static place have directions and distances.
+# Goals by what is asked for together, as in ``take.TimedCommand``; those with a static place have directions and distances.
 KINDS = {
     "sit": ("sit",),
     "carry: take": ("carry",),

@@ -24,7 +24,7 @@ from nsm_core.world.sensors.interaction import interaction_sensor
 from .captures.folder import notes
 from .matching.selection import stance
 from .scenarios.composer import Composer, load
-from .scenarios.take import Annotated, Piece, Take, annotate, goal_tables
+from .scenarios.take import Annotated, ComposedTake, Piece, annotate, goal_tables
 from .storage import FIELDS, OBJECT_FIELDS
 
 HELD_BACK_CLIPS = 20  # one clip in so many is kept for validation
@@ -35,13 +35,13 @@ def held_back(clip: str) -> bool:
     return int(hashlib.sha256(f"validates {clip.rstrip(MIRRORED)}".encode()).hexdigest(), 16) % HELD_BACK_CLIPS == 0
 
 
-def _validates(take: Take) -> Array:
+def _validates(take: ComposedTake) -> Array:
     """Which frames (T,) were captured in clips that are held back."""
     flags = [np.full(piece.frames, held_back(piece.clip)) for piece in take.provenance]
     return np.concatenate(flags) if flags else np.zeros(len(take), bool)
 
 
-def _sensed(take: Take, annotated: Annotated) -> Array:
+def _sensed(take: ComposedTake, annotated: Annotated) -> Array:
     """The sensed thing of each frame (T,), -1 for none: the command's, and after it until its action's label has faded."""
     which = np.full(len(take), -1, np.int32)
     label = annotated.style[:, INTERACTIONS].max(axis=1)
@@ -56,7 +56,7 @@ def _sensed(take: Take, annotated: Annotated) -> Array:
     return which
 
 
-def _objects(take: Take, which: Array) -> tuple[Array, Array, Array, Array]:
+def _objects(take: ComposedTake, which: Array) -> tuple[Array, Array, Array, Array]:
     """Where the sensed thing's frame is (T, 4), whether the body holds it (T,), and all things' cells and occupancy, own frames."""
     poses, held = np.zeros((len(take), 4), np.float32), np.zeros(len(take), bool)
     cells, occupancy = np.zeros((len(take.things), CELLS, 3), np.float32), np.zeros((len(take.things), CELLS), np.float32)
@@ -73,7 +73,7 @@ def _objects(take: Take, which: Array) -> tuple[Array, Array, Array, Array]:
     return poses, held, cells, occupancy
 
 
-def _environment(take: Take, root: Array) -> Array:
+def _environment(take: ComposedTake, root: Array) -> Array:
     """Environment sensor (T, 1408) at roots (T, 3): what stands, and what moves where it is in each frame."""
     still = [(p.furniture, p.position, p.heading) for p in take.obstacles]
     still += [(t.furniture, t.poses[:3], float(t.poses[3])) for t in take.things if not t.moves]
@@ -88,7 +88,7 @@ def _environment(take: Take, root: Array) -> Array:
     return values
 
 
-def take_arrays(take: Take) -> dict[str, Array]:
+def take_arrays(take: ComposedTake) -> dict[str, Array]:
     """All arrays of one take; frame indices count from its own start."""
     a = annotate(take)
     position, heading, action = goal_tables(take, a)

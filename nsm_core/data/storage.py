@@ -12,7 +12,7 @@ import numpy as np
 
 from nsm_core.conventions import DT, STYLES
 from nsm_core.errors import CaptureError
-from nsm_core.model.features.codec import Surroundings, no_object
+from nsm_core.model.features.codec import SensorReading, no_object
 from nsm_core.model.features.layout import CELLS, ENVIRONMENT
 from nsm_core.model.features.state import KEY_STEP, KEYS, WINDOW, State
 from nsm_core.rotations import Array, rotate_planar
@@ -133,7 +133,7 @@ class Dataset:
             a["goal_action"][frames],
         )
 
-    def surroundings(self, frames: Array, root: Array, drift: tuple[Array, Array] | None = None) -> Surroundings:
+    def surroundings(self, frames: Array, root: Array, drift: tuple[Array, Array] | None = None) -> SensorReading:
         """What the sensors told at ``frames`` (B,); characters without an object get empty cells at ``root`` (B, 3).
 
         ``drift``: how far characters have strayed from the takes, planar shifts (B, 2) and turns (B,); what they hold strays
@@ -154,4 +154,4 @@ class Dataset:
         local = a["object_cells"][which[has]]
         cells[has] = rotate_planar(local, poses[:, None, 3]) + poses[:, None, :3]
         occupancy[has] = a["object_occupancy"][which[has]]
-        return Surroundings(a["environment"][frames].astype(np.float32) / 255, cells, occupancy)
+        return SensorReading(a["environment"][frames].astype(np.float32) / 255, cells, occupancy)

@@ -11,7 +11,7 @@ from .log import Log
 from .trainer import Trainer
 
 
-def _loop(trainer: Trainer, checkpoint: Path, log: Log) -> None:
+def run_training(trainer: Trainer, checkpoint: Path, log: Log) -> None:
     from tqdm import tqdm
 
     s = trainer.settings

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nsm_core.body.contacts import ANKLES, LEGS
-from nsm_core.body.ik.leg_clearance import LEAST, MOST, LegClearance, Pose
+from nsm_core.body.ik.leg_clearance import LEAST, MOST, LegClearance, LegPose
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import INDEX, forward_kinematics
 from nsm_core.data.scenarios.climb.clearance import leg_depths
@@ -77,6 +77,6 @@ def test_the_legs_go_back_when_the_climb_is_over(query):
 
 def test_joints_of_changes_are_those_of_the_changed_poses():
     changes = np.random.default_rng(0).uniform(LEAST, MOST, (6, 7))
-    pose = Pose(HIPS, _crouching())
+    pose = LegPose(HIPS, _crouching())
     positions = forward_kinematics(*pose.changed(changes))[0]
     assert np.allclose(pose.joints_by(changes), positions[:, np.array(LEGS).T], atol=1e-9)

@@ -23,7 +23,7 @@ from nsm_core.world.scene.terrain import Terrain
 def over_wall(height: float, depth: float, start: tuple[float, float], heading: float):
     """A take over a wall at the origin, and the steps that it needed."""
     piece = furniture.make("low_wall", np.random.default_rng(1), width=1.4, height=height, depth=depth)
-    asked = climb.request(climb.Trial(0, "wall", np.array(start), heading, piece, 0.0), hold=0.3)
+    asked = climb.request(climb.ClimbTrial(0, "wall", np.array(start), heading, piece, 0.0), hold=0.3)
     runner, steps = TakeRunner(load_model(backend="numpy"), asked), 0
     while runner.step():
         steps += 1

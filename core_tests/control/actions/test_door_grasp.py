@@ -9,7 +9,7 @@ from actors import Actor, drive
 from nsm_core.body.ik.reaching import Pose
 from nsm_core.body.skeleton import INDEX, J
 from nsm_core.control.actions.door_grasp import EDGE_HEIGHT, EDGE_IN, FASTEST, Opening, require_room
-from nsm_core.control.actions.leaf_room import NEARLY, LeafRoom, body_spheres
+from nsm_core.control.actions.leaf_room import NEARLY, LeafRoom, leaf_spheres
 from nsm_core.control.goals import Goal
 from nsm_core.conventions import GOAL_ACTIONS
 from nsm_core.distances import WIDE_OPEN
@@ -82,7 +82,7 @@ def test_a_leaf_let_go_only_slows_down_unless_the_body_moves_it(passed):
     for k in range(let_go + 2, len(step)):
         leaf.pose = actor.frames[k]["props"]["Door"]
         touched = any(
-            room.limits(*body_spheres(Pose(*actor.frames[n]["pose"], np.zeros((2, 3))))[0], NEARLY)[0] > leaf.angle for n in (k, k + 1)
+            room.limits(*leaf_spheres(Pose(*actor.frames[n]["pose"], np.zeros((2, 3))))[0], NEARLY)[0] > leaf.angle for n in (k, k + 1)
         )
         assert touched or step[k] <= max(step[k - 1] - 1e-6, 0), f"frame {k}: it gains speed by itself"
 

@@ -7,7 +7,7 @@ import pytest
 
 from nsm_core.body.ik.reaching import Pose
 from nsm_core.body.skeleton import J
-from nsm_core.control.actions.leaf_room import SOON, TOUCH, LeafRoom, body_spheres
+from nsm_core.control.actions.leaf_room import SOON, TOUCH, LeafRoom, leaf_spheres
 from nsm_core.world.scene.door import make_door
 from nsm_core.world.scene.props import Leaf
 
@@ -61,8 +61,8 @@ def test_the_arm_that_holds_is_left_out_and_the_trunk_told():
     local = np.zeros((J, 4))
     local[:, 0] = 1
     pose = Pose(np.array((0.0, 0.0, 0.9)), local, np.zeros((2, 3)))
-    (whole, _), (trunk, _) = body_spheres(pose)
-    (without, _), (same, _) = body_spheres(pose, 0)
+    (whole, _), (trunk, _) = leaf_spheres(pose)
+    (without, _), (same, _) = leaf_spheres(pose, 0)
     assert len(without) < len(whole) and without[:, 0].min() > whole[:, 0].min() + 0.3, "the right arm of the rest pose points to -X"
     np.testing.assert_array_equal(trunk, same)
     assert np.abs(trunk[:, 0]).max() < 0.3 and trunk[:, 2].max() > 1.5

@@ -8,7 +8,7 @@ import pytest
 from captures import pick_up
 
 from nsm_core.body.skeleton import ARMS, FEET, HIP_OVER_SEAT, forward_kinematics
-from nsm_core.body.thin_capsules import penetration_depths
+from nsm_core.body.thin_capsules import thin_depths
 from nsm_core.conventions import CLIMB, FOOT_CONTACTS, HIP_CONTACT, SIT
 from nsm_core.data.augmentation.soundness import DEEPER
 from nsm_core.data.augmentation.swap_objects import SEATS, switched
@@ -131,10 +131,10 @@ def test_goals_of_climbs_lie_on_the_new_tops_and_feet_stand_there(climbs):
 def test_the_body_gets_hardly_deeper_into_things_than_before(pairs):
     for _, take, other in pairs:
         for *_, old, new in changed(take, other):
-            before, after = (penetration_depths(t.hips, t.rotations, solid(x)).max() for t, x in ((take, old), (other, new)))
+            before, after = (thin_depths(t.hips, t.rotations, solid(x)).max() for t, x in ((take, old), (other, new)))
             assert after <= before + DEEPER + 0.01  # it looks at every second frame
         rest = cuboids([(o.furniture, o.position, o.heading) for o in take.obstacles])
-        before, after = (penetration_depths(t.hips, t.rotations, rest).max() if take.obstacles else 0 for t in (take, other))
+        before, after = (thin_depths(t.hips, t.rotations, rest).max() if take.obstacles else 0 for t in (take, other))
         assert after <= before + DEEPER + 0.01
 
 

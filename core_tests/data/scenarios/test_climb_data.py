@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from nsm_core.body.skeleton import FEET, HIPS, forward_kinematics
-from nsm_core.body.thin_capsules import penetration_depths
+from nsm_core.body.thin_capsules import thin_depths
 from nsm_core.conventions import CLIMB, FOOT_CONTACTS
 from nsm_core.data.scenarios.climb.clearance import leg_depths, splayed
-from nsm_core.data.scenarios.climb.footholds import HEEL, TIPS, Block, Hold, draw_near, find_holds, set_off, shift_off_edges
+from nsm_core.data.scenarios.climb.footholds import HEEL, TIPS, Block, Foothold, draw_near, find_holds, set_off, shift_off_edges
 from nsm_core.data.scenarios.composer import Composer
 from nsm_core.evaluation.measures.motion import backward_bend, jumps
 from nsm_core.rotations import heading_to_direction
@@ -41,8 +41,8 @@ def climbs(tmp_path_factory):
     return _climbs(captures.capture_folder(tmp_path_factory))
 
 
-def _hold(x: float, y: float, heading: float = 0.0) -> Hold:
-    return Hold(0, 0, 10, np.array((x, y)), heading)
+def _hold(x: float, y: float, heading: float = 0.0) -> Foothold:
+    return Foothold(0, 0, 10, np.array((x, y)), heading)
 
 
 def test_holds_are_the_stays_of_each_foot_in_the_order_of_landing():
@@ -165,7 +165,7 @@ def test_the_label_is_up_while_a_foot_changes_level(climbs):
 def test_climbing_bodies_bend_as_bodies_do_and_keep_out_of_the_block(climbs):
     for take, command, first, last in climbs[False] + climbs[True]:
         thing, span = take.things[command.thing], slice(first, last)
-        depth = penetration_depths(take.hips[span], take.rotations[span], cuboids([(thing.furniture, thing.position, thing.heading)]))
+        depth = thin_depths(take.hips[span], take.rotations[span], cuboids([(thing.furniture, thing.position, thing.heading)]))
         assert depth.max() < 0.045
         assert backward_bend(take.hips[span], take.rotations[span])["knee_backward_deg"] < 1
         assert jumps(take.hips[span], take.rotations[span])["turn_per_frame_deg"] < 60

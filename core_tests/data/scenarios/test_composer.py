@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from nsm_core.body.skeleton import FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
-from nsm_core.body.thin_capsules import penetration_depths
+from nsm_core.body.thin_capsules import thin_depths
 from nsm_core.conventions import CARRY, GOAL_ACTIONS, IDLE, SIT, WALK
 from nsm_core.data import coverage
 from nsm_core.data.export import export, held_back
@@ -18,7 +18,7 @@ from nsm_core.data.matching.inertialization import BLEND_FRAMES, soften_seam
 from nsm_core.data.scenarios.composer import Composer, load
 from nsm_core.data.scenarios.furnishing import furnish
 from nsm_core.data.scenarios.session import Session
-from nsm_core.data.scenarios.take import Take, annotate, goal_tables, phase_of, styles_of
+from nsm_core.data.scenarios.take import ComposedTake, annotate, goal_tables, phase_of, styles_of
 from nsm_core.data.storage import Dataset
 from nsm_core.errors import CaptureError, OutputError, SkeletonError
 from nsm_core.rotations import quat_conjugate, quat_mul, quat_to_rotvec, rotate_planar, wrap_angle
@@ -32,7 +32,7 @@ def folder(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def takes(folder) -> tuple[Take, ...]:
+def takes(folder) -> tuple[ComposedTake, ...]:
     return captures.takes(folder)
 
 
@@ -41,7 +41,7 @@ def data(tmp_path_factory) -> Dataset:
     return captures.dataset(captures.data_folder(tmp_path_factory))
 
 
-def sits_of(take: Take) -> list[tuple[int, int]]:
+def sits_of(take: ComposedTake) -> list[tuple[int, int]]:
     """First and one-past-last frames seated, in the order of the take's seats."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], take.contacts[:, 0] > 0.5, [False])).astype(int)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
@@ -80,7 +80,7 @@ def test_nobody_walks_through_furniture(takes):
             pieces += len(group)
             for p in group:
                 solid = furniture.cuboids([(p.furniture, p.position, p.heading)])
-                assert penetration_depths(take.hips[standing], take.rotations[standing], solid).max(initial=0) < allowed
+                assert thin_depths(take.hips[standing], take.rotations[standing], solid).max(initial=0) < allowed
         root = annotate(take).root[standing, :2]
         for p in take.obstacles + take.things:
             local = rotate_planar(root - p.position, np.full(len(root), -p.heading))
@@ -245,7 +245,7 @@ def test_states_reach_over_no_border_of_a_take(data):
 
 
 def test_furniture_is_put_beside_the_path_and_never_on_it(takes, folder):
-    take = Take(takes[0].hips, takes[0].rotations, takes[0].contacts, takes[0].labels, [])
+    take = ComposedTake(takes[0].hips, takes[0].rotations, takes[0].contacts, takes[0].labels, [])
     roots = annotate(take).root[:, :2]
     session = Session(captures.source(folder), np.random.default_rng(3))
     session.detours.append(roots[len(roots) // 2] + 0.3)

@@ -11,12 +11,12 @@ import pytest
 from nsm_core.body.ik.grip import lead_hand
 from nsm_core.body.ik.leaning import ARM, lean_to
 from nsm_core.body.skeleton import ARMS, HIPS, forward_kinematics
-from nsm_core.body.thin_capsules import body_spheres
+from nsm_core.body.thin_capsules import thin_spheres
 from nsm_core.conventions import HAND_CONTACTS, OPEN
 from nsm_core.data.scenarios.composer import Composer
 from nsm_core.data.scenarios.open.episode import LOWEST
 from nsm_core.data.scenarios.open.leaf_motion import swing_on
-from nsm_core.data.scenarios.take import Take, Thing, annotate, goal_tables
+from nsm_core.data.scenarios.take import ComposedTake, Thing, annotate, goal_tables
 from nsm_core.evaluation.measures.motion import backward_bend
 from nsm_core.rotations import rotate_planar, wrap_angle
 from nsm_core.world.assets.pool import DoorEntry, Pool
@@ -29,7 +29,7 @@ def folder(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def doors(folder) -> list[tuple[Take, Thing, bool]]:
+def doors(folder) -> list[tuple[ComposedTake, Thing, bool]]:
     """Takes with a door that is passed, and whether it is pulled: at least one of either kind."""
     composer, found = Composer(captures.source(folder), {"open": 0.7, "walk": 0.3}), []
     for seed in range(40):
@@ -41,7 +41,7 @@ def doors(folder) -> list[tuple[Take, Thing, bool]]:
     raise AssertionError(f"40 seeds opened {len(found)} doors, not one of either kind")
 
 
-def hand_of(take: Take, thing: Thing) -> int:
+def hand_of(take: ComposedTake, thing: Thing) -> int:
     first = int(np.flatnonzero(thing.held)[0])
     return int(np.argmax(take.contacts[first, HAND_CONTACTS]))
 
@@ -103,7 +103,7 @@ def test_the_leaf_rests_until_it_is_held_then_opens_wide(doors):
 def test_the_body_touches_neither_leaf_nor_wall(doors):
     for take, thing, _ in doors:
         side = hand_of(take, thing)
-        centres, radii = body_spheres(take.hips, take.rotations)
+        centres, radii = thin_spheres(take.hips, take.rotations)
         wrist = forward_kinematics(take.hips, take.rotations)[0][:, ARMS[side][2]]
         away = np.linalg.norm(centres - wrist[:, None], axis=-1) > 0.2
         leaf = cuboids([(thing.furniture, np.zeros(3), 0.0)])

@@ -14,7 +14,7 @@ from nsm_core.body.skeleton import ARMS, HIP_OVER_SEAT, HIPS
 from nsm_core.conventions import SIT
 from nsm_core.data.captures import bvh_writer
 from nsm_core.data.scenarios.composer import Composer, load
-from nsm_core.data.scenarios.take import Take, annotate
+from nsm_core.data.scenarios.take import ComposedTake, annotate
 from nsm_core.evaluation.measures.motion import jumps
 
 
@@ -23,7 +23,7 @@ def folder(tmp_path_factory) -> Path:
     return captures.capture_folder(tmp_path_factory)
 
 
-def composed(folder: Path, shares: dict[str, float] | None, count: int, source=None) -> list[Take]:
+def composed(folder: Path, shares: dict[str, float] | None, count: int, source=None) -> list[ComposedTake]:
     composer = Composer(source or captures.source(folder), shares, stitch=False)
     return [take for take in map(composer.compose, range(count)) if take is not None]
 

@@ -10,10 +10,10 @@ import pytest
 
 from nsm_core.body.clip import transform
 from nsm_core.body.skeleton import MIRROR, mirror
-from nsm_core.data.scenarios.take import Command, Placed, Take, Thing
+from nsm_core.data.scenarios.take import ComposedTake, Placed, Thing, TimedCommand
 from nsm_core.data.storage import Dataset
 from nsm_core.model.features.codec import (
-    Surroundings,
+    SensorReading,
     build_gating,
     build_inputs,
     build_targets,
@@ -31,7 +31,7 @@ from nsm_core.world.sensors.interaction import INTERACTION_MIRROR, interaction_s
 
 
 @pytest.fixture(scope="module")
-def take(tmp_path_factory) -> Take:
+def take(tmp_path_factory) -> ComposedTake:
     """A composed take with a seat and with obstacles about."""
     found = captures.takes(captures.capture_folder(tmp_path_factory))
     seats = (t for t in found if t.things and all(x.furniture.seat and not x.moves for x in t.things))
@@ -43,7 +43,7 @@ def data(take) -> Dataset:
     return captures.data_of(take)
 
 
-def sensed(take: Take, which: int, state: State) -> Surroundings:
+def sensed(take: ComposedTake, which: int, state: State) -> SensorReading:
     """What the product's own sensors read at a state: the way a take in Blender is fed."""
     scene = cuboids([(p.furniture, p.position, p.heading) for p in take.things + take.obstacles])
     environment = environment_sensor(scene, state.root[0, :2], float(state.root[0, 2]))
@@ -54,7 +54,7 @@ def sensed(take: Take, which: int, state: State) -> Surroundings:
         centre[:2] = s.position + rotate_planar(centre[:2], np.float64(s.heading))
         volume = interaction_sensor(cuboids([(s.furniture, s.position, s.heading)]), centre, s.furniture.size, s.heading)
         cells, occupancy = volume.cells_world()[None], volume.occupancy[None]
-    return Surroundings(environment[None], cells, occupancy)
+    return SensorReading(environment[None], cells, occupancy)
 
 
 def same_state(a: State, b: State, tolerance: float) -> None:
@@ -154,12 +154,12 @@ def test_gating_is_the_papers_product_key_by_key(data):
             np.testing.assert_allclose(gating[b, k], expected, atol=1e-3)
 
 
-def elsewhere(take: Take, shift: np.ndarray, turn: float) -> Take:
+def elsewhere(take: ComposedTake, shift: np.ndarray, turn: float) -> ComposedTake:
     """The same take in a world turned by ``turn`` and moved by ``shift`` (2,)."""
     move = lambda p: rotate_planar(np.asarray(p, np.float64)[:2], np.float64(turn)) + shift  # noqa: E731
     hips, rotations = transform(take.hips, take.rotations, shift.astype(np.float32), np.float32(turn))
     commands = [
-        c if c.position is None else Command(c.frame, c.action, np.append(move(c.position), c.position[2]), c.heading + turn, c.thing)
+        c if c.position is None else TimedCommand(c.frame, c.action, np.append(move(c.position), c.position[2]), c.heading + turn, c.thing)
         for c in take.commands
     ]
     things = [Thing.standing(p.furniture, move(p.position), p.heading + turn) for p in take.things]
@@ -193,11 +193,11 @@ def test_a_reflected_world_gives_reflected_features(take, data):
         for make, pieces in ((Thing.standing, take.things), (Placed, take.obstacles))
     ]
     commands = [
-        c if c.position is None else Command(c.frame, c.action, c.position * (-1, 1, 1), -c.heading, c.thing) for c in take.commands
+        c if c.position is None else TimedCommand(c.frame, c.action, c.position * (-1, 1, 1), -c.heading, c.thing) for c in take.commands
     ]
     hips, rotations = mirror(take.hips, take.rotations)
     other = captures.data_of(
-        Take(hips, rotations, take.contacts, take.labels, commands, reflected[0], reflected[1], phase_keys=take.phase_keys)
+        ComposedTake(hips, rotations, take.contacts, take.labels, commands, reflected[0], reflected[1], phase_keys=take.phase_keys)
     )
     frames = np.arange(0, len(data.frames), 31)
     (x, g), (x2, g2) = (build_inputs(d.state(frames), d.surroundings(frames, d.state(frames).root)) for d in (data, other))

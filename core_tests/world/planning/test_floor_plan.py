@@ -8,7 +8,7 @@ import pytest
 from nsm_core.errors import GoalError, NsmError
 from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.planning.clearance_map import BODY_RADIUS, HEIGHTS
-from nsm_core.world.planning.floor_plan import FloorPlan, line_is_free, path_length, plan_path, resample
+from nsm_core.world.planning.floor_plan import FloorPlan, line_is_free, path_length, plan_path, resample_path
 
 ROOM = ((-4.0, -4.0), (4.0, 4.0))
 
@@ -130,7 +130,7 @@ def test_line_of_sight_of_plan_and_of_solids_agree():
 def test_start_at_the_goal():
     path = plan_path(Cuboids(), (1, 1), (1, 1))
     assert path.shape == (1, 2) and path_length(path) == 0
-    assert resample(np.array(((0.0, 0), (0, 0), (1, 0))), 0.25).shape == (5, 2)
+    assert resample_path(np.array(((0.0, 0), (0, 0), (1, 0))), 0.25).shape == (5, 2)
 
 
 @pytest.mark.parametrize("depth", [1.2, 1.9, 3.6])

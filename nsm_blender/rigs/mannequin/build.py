@@ -7,7 +7,7 @@ import numpy as np
 
 from nsm_core.body.skeleton import JOINTS
 
-from .loft import Part
+from .loft import LoftPart
 from .parts import mannequin_parts
 
 # Name, viewport and base colour (linear RGB), roughness; in the order of the parts' material numbers.
@@ -58,7 +58,7 @@ def build_mannequin(armature: bpy.types.Object, name: str = "Mannequin") -> bpy.
     return body
 
 
-def _weigh(body: bpy.types.Object, parts: list[Part], starts: np.ndarray) -> None:
+def _weigh(body: bpy.types.Object, parts: list[LoftPart], starts: np.ndarray) -> None:
     groups = {joint: body.vertex_groups.new(name=joint) for joint in JOINTS}
     for part, start in zip(parts, starts, strict=False):
         for joint, weights in part.weights.items():

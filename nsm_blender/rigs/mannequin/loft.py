@@ -12,7 +12,7 @@ _Z_UP = np.eye(3)
 
 
 @dataclass
-class Part:
+class LoftPart:
     """A closed mesh with one material and weights on joints: ``vertices`` (V, 3), ``faces`` of 3 or 4 indices."""
 
     vertices: Array
@@ -20,12 +20,12 @@ class Part:
     material: int
     weights: dict[str, Array] = field(default_factory=dict)  # joint name to (V,)
 
-    def rigid(self, joint: str) -> Part:
+    def rigid(self, joint: str) -> LoftPart:
         """Hang the whole part on one joint."""
         self.weights = {joint: np.ones(len(self.vertices))}
         return self
 
-    def blend(self, axis: int, stops: list[tuple[float, str]]) -> Part:
+    def blend(self, axis: int, stops: list[tuple[float, str]]) -> LoftPart:
         """Weight by the coordinate on ``axis``: full weight at each stop (metres, joint), smooth in between."""
         places = np.array([s for s, _ in stops])
         order = np.argsort(places)
@@ -40,10 +40,10 @@ class Part:
         self.weights[stops[order[-1]][1]][s == places.max()] = 1
         return self
 
-    def mirrored(self) -> Part:
+    def mirrored(self) -> LoftPart:
         """The part on the other side of x = 0, on the other side's joints."""
         weights = {_other_side(name): w for name, w in self.weights.items()}
-        return Part(self.vertices * (-1, 1, 1), [f[::-1] for f in self.faces], self.material, weights)
+        return LoftPart(self.vertices * (-1, 1, 1), [f[::-1] for f in self.faces], self.material, weights)
 
 
 def loft(
@@ -55,7 +55,7 @@ def loft(
     roundness: tuple[float, float] = (2.0, 2.0),
     spacing: float = 0.032,
     ring: int = 24,
-) -> Part:
+) -> LoftPart:
     """Skin cross-sections along an axis, with domed ends.
 
     Each section is (s, cu, cv, a, below, above), metres: at ``s`` along the third of ``axes`` (rows U, V, S) an oval
@@ -77,13 +77,13 @@ def loft(
     local = np.stack((u, v, along), axis=-1).reshape(-1, 3)
     poles = np.array([(rows[0, 1], rows[0, 2], table[0, 0] - caps[0]), (rows[-1, 1], rows[-1, 2], table[-1, 0] + caps[1])])
     vertices = np.concatenate((local, poles)) @ np.asarray(axes, float) + origin
-    return Part(vertices, _ring_faces(len(rows), ring, np.linalg.det(np.asarray(axes, float)) < 0), material)
+    return LoftPart(vertices, _ring_faces(len(rows), ring, np.linalg.det(np.asarray(axes, float)) < 0), material)
 
 
-def ball(centre: Array, radius: float | tuple[float, float, float], material: int, ring: int = 20) -> Part:
+def ball(centre: Array, radius: float | tuple[float, float, float], material: int, ring: int = 20) -> LoftPart:
     """A sphere or ellipsoid with half-axes ``radius`` around ``centre`` (3,), metres."""
     sphere = loft([(-1e-3, 0, 0, 1, 1, 1), (1e-3, 0, 0, 1, 1, 1)], material, caps=(1, 1), ring=ring)
-    return Part(sphere.vertices * radius + np.asarray(centre), sphere.faces, material)
+    return LoftPart(sphere.vertices * radius + np.asarray(centre), sphere.faces, material)
 
 
 def frame_along(direction: Array, up: tuple[float, float, float] = (0, 0, 1)) -> Array:

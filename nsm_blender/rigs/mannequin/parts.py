@@ -11,19 +11,19 @@ from nsm_core.body.skeleton import INDEX
 from nsm_core.rotations import Array
 
 from ..armature import joint_positions_at_rest
-from .loft import Part, ball, frame_along, loft
+from .loft import LoftPart, ball, frame_along, loft
 
 BODY, JOINT, SHOE = 0, 1, 2
 
 
-def mannequin_parts() -> list[Part]:
+def mannequin_parts() -> list[LoftPart]:
     """All parts of the mannequin, standing on z = 0 and facing -Y."""
     joints = joint_positions_at_rest()
     left = _arm(joints) + _hand(joints) + _leg(joints) + _foot(joints)
     return _trunk() + _head() + left + [part.mirrored() for part in left]
 
 
-def _trunk() -> list[Part]:
+def _trunk() -> list[LoftPart]:
     # Full weight of each spine joint half-way between it and the next one.
     spine = [(1.0, "Hips"), (1.11, "Chest"), (1.21, "Chest2"), (1.31, "Chest3"), (1.4, "Chest4")]
     pelvis = loft(
@@ -81,7 +81,7 @@ def _trunk() -> list[Part]:
     return [pelvis, waist, chest, neck]
 
 
-def _head() -> list[Part]:
+def _head() -> list[LoftPart]:
     head = loft(
         [
             (1.537, 0, -0.044, 0.034, 0.046, 0.060),
@@ -106,13 +106,13 @@ def _head() -> list[Part]:
     return [head.rigid("Head")] + [_ear(side) for side in (-1, 1)]
 
 
-def _ear(side: int) -> Part:
+def _ear(side: int) -> LoftPart:
     ear = ball((0, 0, 0), (0.007, 0.017, 0.030), BODY, ring=14)
     ear.vertices = ear.vertices + (0.0735 * side, 0.012, 1.628)
     return ear.rigid("Head")
 
 
-def _arm(joints: Array) -> list[Part]:
+def _arm(joints: Array) -> list[LoftPart]:
     shoulder, elbow, wrist = (joints[INDEX[n]] for n in ("LeftShoulder", "LeftElbow", "LeftWrist"))
     axes = frame_along((1, 0, 0))  # U is Y, V is Z
     y, z = shoulder[1], shoulder[2]
@@ -150,7 +150,7 @@ def _arm(joints: Array) -> list[Part]:
     ]
 
 
-def _hand(joints: Array) -> list[Part]:
+def _hand(joints: Array) -> list[LoftPart]:
     wrist = joints[INDEX["LeftWrist"]]
     palm = loft(
         [
@@ -175,7 +175,7 @@ def _hand(joints: Array) -> list[Part]:
     return [part.rigid("LeftWrist") for part in parts + [thumb]]
 
 
-def _finger(start: Array, direction: Array, length: float, radius: float) -> Part:
+def _finger(start: Array, direction: Array, length: float, radius: float) -> LoftPart:
     """A finger that curls slightly towards the palm (-Z)."""
     sections = [
         (s * length, 0, -0.10 * length * s**2, radius * k, radius * k, radius * k)
@@ -184,7 +184,7 @@ def _finger(start: Array, direction: Array, length: float, radius: float) -> Par
     return loft(sections, BODY, frame_along(direction), tuple(start), caps=(radius, radius * 0.8), spacing=0.022, ring=9)
 
 
-def _leg(joints: Array) -> list[Part]:
+def _leg(joints: Array) -> list[LoftPart]:
     hip, knee, ankle = (joints[INDEX[n]] for n in ("LeftHip", "LeftKnee", "LeftAnkle"))
     x = hip[0]
     thigh = loft(
@@ -220,7 +220,7 @@ def _leg(joints: Array) -> list[Part]:
     ]
 
 
-def _foot(joints: Array) -> list[Part]:
+def _foot(joints: Array) -> list[LoftPart]:
     ankle = joints[INDEX["LeftAnkle"]]
     axes = np.array(((1, 0, 0), (0, 0, 1), (0, -1, 0)), float)  # U is X, V is Z, S runs from heel to toe
     # s, side offset, half width, height of the upper

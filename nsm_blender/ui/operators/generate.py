@@ -16,7 +16,7 @@ from ...takes import Take, TakeSpec, finish, generate
 from .. import running
 from ..properties import settings_of, show_results, spec_of_row
 from ..reviews import remember
-from ..session import Session
+from ..session import TakeSession
 
 _BUDGET = 0.04  # seconds of stepping at a time: clicks and ESC are heard that often
 _SLOWEST_PREVIEW = 0.5  # seconds of stepping between two redraws, at most, where a redraw itself takes long
@@ -65,7 +65,7 @@ class _Signs:
             self._redraw, self._resumed = min(max(now - self._tagged - _TICK, 0.0), _SLOWEST_PREVIEW), now
         return now - self._resumed >= self._redraw
 
-    def show(self, context: bpy.types.Context, session: Session) -> None:
+    def show(self, context: bpy.types.Context, session: TakeSession) -> None:
         """Have sidebar, status bar and viewports drawn anew."""
         context.window_manager.progress_update(round(100 * session.fraction))
         if context.workspace not in self._workspaces:
@@ -130,7 +130,7 @@ class NSM_OT_generate(bpy.types.Operator):
     def _start(self, context: bpy.types.Context) -> set[str]:
         signs = _Signs(context)
         try:
-            self._session = Session(spec_of(context.scene), context.scene, signs.remove)
+            self._session = TakeSession(spec_of(context.scene), context.scene, signs.remove)
         except NsmError as error:
             signs.remove()
             return self._fail(context.scene, str(error))

@@ -16,7 +16,7 @@ from .footing import Footing
 from .planted_foot import BEARS, EDGE_UP, GATHER, LOCK, UNLOCK, Foot
 from .two_bone import leg_reach, limb_frames, place_limbs
 
-Seat = tuple[Array, float | None]  # where hips (3,) are to settle, metres, and the heading to sit at; None while one still turns
+SeatTarget = tuple[Array, float | None]  # where hips (3,) are to settle, metres, and the heading to sit at; None while one still turns
 
 __all__ = ["ContactIK", "detect_foot_contacts", "lock_feet"]
 
@@ -59,7 +59,7 @@ class ContactIK:
         hips_position: Array,
         local_rotations: Array,
         contacts: Array,
-        hip_goal: Seat | None = None,
+        hip_goal: SeatTarget | None = None,
         heading: float | None = None,
         level: float = 0.0,
     ) -> tuple[Array, Array]:
@@ -152,7 +152,7 @@ class ContactIK:
         self._out += self._rise
         return np.maximum(sole_depth(toes, feet), self._out)
 
-    def _draw_hips(self, hips: Array, local: Array, label: float, goal: Seat | None, heading: float | None) -> None:
+    def _draw_hips(self, hips: Array, local: Array, label: float, goal: SeatTarget | None, heading: float | None) -> None:
         """Move ``hips`` and turn ``local[0]`` in place toward the goal by the weights reached so far."""
         if goal is not None and (not self._draw or self._goal is None):
             self._goal = np.asarray(goal[0], dtype=np.float64)

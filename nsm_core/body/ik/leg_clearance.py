@@ -59,7 +59,7 @@ class LegClearance:
         if climbing < CLIMBING and np.abs(self.change).max() < 1e-4:
             self.change[:], self._pace[:], self._came = 0, 0, None
             return hips_position, local_rotations
-        pose = Pose(hips_position.astype(np.float64), local_rotations.astype(np.float64))
+        pose = LegPose(hips_position.astype(np.float64), local_rotations.astype(np.float64))
         wanted = self._wanted(pose, locked) if climbing >= CLIMBING else np.zeros(7)
         self._came = pose.joints
         step = np.clip(EASE * (wanted - self.change), -SPEED, SPEED)
@@ -68,7 +68,7 @@ class LegClearance:
         hips, local = pose.changed(self.change[None])
         return hips[0].astype(hips_position.dtype), local[0].astype(local_rotations.dtype)
 
-    def _wanted(self, pose: Pose, locked: tuple[bool, bool]) -> Array:
+    def _wanted(self, pose: LegPose, locked: tuple[bool, bool]) -> Array:
         """The change (7,) that costs least and leaves the legs clear: one step of Gauss and Newton from the present one."""
         miss, slope = self.misses_and_slope(pose, self.change)
         slope[:, 5:] *= ~np.array(locked)
@@ -76,16 +76,16 @@ class LegClearance:
         left = slope.T @ miss + stiff * self.change
         return np.clip(self.change - np.linalg.solve(slope.T @ slope + np.diag(stiff), left), LEAST, MOST)
 
-    def depth(self, pose: Pose) -> float:
+    def depth(self, pose: LegPose) -> float:
         """How far any point of the legs is in the margin, metres."""
         return float(self._misses(pose, np.zeros((1, 7)))[0, :-2].max())
 
-    def misses_and_slope(self, pose: Pose, change: Array) -> tuple[Array, Array]:
+    def misses_and_slope(self, pose: LegPose, change: Array) -> tuple[Array, Array]:
         """``_misses`` (P,) by one ``change`` (7,), and how they change with it (P, 7)."""
         miss = self._misses(pose, np.concatenate((change[None], change + _PROBE * np.eye(7))))
         return miss[0], (miss[1:] - miss[0]).T / _PROBE
 
-    def _misses(self, pose: Pose, changes: Array) -> Array:
+    def _misses(self, pose: LegPose, changes: Array) -> Array:
         """How far (N, P) points of the legs are in the margin, and legs out of reach (the last two), metres, by ``changes`` (N, 7)."""
         joints = pose.joints_by(changes)
         far = np.linalg.norm(pose.targets(changes) - joints[:, 0], axis=-1)
@@ -107,7 +107,7 @@ class LegClearance:
         return np.concatenate((deep, STRETCH * np.maximum(0, far - np.maximum(leg_reach(), pose.length))), axis=1)
 
 
-class Pose:
+class LegPose:
     """A pose as it came in, hips (3,) and local rotations (23, 4), and what changes make of it."""
 
     def __init__(self, hips: Array, local: Array) -> None:
@@ -145,4 +145,4 @@ class Pose:
         return hips, place_limbs(hips, local, LEGS, self.targets(changes), feet)
 
 
-__all__ = ["LegClearance", "Pose"]
+__all__ = ["LegClearance", "LegPose"]

@@ -15,7 +15,7 @@ from nsm_core.signals import intervals
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.terrain import Terrain
 
-from .leg_clearance import CLIMBING, STIFF, LegClearance, Pose
+from .leg_clearance import CLIMBING, STIFF, LegClearance, LegPose
 
 AROUND = 15  # frames before and after a pass over which the pose may change
 LONGEST, AT_ONCE = 100, 4  # frames that are solved together at most, and between two looks elsewhere
@@ -42,7 +42,7 @@ class LegPaths:
         """
         deep, near = np.zeros(len(hips), bool), _spread(climbing >= CLIMBING)
         for n, t in enumerate(np.flatnonzero(near)):
-            deep[t] = self._legs.depth(Pose(hips[t].astype(np.float64), local[t].astype(np.float64))) > MARGIN + LEAST_DEEP
+            deep[t] = self._legs.depth(LegPose(hips[t].astype(np.float64), local[t].astype(np.float64))) > MARGIN + LEAST_DEEP
             if n % AT_ONCE == AT_ONCE - 1:
                 yield
         if not deep.any():
@@ -53,7 +53,7 @@ class LegPaths:
 
     def _bend(self, hips: Array, local: Array, locked: Array, first: int, last: int) -> Iterator[None]:
         """Gauss and Newton over the changes (T, 7) of the frames from ``first`` to ``last``, which fade to none at both ends."""
-        poses = [Pose(hips[t].astype(np.float64), local[t].astype(np.float64)) for t in range(first, last)]
+        poses = [LegPose(hips[t].astype(np.float64), local[t].astype(np.float64)) for t in range(first, last)]
         count, own = len(poses), np.arange(7)
         change = np.zeros((count, 7))
         stiff = np.tile(STIFFNESS * STIFF**2, (count, 1))

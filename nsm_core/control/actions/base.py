@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nsm_core.body.ik.foot_plant import Seat
+from nsm_core.body.ik.foot_plant import SeatTarget
 from nsm_core.control.goals import Goal, Moment
 from nsm_core.rotations import Array
 
@@ -31,7 +31,7 @@ class Stage:
         """Place (None: any) and heading that the hips, or the box, should have in the end, and over how many axes that counts."""
         return self.goal.position, self.goal.heading, 2
 
-    def seat(self) -> Seat | None:
+    def seat(self) -> SeatTarget | None:
         """The seat that the hips are to settle on."""
         return None
 

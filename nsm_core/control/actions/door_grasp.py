@@ -17,7 +17,7 @@ from nsm_core.world.affordances.passage import Passage
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.props import Leaf
 
-from .leaf_room import NEARLY, LeafRoom, Spheres, body_spheres
+from .leaf_room import NEARLY, LeafRoom, Spheres, leaf_spheres
 
 LET_GO_PUSH, LET_GO_PULL = np.radians(70), np.radians(72)  # angles of the leaf at which the hand lets go
 FASTEST, EASE = 2.5, 0.5  # radians a second of the leaf; share of the way to the hand's angle in a frame
@@ -134,7 +134,7 @@ class Opening:
         if self.state == "released" and self.hold.weight > 0:
             place = self._slipped()
         self.hold.apply(pose if self.ik else Pose(pose.hips, pose.local, pose.wrists), place[None])
-        self._last = body_spheres(pose, self._arm)  # it may have leant to the handle
+        self._last = leaf_spheres(pose, self._arm)  # it may have leant to the handle
         if grasping:
             taken = self.errors["taken"] = Taken([hand], self.prop.to_local(self.grip())[None])
             for name, wrists in (("hand", pose.arms()[1]), ("network_hand", pose.wrists)):
@@ -147,7 +147,7 @@ class Opening:
 
     def _feel(self, pose: Pose) -> None:
         """See how far the body, as it is and as it was last when it had leant to the handle, lets the leaf turn."""
-        whole, trunk = body_spheres(pose, self._arm)
+        whole, trunk = leaf_spheres(pose, self._arm)
         bodies = [whole, self._last[0]] if self._last is not None else [whole]
         self.hold.lean_share = self._room.share_to_lean(self._last[1] if self._last is not None else trunk)
         if self.state in ("held", "released"):

@@ -6,7 +6,7 @@ import numpy as np
 
 from nsm_core.body.ik.reaching import Pose
 from nsm_core.body.skeleton import END_SITES, INDEX, forward_kinematics
-from nsm_core.body.thin_capsules import CAPSULES
+from nsm_core.body.thin_capsules import THIN_CAPSULES
 from nsm_core.rotations import Array, quat_rotate
 from nsm_core.world.scene.props import Leaf
 
@@ -22,12 +22,12 @@ _SIDES = ("Right", "Left")
 Spheres = tuple[Array, Array]
 
 
-def body_spheres(pose: Pose, without: int | None = None) -> tuple[Spheres, Spheres]:
+def leaf_spheres(pose: Pose, without: int | None = None) -> tuple[Spheres, Spheres]:
     """Centres (S, 3) world and radii (S,), metres, of a body's capsules, but the arm ``without`` (0 right, 1 left); of its trunk alone."""
     joints, turns = forward_kinematics(pose.hips, pose.local)
     first, last = joints[_ENDS] + quat_rotate(turns[_ENDS], _OFF)
     share = np.linspace(0, 1, _SAMPLES)[:, None]
-    kept = np.ones(len(CAPSULES), dtype=bool) if without is None else ~_OF_ARM[without]
+    kept = np.ones(len(THIN_CAPSULES), dtype=bool) if without is None else ~_OF_ARM[without]
     centres = np.swapaxes(first + share[..., None] * (last - first), 0, 1)  # (C, _SAMPLES, 3)
     radii = (_RADII[:, 0] + share * (_RADII[:, 1] - _RADII[:, 0])).T
     return tuple((centres[k].reshape(-1, 3), radii[k].reshape(-1)) for k in (kept, kept & _OF_TRUNK))
@@ -35,16 +35,16 @@ def body_spheres(pose: Pose, without: int | None = None) -> tuple[Spheres, Spher
 
 def _ends(which: int) -> tuple[list[int], Array]:
     """Joints (C,) of the first or last ends of the capsules and the ends' offsets (C, 3) from them, metres."""
-    names = [capsule[which] for capsule in CAPSULES]
+    names = [capsule[which] for capsule in THIN_CAPSULES]
     bones = [name.removesuffix(" end") for name in names]
     offsets = [np.zeros(3) if bone == name else END_SITES[bone] for bone, name in zip(bones, names, strict=True)]
     return [INDEX[bone] for bone in bones], np.array(offsets, dtype=np.float64)
 
 
 _ENDS, _OFF = (np.stack(both) for both in zip(_ends(0), _ends(1), strict=True))
-_RADII = np.array([capsule[2:] for capsule in CAPSULES])
-_OF_TRUNK = np.array([a in _TRUNK and b not in ("RightElbow", "LeftElbow") for a, b, _, _ in CAPSULES])
-_OF_ARM = np.array([[a in [side + part for part in _ARM] for a, *_ in CAPSULES] for side in _SIDES]) & ~_OF_TRUNK
+_RADII = np.array([capsule[2:] for capsule in THIN_CAPSULES])
+_OF_TRUNK = np.array([a in _TRUNK and b not in ("RightElbow", "LeftElbow") for a, b, _, _ in THIN_CAPSULES])
+_OF_ARM = np.array([[a in [side + part for part in _ARM] for a, *_ in THIN_CAPSULES] for side in _SIDES]) & ~_OF_TRUNK
 
 
 class LeafRoom:

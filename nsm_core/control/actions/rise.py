@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from nsm_core.body.ik.foot_plant import Seat
+from nsm_core.body.ik.foot_plant import SeatTarget
 from nsm_core.control.goals import Goal, Moment
 from nsm_core.conventions import SIT
 from nsm_core.distances import STAND_AHEAD
@@ -54,7 +54,7 @@ class TurnBack(Stage):
     def target(self) -> tuple[Array | None, float, int]:
         return super().target() if self.stage is None else self.stage.target()
 
-    def seat(self) -> Seat | None:
+    def seat(self) -> SeatTarget | None:
         if self.stage is not None:
             return self.stage.seat()
         return (np.asarray(self.back.position), None) if self.command is self.back else None

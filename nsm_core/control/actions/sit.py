@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.ik.foot_plant import Seat
+from nsm_core.body.ik.foot_plant import SeatTarget
 from nsm_core.control.goals import Goal, Moment
 from nsm_core.conventions import SIT
 from nsm_core.distances import STAND_AHEAD
@@ -97,7 +97,7 @@ class Sit(Stage):
     def target(self) -> tuple[Array | None, float, int]:
         return self.goal.position, self.goal.heading, 3
 
-    def seat(self) -> Seat | None:
+    def seat(self) -> SeatTarget | None:
         return self.goal.position, None if self._side and not self._seated else self.goal.heading
 
     def leave(self, following: Goal) -> Command | None:

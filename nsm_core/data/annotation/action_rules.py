@@ -11,7 +11,7 @@ from nsm_core.rotations import Array, quat_rotate, rotate_planar
 from nsm_core.signals import gaussian_smooth, intervals
 
 from .hand_rules import carries, reaches
-from .measures import Motion, Span, first_of, hold_while, inside_clip, rate
+from .measures import MeasuredMotion, Span, first_of, hold_while, inside_clip, rate
 
 # A ramp between two paces lies between these speeds, metres a second; the state changes in their middle.
 IDLE_WALK, WALK_RUN = (0.12, 0.47), (1.8, 2.5)
@@ -30,7 +30,7 @@ _MASSES = (("Hips", "Neck", 0.5, 0.497), ("Neck", "Head", 1.0, 0.081)) + tuple(
 Key = tuple[int, float]
 
 
-def propose_actions(motion: Motion) -> tuple[dict[str, list[Key]], list[Span], Array]:
+def propose_actions(motion: MeasuredMotion) -> tuple[dict[str, list[Key]], list[Span], Array]:
     """Labels by rule: key frames of every style, the spans of actions with objects, and contacts (T, 5) bool."""
     count = len(motion)
     actions: dict[str, list[Key]] = {name: [] for name in STYLES}
@@ -113,7 +113,7 @@ def _paces(speed: Array, planted: Array) -> dict[str, list[Key]]:
     return {name: tidy(found) for name, found in inside.items()}
 
 
-def _balance(motion: Motion) -> Array:
+def _balance(motion: MeasuredMotion) -> Array:
     """How far (T,), metres, the centre of mass lies behind the hindmost heel."""
     p = motion.positions
     centre = sum(share * ((1 - at) * p[:, INDEX[a]] + at * p[:, INDEX[b]]) for a, b, at, share in _MASSES)
@@ -124,7 +124,7 @@ def _balance(motion: Motion) -> Array:
     return ahead[0] - np.maximum(ahead[1], ahead[2])  # heading 0 faces -Y, so behind is +Y
 
 
-def _sits(motion: Motion) -> list[Span]:
+def _sits(motion: MeasuredMotion) -> list[Span]:
     """Seated where the hips are low and at rest and the body would fall over backwards without a seat."""
     height = gaussian_smooth(motion.positions[:, HIPS, 2], 2.0)
     feet = motion.positions[:, TOES, 2].min(1) - TOE_HEIGHT
@@ -151,7 +151,7 @@ def _up_to_standing(height: Array, frame: int, step: int) -> int:
     return frame + step * first_of(reach > top - 0.03, len(reach) - 1)
 
 
-def _supports(motion: Motion) -> list[tuple[int, int, int, float]]:
+def _supports(motion: MeasuredMotion) -> list[tuple[int, int, int, float]]:
     """Where feet stand: (first, end, side, height of the ground under it, metres), by the time they begin."""
     found = []
     for side, toe in enumerate(TOES):
@@ -163,7 +163,7 @@ def _supports(motion: Motion) -> list[tuple[int, int, int, float]]:
     return sorted(found)
 
 
-def _climbs(motion: Motion, step: float = 0.1) -> list[Span]:
+def _climbs(motion: MeasuredMotion, step: float = 0.1) -> list[Span]:
     """From where a foot leaves for ground that is higher or lower until both stand there, hips raised or lowered too."""
     supports = _supports(motion)
     hips = gaussian_smooth(motion.positions[:, HIPS, 2], 3.0)
@@ -193,7 +193,7 @@ def _climbs(motion: Motion, step: float = 0.1) -> list[Span]:
     return merged
 
 
-def _feet(motion: Motion, climbs: list[Span]) -> Array:
+def _feet(motion: MeasuredMotion, climbs: list[Span]) -> Array:
     """Contacts (T, 2) of the feet: low and slow on the floor; in a clip that climbs, still at any height."""
     running = np.clip(motion.speed / 2.1, 0, 1.5)
     slow, fast = (detect_foot_contacts(motion.positions, speed=v) for v in (0.3, 0.9))

@@ -9,13 +9,13 @@ from nsm_core.conventions import FPS
 from nsm_core.rotations import Array, rotate_planar
 from nsm_core.signals import gaussian_smooth, intervals
 
-from .measures import Motion, Span, closed, first_of, hold_while, inside_clip, rate
+from .measures import MeasuredMotion, Span, closed, first_of, hold_while, inside_clip, rate
 
 _REACH = round(0.5 * FPS)  # frames over which the labels of hands come and go at least
 _WRISTS = [INDEX["RightWrist"], INDEX["LeftWrist"]]
 
 
-def _hands(motion: Motion) -> Array:
+def _hands(motion: MeasuredMotion) -> Array:
     """Wrists (T, 2, 3) in the root frame: x to the left, -y ahead, z up."""
     local = motion.positions[:, _WRISTS].copy()
     local[..., :2] -= motion.root[:, None]
@@ -28,7 +28,7 @@ def _windowed(values: Array, half: int, function) -> Array:
     return function(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=-1)
 
 
-def carries(motion: Motion) -> list[Span]:
+def carries(motion: MeasuredMotion) -> list[Span]:
     """Both hands in front at one height and a distance that does not change, elbows bent: they hold something."""
     hands = _hands(motion)
     apart = np.linalg.norm(hands[:, 0] - hands[:, 1], axis=-1)
@@ -70,14 +70,14 @@ def _straightens(height: Array, frame: int, step: int) -> int:
     return frame + step * max(first_of(way > way.max() - 0.1, 0), _REACH)
 
 
-def _elbow(motion: Motion, side: str) -> Array:
+def _elbow(motion: MeasuredMotion, side: str) -> Array:
     """Bend (T,) of an elbow, radians; 0 is straight."""
     s, e, w = (motion.positions[:, INDEX[side + n]] for n in ("Shoulder", "Elbow", "Wrist"))
     cosine = np.sum((e - s) * (w - e), axis=-1) / np.maximum(np.linalg.norm(e - s, axis=-1) * np.linalg.norm(w - e, axis=-1), 1e-9)
     return np.arccos(np.clip(cosine, -1, 1))
 
 
-def reaches(motion: Motion) -> list[tuple[Span, list[int]]]:
+def reaches(motion: MeasuredMotion) -> list[tuple[Span, list[int]]]:
     """One hand far ahead at the height of a handle while the other is not, or both pushing with straight arms."""
     hands = _hands(motion)
     ahead, height = -hands[..., 1], hands[..., 2]

@@ -24,7 +24,7 @@ class Span:
 
 
 @dataclass(frozen=True)
-class Motion:
+class MeasuredMotion:
     """What the rules look at: ``positions`` and ``rotations`` in the world, root, and ``speed`` (T,), metres a second."""
 
     positions: Array
@@ -37,12 +37,12 @@ class Motion:
         return len(self.positions)
 
 
-def motion_of(clip: Clip) -> Motion:
+def motion_of(clip: Clip) -> MeasuredMotion:
     """Measure a clip once for all rules."""
     positions, rotations = clip.world()
     root, heading = smoothed_root(positions)
     speed = np.linalg.norm(rate(root), axis=1)
-    return Motion(positions, rotations, root, heading, gaussian_smooth(speed, 6.0))
+    return MeasuredMotion(positions, rotations, root, heading, gaussian_smooth(speed, 6.0))
 
 
 def rate(values: Array) -> Array:

@@ -9,7 +9,7 @@ from nsm_core.body.skeleton import HIPS, INDEX
 from nsm_core.conventions import FPS
 from nsm_core.signals import intervals
 
-from .measures import Motion, Span, closed
+from .measures import MeasuredMotion, Span, closed
 
 _CHEST = INDEX["Chest4"]
 _SHOULDERS, _WRISTS = [INDEX[s + "Shoulder"] for s in ("Right", "Left")], [INDEX[s + "Wrist"] for s in ("Right", "Left")]
@@ -20,7 +20,7 @@ _CROUCHED, _TILT = (0.8, 0.65), np.radians((35, 55))  # metres of the hips over 
 _APART = round(0.7 * FPS)  # frames between two such moments that belong to them
 
 
-def others(motion: Motion, spans: list[Span]) -> list[tuple[int, float]]:
+def others(motion: MeasuredMotion, spans: list[Span]) -> list[tuple[int, float]]:
     """Key frames of "other" where a body neither sits, carries, opens nor climbs (``spans``), and does not just walk or run."""
     p = motion.positions
     lower = p[:, TOES, 2].min(1)

@@ -14,7 +14,7 @@ from nsm_core.rotations import Array
 from nsm_core.signals import intervals
 
 from .action_rules import propose_actions
-from .measures import Motion, Span, motion_of
+from .measures import MeasuredMotion, Span, motion_of
 from .other_rules import others
 from .phases import phase_of_keys, rule_keys
 
@@ -165,7 +165,7 @@ def _spans(sheet: Sheet, spans: list[Span], edited: list[str]) -> list[Span]:
     return sorted(found, key=lambda s: s.start)
 
 
-def propose_goals(motion: Motion, arrays: Annotation, spans: list[Span]) -> tuple[list[GoalKey], dict[int, str]]:
+def propose_goals(motion: MeasuredMotion, arrays: Annotation, spans: list[Span]) -> tuple[list[GoalKey], dict[int, str]]:
     """Goals by rule: an action is asked for from where the actor leaves idle on until its label starts to fall."""
     count, style = len(motion), arrays.style
     idle = style[:, IDLE] > 0.5
@@ -225,7 +225,7 @@ def _leaves_idle(idle: Array, frame: int, earliest: int) -> int:
     return earliest + int(rests[-1]) if rests else earliest
 
 
-def _ask_between(motion: Motion, style: Array, free: Array, ask, asked: dict) -> None:
+def _ask_between(motion: MeasuredMotion, style: Array, free: Array, ask, asked: dict) -> None:
     """Dynamic goals of walking and running, static ones of standing, where no other goal is in force."""
     gait = np.argmax(style[:, _GAIT], axis=1)
     # A change of pace is asked for where its ramp starts.
@@ -251,7 +251,7 @@ def _ask_between(motion: Motion, style: Array, free: Array, ask, asked: dict) ->
             ask(f, STYLES[last])
 
 
-def _between_hands(motion: Motion, frame: int) -> Array:
+def _between_hands(motion: MeasuredMotion, frame: int) -> Array:
     """Middle between the palms: the centre of what two hands hold."""
     palms = []
     for side in ("Right", "Left"):
@@ -260,7 +260,7 @@ def _between_hands(motion: Motion, frame: int) -> Array:
     return np.mean(palms, axis=0)
 
 
-def _ground(motion: Motion, frame: int) -> float:
+def _ground(motion: MeasuredMotion, frame: int) -> float:
     """Height of the ground under the lower foot, metres."""
     toes = motion.positions[frame, [INDEX["RightToe"], INDEX["LeftToe"]], 2]
     return max(0.0, float(toes.min()) - 0.025)

@@ -12,7 +12,7 @@ DEEPER, ASTRAY = 0.02, 0.015  # metres: of the body in things by more than befor
 FASTER, SLACK = 1.3, (0.3, 12.0)  # speed and acceleration of joints may grow by this factor, or to this (m/s, m/s^2) more
 
 
-def depth(body: tuple[Array, Array], solid: Cuboids) -> float:
+def depth_in_solids(body: tuple[Array, Array], solid: Cuboids) -> float:
     """How deep, metres, spheres of the body, centres (n, S, 3) and radii (S,), reach into a solid at most."""
     centres, radii = body
     distance = solid.signed_distance(centres.reshape(-1, 3).astype(np.float32), 0.15).reshape(centres.shape[:2])

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 
 from nsm_core.body.skeleton import ARMS, FEET, forward_kinematics
-from nsm_core.body.thin_capsules import body_spheres
+from nsm_core.body.thin_capsules import thin_spheres
 from nsm_core.conventions import FOOT_CONTACTS, FPS, HAND_CONTACTS
-from nsm_core.data.scenarios.take import Take, Thing
+from nsm_core.data.scenarios.take import ComposedTake, Thing
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
 from nsm_core.world.assets.pool import CRATE_SIDE, Pool
 from nsm_core.world.scene.furniture import Furniture, box_mesh, carried_box, cuboids
 from nsm_core.world.scene.props import Box
 
 from .contact_transfer import embed, switch, transfer
-from .soundness import ASTRAY, DEEPER, depth, no_faster
+from .soundness import ASTRAY, DEEPER, depth_in_solids, no_faster
 
 MOST_WIDER = 0.06  # metres that a box grows sideways and in depth, lest it stands out over what it rests on
 SLIPS = 0.005  # metres that wrists are further from their places on a box, or boxes deeper in things, than before
@@ -24,7 +24,7 @@ _AROUND = FPS + 5  # frames on either side of a carry that a transfer changes
 _WRISTS, _TOES = [arm[2] for arm in ARMS], [leg[3] for leg in FEET]
 
 
-def switch_box(take: Take, number: int, pool: Pool, seeds: Array, shares: tuple[float, ...]) -> Take | None:
+def switch_box(take: ComposedTake, number: int, pool: Pool, seeds: Array, shares: tuple[float, ...]) -> ComposedTake | None:
     """The take with another box for the carry that command ``number`` begins; None where none that the ``seeds`` draw fits.
 
     ``shares`` tells what is left, in each attempt, of the difference in size between the box drawn and that of the take.
@@ -64,7 +64,7 @@ def _resized(piece: Furniture, old: Furniture, share: float) -> Furniture:
 class _Hold:
     """What a body may do while it carries another box, measured while it carries its own."""
 
-    def __init__(self, take: Take, index: int, thing: Thing, face: float, frames: slice) -> None:
+    def __init__(self, take: ComposedTake, index: int, thing: Thing, face: float, frames: slice) -> None:
         self.take, self.thing, self.face, self.frames = take, thing, face, frames
         still = [(o.furniture, o.position, o.heading) for o in take.obstacles]
         things = [t for n, t in enumerate(take.things) if n != index]
@@ -77,18 +77,18 @@ class _Hold:
         """Joints; depths of the body in the box and of body and box in what is about them; how far wrists slip, metres."""
         joints = forward_kinematics(hips.astype(np.float64), rotations.astype(np.float64))[0]
         poses = thing.poses[self.frames]
-        centres, radii = body_spheres(hips[::2], rotations[::2])
+        centres, radii = thin_spheres(hips[::2], rotations[::2])
         seen = rotate_planar(centres - poses[::2, None, :3], np.broadcast_to(-poses[::2, None, 3], centres.shape[:2]))
-        inside = depth((seen, radii), cuboids([(thing.furniture, np.zeros(3), 0.0)]))
+        inside = depth_in_solids((seen, radii), cuboids([(thing.furniture, np.zeros(3), 0.0)]))
         ends = np.stack((thing.furniture.mins.min(0), thing.furniture.maxs.max(0))).astype(np.float64)
         grid = np.stack(np.meshgrid(*np.linspace(*ends, 4).T, indexing="ij"), axis=-1).reshape(1, -1, 3)
         swept = rotate_planar(np.repeat(grid, len(poses[::4]), axis=0), np.repeat(poses[::4, None, 3], grid.shape[1], axis=1))
-        meets = depth((swept + poses[::4, None, :3], np.zeros(grid.shape[1])), self.rest)
+        meets = depth_in_solids((swept + poses[::4, None, :3], np.zeros(grid.shape[1])), self.rest)
         box: Box = carried_box(thing.furniture)
         held = thing.held[self.frames]
         grasps = rotate_planar(np.repeat(box.grasps(self.face)[None], len(poses), axis=0), np.repeat(poses[:, None, 3], 2, axis=1))
         slips = np.linalg.norm(joints[:, _WRISTS] - grasps - poses[:, None, :3], axis=-1)[held].max()
-        return joints, np.array((inside, depth((centres, radii), self.rest))), meets, slips
+        return joints, np.array((inside, depth_in_solids((centres, radii), self.rest))), meets, slips
 
     def allows(self, hips: Array, rotations: Array, other: Thing) -> bool:
         """Whether the motion with another box is as sound as with its own: hands hold it, feet stay, nothing jumps or is hit."""
@@ -105,7 +105,7 @@ class _Hold:
         )
 
 
-def _with(take: Take, index: int, frames: slice, hips: Array, rotations: Array, other: Thing, offset: Array) -> Take:
+def _with(take: ComposedTake, index: int, frames: slice, hips: Array, rotations: Array, other: Thing, offset: Array) -> ComposedTake:
     """The take with another box, whose centre is moved by ``offset`` (3,) in its frame, and the goals with it."""
     new_hips, new_rotations = take.hips.copy(), take.rotations.copy()
     new_hips[frames], new_rotations[frames] = hips, rotations

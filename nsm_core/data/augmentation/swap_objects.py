@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from nsm_core.body.skeleton import ARMS, FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
-from nsm_core.body.thin_capsules import body_spheres
+from nsm_core.body.thin_capsules import thin_spheres
 from nsm_core.conventions import CLIMB, FOOT_CONTACTS, FPS, HAND_CONTACTS, HIP_CONTACT, SIT
-from nsm_core.data.scenarios.take import Command, Take, Thing
+from nsm_core.data.scenarios.take import ComposedTake, Thing, TimedCommand
 from nsm_core.errors import GeometryError
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
 from nsm_core.signals import intervals
@@ -23,7 +23,7 @@ from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.scene.furniture import Furniture, cuboids
 
 from .contact_transfer import Embedded, align, embed, switch, transfer
-from .soundness import ASTRAY, DEEPER, depth, no_faster
+from .soundness import ASTRAY, DEEPER, depth_in_solids, no_faster
 from .swap_boxes import switch_box
 
 # Of the differences in size between an object and the one drawn for it: what is left of them in one attempt after the other.
@@ -38,7 +38,7 @@ _ON_REST = 0.03  # metres from an arm rest at which a wrist still rests on it
 _TOES = [leg[3] for leg in FEET]
 
 
-def switched(take: Take, pool: Pool | None, seed: int) -> Take | None:
+def switched(take: ComposedTake, pool: Pool | None, seed: int) -> ComposedTake | None:
     """Return ``take`` with other objects for its sits, climbs and carries, drawn by ``seed``; None where none could be switched.
 
     ``pool`` None draws parametric pieces.  The body, goals and object poses follow the new objects (``take`` stays as it is);
@@ -61,7 +61,7 @@ def switched(take: Take, pool: Pool | None, seed: int) -> Take | None:
     return result if done else None
 
 
-def _switch_one(take: Take, number: int, pool: Pool, seeds: Array) -> Take | None:
+def _switch_one(take: ComposedTake, number: int, pool: Pool, seeds: Array) -> ComposedTake | None:
     """The take with another object for command ``number``; None where none that the ``seeds`` draw fits."""
     thing = take.things[take.commands[number].thing]
     e = embed(take.hips, take.rotations, _contacts(take, thing), thing.furniture, thing.poses)
@@ -107,7 +107,7 @@ def _stand(thing: Thing, piece: Furniture) -> Array:
     return pose
 
 
-def _contacts(take: Take, thing: Thing) -> Array:
+def _contacts(take: ComposedTake, thing: Thing) -> Array:
     """Contacts (T, 5) of a take, with the hands that rest on the arms of a seat."""
     contacts = np.array(take.contacts)
     rests = arm_rests(thing.furniture)
@@ -122,7 +122,7 @@ def _contacts(take: Take, thing: Thing) -> Array:
     return contacts
 
 
-def _active(take: Take, number: int, e: Embedded) -> Array:
+def _active(take: ComposedTake, number: int, e: Embedded) -> Array:
     """Frames (T,) in which the object of command ``number`` is used: it is touched, or the label of its action is on."""
     command, count = take.commands[number], np.arange(len(take))
     later = [c.frame for c in take.commands[number + 1 :] if c.thing >= 0 and c.thing != command.thing]
@@ -156,7 +156,7 @@ def _overlap(a: tuple[Array, Array, Array], b: tuple[Array, Array, Array]) -> bo
 class _Span:
     """The frames about an interaction, what the body may do in them, and what is about it."""
 
-    def __init__(self, take: Take, number: int, e: Embedded, active: Array) -> None:
+    def __init__(self, take: ComposedTake, number: int, e: Embedded, active: Array) -> None:
         """``active`` (T,) tells in which frames the object of command ``number`` is used."""
         self.take, self.number, self.e, self.active = take, number, e, active
         used = np.flatnonzero(active)
@@ -169,12 +169,12 @@ class _Span:
         self.rest = cuboids([(f, p[:3], float(p[3])) for f, p in poses + [(t.furniture, t.track(len(take))[middle]) for t in others]])
         poses += [(t.furniture, p) for t in others for p in (np.unique(t.poses[::6], axis=0) if t.moves else t.poses[None])]
         self.rectangles = [_rectangle(f, p) for f, p in poses]
-        body, radii = body_spheres(take.hips[::2], take.rotations[::2])
+        body, radii = thin_spheres(take.hips[::2], take.rotations[::2])
         at = np.arange(len(take))[::2]
         outside = (at < self.frames.start) | (at >= self.frames.stop)
         self.elsewhere = body[outside], radii
         self.joints = forward_kinematics(take.hips.astype(np.float64), take.rotations.astype(np.float64))[0]
-        self.allowed = [depth((body, radii), solid) + DEEPER for solid in (_solid(self.thing), self.rest)]
+        self.allowed = [depth_in_solids((body, radii), solid) + DEEPER for solid in (_solid(self.thing), self.rest)]
 
     def room(self, other: Thing) -> bool:
         """Whether another object overlaps nothing and keeps off the way of the body where it is not used."""
@@ -185,7 +185,7 @@ class _Span:
         before, after = (_away(t, hips) for t in (self.thing, other))
         if ((after < KEEP_OFF) & (after < before - 0.02)).any():
             return False
-        return depth(self.elsewhere, _solid(other)) <= self.allowed[0]
+        return depth_in_solids(self.elsewhere, _solid(other)) <= self.allowed[0]
 
     def sound(self, hips: Array, rotations: Array, other: Thing) -> bool:
         """Whether the motion of the span on another object is as sound as it was on its own."""
@@ -197,8 +197,8 @@ class _Span:
         return self._feet_stand(joints, other) and self._hips_rest(joints, other) and self._not_deeper(hips, rotations, other)
 
     def _not_deeper(self, hips: Array, rotations: Array, other: Thing) -> bool:
-        body = body_spheres(hips, rotations)  # every frame: feet swing over edges within two
-        return all(depth(body, s) <= a for s, a in zip((_solid(other), self.rest), self.allowed, strict=True))
+        body = thin_spheres(hips, rotations)  # every frame: feet swing over edges within two
+        return all(depth_in_solids(body, s) <= a for s, a in zip((_solid(other), self.rest), self.allowed, strict=True))
 
     def _hips_rest(self, joints: Array, other: Thing) -> bool:
         """Whether the hips of a sitter come to their place on the seat's height."""
@@ -222,7 +222,7 @@ class _Span:
         out = [_away(t, p[top][:, :2]).max() for t, p in ((self.thing, before), (other, after))]
         return out[1] <= max(out[0], OVER_EDGE)
 
-    def with_motion(self, hips: Array, rotations: Array, other: Thing) -> Take:
+    def with_motion(self, hips: Array, rotations: Array, other: Thing) -> ComposedTake:
         """The take with another object, the motion of the span on it, and its goal moved along."""
         take = self.take
         new_hips, new_rotations = take.hips.copy(), take.rotations.copy()
@@ -233,7 +233,7 @@ class _Span:
         commands[self.number] = replace(command, position=self._goal(command, new_hips, other))
         return replace(take, hips=new_hips, rotations=new_rotations, things=things, commands=commands)
 
-    def _goal(self, command: Command, hips: Array, other: Thing) -> Array:
+    def _goal(self, command: TimedCommand, hips: Array, other: Thing) -> Array:
         """Where the command now asks the body to be, (3,): moved as the hips are while they are there."""
         if command.action == "sit":
             there = self.e.touch[:, HIP_CONTACT]

@@ -42,7 +42,7 @@ class Library:
         return len(self.hips)
 
 
-def build(clips: list[Clip]) -> Library:
+def build_library(clips: list[Clip]) -> Library:
     """Stack clips into a Library; clips shorter than 20 frames are dropped."""
     clips = [c for c in clips if len(c) >= 20]
     if not clips:

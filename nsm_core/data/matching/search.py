@@ -29,7 +29,7 @@ _UPPER_JOINTS = tuple(INDEX[n] for n in ("RightWrist", "LeftWrist", "Head"))
 
 
 @dataclass(frozen=True)
-class Passage:
+class FoundCourse:
     """A walked course: library ``frames`` (T,), the root placed in the world (T, 2) and (T,), frames of ``seams``."""
 
     frames: Array
@@ -85,7 +85,7 @@ class Matcher:
 
     def follow(
         self, course: Course, start_frame: int, root: Array, heading: float, rng: np.random.Generator, period: int = 10, limit: int = 450
-    ) -> Passage | None:
+    ) -> FoundCourse | None:
         """Walk the course from a library frame placed at ``root`` (2,), ``heading`` until it stands at its end.
 
         The root is steered a little towards the course while the body moves; feet are set right afterwards.
@@ -128,7 +128,7 @@ class Matcher:
             near = course.length - course.progress < 0.25 and abs(wrap_angle(course.final_heading - heading)) < 0.35
             resting = resting + 1 if still and near else 0
             if resting > 4:
-                return Passage(np.array(frames), np.array(roots), np.array(headings), tuple(seams))
+                return FoundCourse(np.array(frames), np.array(roots), np.array(headings), tuple(seams))
         return None
 
     def _steering(self, f: int, future: Array, facing: Array, root: Array, heading: float) -> tuple[float, Array]:

@@ -11,7 +11,7 @@ from nsm_core.body.skeleton import HIPS
 from nsm_core.errors import CaptureError
 from nsm_core.rotations import Array
 
-from .database import Library, build
+from .database import Library, build_library
 from .search import Matcher
 from .segment import LaidSegment, Segment
 from .selection import load_runs, load_walks
@@ -51,7 +51,7 @@ def gather(folder: str | Path, segments: dict[str, list[Segment]]) -> Source:
             laid[name].append(LaidSegment(at, at + len(piece.clip), {k: at + v for k, v in piece.marks.items()}))
             clips.append(piece.clip)
             at += len(piece.clip)
-    library = build(clips)
+    library = build_library(clips)
     n, walked, run = np.arange(len(library)), sum(map(len, walks)), sum(map(len, walks + runs))
     slow = np.linalg.norm(library.velocity[:, HIPS, :2], axis=1) < 0.06
     still = np.flatnonzero(slow & (library.end - n > 50) & (n < walked) & library.contacts.all(axis=1))

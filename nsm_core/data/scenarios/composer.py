@@ -28,7 +28,7 @@ from .motion import Motion
 from .open import episode as open_episode
 from .session import Session
 from .sit import episode as sit_episode
-from .take import Command, Piece, Take
+from .take import ComposedTake, Piece, TimedCommand
 from .walk import ways as walk_ways
 
 # Episodes with objects by name, and how often each is drawn; "walk" and "run" have none.
@@ -55,7 +55,7 @@ class Composer:
         self.source, self.pool, self.stitch = source, pool, stitch
         self.shares = {k: v for k, v in (SHARES if shares is None else shares).items() if v > 0}
 
-    def compose(self, seed: int) -> Take | None:
+    def compose(self, seed: int) -> ComposedTake | None:
         """Return the take of ``seed``, or None where the draw did not work out."""
         rng = np.random.default_rng(seed)
         session = Session(self.source, rng, self.pool)
@@ -94,7 +94,7 @@ def _part(session: Session, name: str) -> bool:
     return session.clear()
 
 
-def _finish(session: Session, shortest: int) -> Take | None:
+def _finish(session: Session, shortest: int) -> ComposedTake | None:
     """Turn the tape into motion, fit the episodes and furnish the scene; None where it is of no use or ``shortest`` frames are more."""
     tape, rng = session.tape, session.rng
     if len(tape) < shortest:
@@ -114,7 +114,7 @@ def _finish(session: Session, shortest: int) -> Take | None:
     motion.contacts[:, FOOT_CONTACTS] = motion.feet & _slow(motion)
     if not (np.isfinite(motion.hips).all() and np.isfinite(motion.rotations).all()):
         return None
-    take = Take(
+    take = ComposedTake(
         motion.hips.astype(np.float32),
         motion.rotations.astype(np.float32),
         motion.contacts,
@@ -152,9 +152,9 @@ def _played(session: Session) -> tuple[Array, Array, Array, Array]:
     return hips, rotations, lib.contacts[i].copy(), i
 
 
-def _ordered(commands: list[Command], session: Session) -> list[Command]:
+def _ordered(commands: list[TimedCommand], session: Session) -> list[TimedCommand]:
     """Commands in strictly rising frames; one after a dropped stop takes the stop's frame."""
-    result: list[Command] = []
+    result: list[TimedCommand] = []
     early: int | None = None
     for c in commands:
         if c.action == "next":
@@ -164,11 +164,11 @@ def _ordered(commands: list[Command], session: Session) -> list[Command]:
         early = None
         if result and frame <= result[-1].frame:
             frame = result[-1].frame + 1
-        result.append(Command(frame, c.action, c.position, c.heading, c.thing))
+        result.append(TimedCommand(frame, c.action, c.position, c.heading, c.thing))
     if early is not None:
         # A dropped stop at the very end leaves the action before in force although the body leaves it: ask to stand there.
         at, facing = session.tape.roots[-1], session.tape.headings[-1]
-        result.append(Command(early, "idle", np.append(at, 0).astype(np.float32), facing))
+        result.append(TimedCommand(early, "idle", np.append(at, 0).astype(np.float32), facing))
     return result
 
 

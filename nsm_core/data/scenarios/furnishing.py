@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nsm_core.body.thin_capsules import penetration_depths
+from nsm_core.body.thin_capsules import thin_depths
 from nsm_core.conventions import SIT
 from nsm_core.rotations import Array, direction_to_heading, rotate_planar
 from nsm_core.world.scene import furniture
 
-from .take import Placed, Take
+from .take import ComposedTake, Placed
 
 if TYPE_CHECKING:
     from .session import Session
@@ -21,7 +21,7 @@ BODY_RADIUS = 0.36  # metres that the walked path keeps from furniture
 HOLES, THROUGH = 0.3, 0.34  # share of takes with a wall that is walked through; metres the path keeps from its opening's sides
 
 
-def furnish(take: Take, roots: Array, session: Session, rng: np.random.Generator) -> None:
+def furnish(take: ComposedTake, roots: Array, session: Session, rng: np.random.Generator) -> None:
     """Put furniture about the walked path (T, 2), never on it, preferably inside the detours; changes the take."""
     busy = [(t.track(len(take))[0, :2], 0.5 * float(np.linalg.norm(t.furniture.size[:2]))) for t in take.things]
     busy += [(t.poses[-1, :2], 0.5 * float(np.linalg.norm(t.furniture.size[:2]))) for t in take.things if t.moves]
@@ -53,7 +53,9 @@ def furnish(take: Take, roots: Array, session: Session, rng: np.random.Generator
         try_put(at + rng.uniform(0.5, 2.4) * np.array((np.cos(angle), np.sin(angle))), str(rng.choice(OBSTACLES)))
 
 
-def _wall_with_a_hole(take: Take, roots: Array, session: Session, rng: np.random.Generator, busy: list[tuple[Array, float]]) -> None:
+def _wall_with_a_hole(
+    take: ComposedTake, roots: Array, session: Session, rng: np.random.Generator, busy: list[tuple[Array, float]]
+) -> None:
     """Put a wall across the path so that it leads through its opening, if no other part of the path meets the wall."""
     step = roots[10:] - roots[:-10]
     moving = np.flatnonzero(np.linalg.norm(step, axis=1) > 0.25)
@@ -79,7 +81,7 @@ def _wall_with_a_hole(take: Take, roots: Array, session: Session, rng: np.random
         return
 
 
-def _swept(take: Take) -> Array:
+def _swept(take: ComposedTake) -> Array:
     """Points (N, 3) float32, world, spread over things that move, where they are in every fourth frame of their way."""
     points = [np.zeros((0, 3))]
     for thing in take.things:
@@ -92,7 +94,7 @@ def _swept(take: Take) -> Array:
     return np.concatenate(points).astype(np.float32)
 
 
-def keep_clear(take: Take, fixed: int = 0, seat_depth: float = 0.09, depth: float = 0.05) -> bool:
+def keep_clear(take: ComposedTake, fixed: int = 0, seat_depth: float = 0.09, depth: float = 0.05) -> bool:
     """Take away obstacles that the body enters deeper than ``depth``, metres, or things moved do; False where a seat is walked into.
 
     The first ``fixed`` obstacles belong to episodes and stay: False where one is entered deeper than ``seat_depth``.  Calves
@@ -100,18 +102,18 @@ def keep_clear(take: Take, fixed: int = 0, seat_depth: float = 0.09, depth: floa
     """
     kept = take.obstacles[:fixed]
     own = furniture.cuboids([(o.furniture, o.position, o.heading) for o in kept])
-    if kept and penetration_depths(take.hips[::2], take.rotations[::2], own).max() > seat_depth:
+    if kept and thin_depths(take.hips[::2], take.rotations[::2], own).max() > seat_depth:
         return False
     swept = _swept(take)
     for o in take.obstacles[fixed:]:
         solid = furniture.cuboids([(o.furniture, o.position, o.heading)])
         if solid.signed_distance(swept, 0.1).min(initial=1.0) < 0:
             continue
-        if penetration_depths(take.hips[::2], take.rotations[::2], solid).max() < depth:
+        if thin_depths(take.hips[::2], take.rotations[::2], solid).max() < depth:
             kept.append(o)
     take.obstacles = kept
     standing = take.labels[:, SIT] < 0.3
     seats = [(t.furniture, t.poses[:3], float(t.poses[3])) for t in take.things if t.furniture.seat is not None and not t.moves]
     if not seats or not standing.any():
         return True
-    return bool(penetration_depths(take.hips[standing], take.rotations[standing], furniture.cuboids(seats)).max() < seat_depth)
+    return bool(thin_depths(take.hips[standing], take.rotations[standing], furniture.cuboids(seats)).max() < seat_depth)

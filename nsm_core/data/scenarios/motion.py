@@ -10,7 +10,7 @@ import numpy as np
 from nsm_core.conventions import CONTACTS, STYLES
 from nsm_core.rotations import Array
 
-from .take import Command, Placed, Thing
+from .take import Placed, Thing, TimedCommand
 
 if TYPE_CHECKING:
     pass
@@ -31,7 +31,7 @@ class Motion:
     roots: Array
     headings: Array
     feet: Array
-    commands: list[Command]
+    commands: list[TimedCommand]
     rng: np.random.Generator
     contacts: Array = field(init=False)
     labels: Array = field(init=False)

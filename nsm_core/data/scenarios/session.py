@@ -16,7 +16,7 @@ from nsm_core.world.planning.path import Course
 from nsm_core.world.scene.furniture import Furniture
 
 from .motion import Motion
-from .take import Command
+from .take import TimedCommand
 
 
 class Episode(Protocol):
@@ -49,7 +49,7 @@ class Session:
         self.source, self.lib, self.rng = source, source.library, rng
         self.pool = pool or Pool()
         self.tape = Tape(self.lib, rng)
-        self.commands: list[Command] = []
+        self.commands: list[TimedCommand] = []
         self.episodes: list[Episode] = []
         self.detours: list[Array] = []
 
@@ -62,17 +62,17 @@ class Session:
     def command(self, action: str, lead: int = 0, **kw: object) -> int:
         """Ask for ``action`` from ``lead`` frames before the tape's end on; returns the command's number."""
         frame = max(len(self.tape) - lead, self.commands[-1].frame + 1 if self.commands else 0)
-        self.commands.append(Command(frame, action, **kw))  # type: ignore[arg-type]
+        self.commands.append(TimedCommand(frame, action, **kw))  # type: ignore[arg-type]
         return len(self.commands) - 1
 
     def stand_here(self, mark: int) -> None:
         """Let command ``mark`` ask to stand where the tape ends."""
         at, facing = self.tape.roots[-1], self.tape.headings[-1]
-        self.commands[mark] = Command(self.commands[mark].frame, "idle", np.append(at, 0.0).astype(np.float32), facing)
+        self.commands[mark] = TimedCommand(self.commands[mark].frame, "idle", np.append(at, 0.0).astype(np.float32), facing)
 
     def leave_early(self, mark: int) -> None:
         """Drop the stop that command ``mark`` asks for: whatever is asked next is asked from its frame on."""
-        self.commands[mark] = Command(self.commands[mark].frame, "next")
+        self.commands[mark] = TimedCommand(self.commands[mark].frame, "next")
 
     def lead(self) -> int:
         """A random number of frames by which a command precedes its answer."""

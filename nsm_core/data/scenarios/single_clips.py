@@ -16,12 +16,12 @@ from nsm_core.rotations import Array, heading_to_direction, rotate_planar
 from nsm_core.world.scene.furniture import Furniture
 
 from .carry import episode as carry_episode
-from .carry.carried import Carry
+from .carry.carried import CarryEpisode
 from .carry.supports import draw_support
 from .session import Session
 from .sit import episode as sit_episode
-from .sit.episode import Sit
-from .take import Command, styles_of
+from .sit.episode import SitEpisode
+from .take import TimedCommand, styles_of
 
 SHORTEST, LONGEST = 60, 12 * FPS  # frames of a level piece; of longer ones a stretch is drawn
 _LEAST_STRETCH = 4 * FPS
@@ -112,7 +112,7 @@ def _ask(session: Session, spans: list[tuple[int, int, int]]) -> None:
             stops = n + 1 < len(spans) and spans[n + 1][0] == IDLE
             near = stops and np.linalg.norm(roots[first:last] - roots[last], axis=1).max() < _FURTHEST
             if not (gait == WALK and near and rng.random() < _SENT):
-                session.commands.append(Command(frame, _GAITS[gait]))
+                session.commands.append(TimedCommand(frame, _GAITS[gait]))
                 continue
             first, last = spans[n + 1][1:]
         elif session.commands and session.commands[-1].position is not None:
@@ -120,7 +120,7 @@ def _ask(session: Session, spans: list[tuple[int, int, int]]) -> None:
         slow = np.linalg.norm(np.diff(roots[first:last], axis=0), axis=1)
         rest = first + (int(slow.argmin()) if len(slow) else 0)  # a clip may begin with a single frame of standing
         place = np.append(roots[rest], 0).astype(np.float32)
-        session.commands.append(Command(frame, "idle", place, tape.headings[rest]))
+        session.commands.append(TimedCommand(frame, "idle", place, tape.headings[rest]))
 
 
 # --- actions ---------------------------------------------------------------------------------------------------------
@@ -144,14 +144,14 @@ def sit(session: Session) -> bool:
     return False
 
 
-def _sit_on(session: Session, piece: Furniture, pieces: list[LaidSegment]) -> Sit:
+def _sit_on(session: Session, piece: Furniture, pieces: list[LaidSegment]) -> SitEpisode:
     rng, tape = session.rng, session.tape
     segment = pieces[int(rng.integers(len(pieces)))]
     up = segment.marks["up"]
     mark = session.command("sit")
     _begin(session, segment.first)
     tape.hold(segment.first, session.lead(), 1, seam=False)
-    episode = Sit(piece, tape.roots[-1], mark)
+    episode = SitEpisode(piece, tape.roots[-1], mark)
     sit_episode.play(session, episode, segment, seam=False)
     seat = piece.seat
     episode.heading = tape.headings[episode.leaving - 1] - seat.heading
@@ -190,7 +190,7 @@ def carry(session: Session) -> bool:
     if put is None:
         return False
     tape.seams.clear()  # between frames of one piece there is none
-    episode = Carry(box, piece, face, taken, put, fetch, bring, [(taken.centre[:2], 0.9)])
+    episode = CarryEpisode(box, piece, face, taken, put, fetch, bring, [(taken.centre[:2], 0.9)])
     _stand(session, session.command("idle", len(tape) - put.bend.touch - int(rng.integers(2, 7))), half.first)
     session.episodes.append(episode)
     return session.clear()

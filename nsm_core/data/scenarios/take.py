@@ -17,7 +17,7 @@ from nsm_core.world.scene.furniture import Furniture
 
 
 @dataclass(frozen=True)
-class Command:
+class TimedCommand:
     """What the animator asks for from ``frame`` on.
 
     ``action`` is a goal action, or several that hold together, such as "idle+carry".  A static goal has a ``position`` (3,)
@@ -91,7 +91,7 @@ class Piece(NamedTuple):
 
 
 @dataclass
-class Take:
+class ComposedTake:
     """One performance of T frames.
 
     ``hips`` (T, 3), ``rotations`` (T, J, 4), ``contacts`` (T, 5); ``labels`` (T, 7): ramps 0..1 of the actions with an object
@@ -102,7 +102,7 @@ class Take:
     rotations: Array
     contacts: Array
     labels: Array
-    commands: list[Command]
+    commands: list[TimedCommand]
     things: list[Thing] = field(default_factory=list)
     obstacles: list[Placed] = field(default_factory=list)
     phase_keys: list[int] = field(default_factory=list)
@@ -165,7 +165,7 @@ class Annotated:
     command: Array  # (T,) index of the command in force
 
 
-def annotate(take: Take) -> Annotated:
+def annotate(take: ComposedTake) -> Annotated:
     """Compute roots, axes, velocities, labels and phase of a take by rule."""
     positions, rotations = forward_kinematics(take.hips, take.rotations)
     matrices = quat_to_matrix(rotations)
@@ -190,7 +190,7 @@ def annotate(take: Take) -> Annotated:
     )
 
 
-def goal_tables(take: Take, annotated: Annotated) -> tuple[Array, Array, Array]:
+def goal_tables(take: ComposedTake, annotated: Annotated) -> tuple[Array, Array, Array]:
     """Goals at all keys of all frames: positions (T, 13, 3), headings (T, 13) and actions (T, 13, 6).
 
     Past keys keep the command of their time; from now on the command in force holds for every key ahead.
@@ -209,7 +209,7 @@ def goal_tables(take: Take, annotated: Annotated) -> tuple[Array, Array, Array]:
             position[mask, :2] = annotated.root[ahead[mask], :2]
             heading[mask] = annotated.root[ahead[mask], 2]
             moves = annotated.style[ahead[mask]][:, [WALK, RUN, CLIMB]].sum(axis=1) > 0.5
-            resting = Command(0, command.action.replace("walk", "idle").replace("run", "idle"))
+            resting = TimedCommand(0, command.action.replace("walk", "idle").replace("run", "idle"))
             action[mask] = np.where(moves[:, None], command.hot(), resting.hot())
         else:
             position[mask] = command.position

@@ -35,7 +35,7 @@ PLACED = 5.0  # cm from its destination within which a box counts as placed
 
 
 @dataclass(frozen=True)
-class Trial:
+class CarryTrial:
     """One start before one box; pieces are (furniture, place, heading) in the world, ``box`` (4,) and ``goal`` (4,) box centres."""
 
     setting: int
@@ -82,7 +82,7 @@ def support(
     return float(top), [(table, place, float(turn))]
 
 
-def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = None) -> list[Trial]:
+def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = None) -> list[CarryTrial]:
     """The same ``starts`` times ``settings`` trials at every call, about boxes that training has not seen; ``pool`` held back."""
     result = []
     for n in range(settings):
@@ -103,7 +103,7 @@ def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = 
         rng = np.random.default_rng((SEED, 2, n))
         for _ in range(starts):
             start, heading = rollout.start_about(rng, np.zeros(2), free)
-            result.append(Trial(n, name, start, heading, crate, box, goal, facing, still))
+            result.append(CarryTrial(n, name, start, heading, crate, box, goal, facing, still))
     return result
 
 
@@ -112,13 +112,13 @@ def box_at(crate: Furniture, pose: Array) -> Box:
     return carried_box(crate, pose - np.append(rotate_planar(crate.centre, np.float64(pose[3])), 0.0))
 
 
-def request(trial: Trial, hold: float = 1.0, **more: object) -> TakeRequest:
+def request(trial: CarryTrial, hold: float = 1.0, **more: object) -> TakeRequest:
     """Set up one trial's take."""
     goal = Goal("carry", "Box", trial.goal[:3], trial.facing, hold, prop=box_at(trial.crate, trial.box))
     return TakeRequest(trial.start, trial.heading, [goal], furniture.cuboids(trial.still), **more)  # type: ignore[arg-type]
 
 
-def run_trial(model: Model, trial: Trial, **more: object) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: CarryTrial, **more: object) -> tuple[TakeResult, Report]:
     """Roll one trial out; returns the take and its figures."""
     asked = request(trial, **more)
     take = rollout.roll(model, asked)

@@ -14,7 +14,7 @@ from nsm_core.world.scene import furniture
 from nsm_core.world.scene.furniture import Furniture
 
 from . import carry, rollout
-from .carry import Trial
+from .carry import CarryTrial
 from .rollout import SEED, Report
 
 # Name, size of the box, what it stands on and goes to: kind, height of that top, and metres from the edge to the box; metres.
@@ -59,7 +59,7 @@ def support(
     return [(piece, place, float(turn))]
 
 
-def trials(starts: int = 1, settings: Sequence[int] = range(len(SETTINGS))) -> list[Trial]:
+def trials(starts: int = 1, settings: Sequence[int] = range(len(SETTINGS))) -> list[CarryTrial]:
     """The same ``starts`` of each of ``settings`` at every call."""
     result = []
     for n in settings:
@@ -78,11 +78,11 @@ def trials(starts: int = 1, settings: Sequence[int] = range(len(SETTINGS))) -> l
         free = rollout.clear_of(furniture.cuboids(pieces), [carry.box_at(crate, box)])
         for _ in range(starts):
             start, heading = rollout.start_about(rng, np.zeros(2), free)
-            result.append(Trial(n, name, start, heading, crate, box, goal, facing, pieces))
+            result.append(CarryTrial(n, name, start, heading, crate, box, goal, facing, pieces))
     return result
 
 
-def run_trial(model: Model, trial: Trial, **more: object) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: CarryTrial, **more: object) -> tuple[TakeResult, Report]:
     """Roll one trial out; returns the take and its figures, those of ``carrying`` and whether it was ``sound``.
 
     Sound: placed, the body deeper than 3 cm in at most 3 % of the frames, and the box nowhere deeper than 1 cm in anything.

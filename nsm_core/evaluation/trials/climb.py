@@ -40,7 +40,7 @@ THROUGH, BODY_THROUGH = 5.0, 10.0
 
 
 @dataclass(frozen=True)
-class Trial:
+class ClimbTrial:
     """One start before one piece at the world's origin, turned by ``turn``."""
 
     setting: int
@@ -51,7 +51,7 @@ class Trial:
     turn: float
 
 
-def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = None) -> list[Trial]:
+def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = None) -> list[ClimbTrial]:
     """The same ``starts`` times ``settings`` trials at every call; the pieces are made, never drawn from a ``pool``."""
     result = []
     for n in range(settings):
@@ -62,7 +62,7 @@ def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = 
         free = rollout.clear_of(furniture.cuboids([(piece, np.zeros(2), turn)]))
         for _ in range(starts):
             start, heading = rollout.start_about(rng, np.zeros(2), free)
-            result.append(Trial(n, name, start, heading, piece, turn))
+            result.append(ClimbTrial(n, name, start, heading, piece, turn))
     return result
 
 
@@ -86,14 +86,14 @@ def climb_goal(piece: Furniture, place: Array, turn: float, coming_from: Array, 
     return Goal("climb", piece.kind, stand, float(heading), hold, volume)
 
 
-def request(trial: Trial, hold: float = 1.0, **more: object) -> TakeRequest:
+def request(trial: ClimbTrial, hold: float = 1.0, **more: object) -> TakeRequest:
     """Set up one trial's take."""
     query = furniture.cuboids([(trial.piece, np.zeros(2), trial.turn)])
     goal = climb_goal(trial.piece, np.zeros(2), trial.turn, trial.start, hold)
     return TakeRequest(trial.start, trial.heading, [goal], query, **more)  # type: ignore[arg-type]
 
 
-def run_trial(model: Model, trial: Trial, **more: object) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: ClimbTrial, **more: object) -> tuple[TakeResult, Report]:
     """Roll one trial out; returns the take and its figures."""
     asked = request(trial, **more)
     goal = asked.goals[0]

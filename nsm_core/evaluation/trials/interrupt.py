@@ -28,7 +28,7 @@ LIMIT = 60.0  # seconds of a take
 
 
 @dataclass(frozen=True)
-class Trial:
+class InterruptTrial:
     """One room (by ``seed``), one pair of actions and the frame at which the second takes over."""
 
     setting: int
@@ -37,16 +37,16 @@ class Trial:
     seed: int
 
 
-def trials(starts: int = 10, pool: Pool | None = None) -> list[Trial]:
+def trials(starts: int = 10, pool: Pool | None = None) -> list[InterruptTrial]:
     """The same ``starts`` trials of each of ``PAIRS`` at every call; the rooms are made, never drawn from a ``pool``."""
     result = []
     for n, (first, second) in enumerate(PAIRS):
         rng = np.random.default_rng((SEED, 10, n))
-        result += [Trial(n, f"{first} to {second}", int(rng.integers(EARLIEST, LATEST)), k) for k in range(starts)]
+        result += [InterruptTrial(n, f"{first} to {second}", int(rng.integers(EARLIEST, LATEST)), k) for k in range(starts)]
     return result
 
 
-def request(trial: Trial, **more: object) -> TakeRequest:
+def request(trial: InterruptTrial, **more: object) -> TakeRequest:
     """Set up the take with both goals, the second after the first; in a room in which both can be reached."""
     first, second = trial.name.split(" to ")
 
@@ -59,7 +59,7 @@ def request(trial: Trial, **more: object) -> TakeRequest:
     return reachable(make, (SEED, 11, trial.setting, trial.seed))
 
 
-def run_trial(model: Model, trial: Trial, **more: object) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: InterruptTrial, **more: object) -> tuple[TakeResult, Report]:
     """Roll one trial out; without a way to interrupt a take, the goals follow one another and ``no_hook`` says so."""
     asked = request(trial, **more)
     before, after = asked.goals

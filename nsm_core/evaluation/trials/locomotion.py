@@ -31,7 +31,7 @@ LEAD = {"walk": 1.5, "run": 3.5}  # metres gone before the order to sit comes
 
 
 @dataclass(frozen=True)
-class Placed:
+class WalkTrial:
     """Start, goal and solids of a way: pieces are (furniture, place, heading)."""
 
     setting: int
@@ -46,14 +46,14 @@ class Placed:
 # --- ways ------------------------------------------------------------------------------------------------------
 
 
-def trials(starts: int = 10, pool: Pool | None = None) -> list[Placed]:
+def trials(starts: int = 10, pool: Pool | None = None) -> list[WalkTrial]:
     """Twice ``starts`` furnished rooms, ``starts`` walls with a hole, ``starts`` runs in the open; the same at every call."""
     rooms = [_room(n, pool) for n in range(2 * starts)]
     holes = [_hole(n, pool) for n in range(starts)]
     return rooms + holes + [_open(n) for n in range(starts)]
 
 
-def _room(number: int, pool: Pool | None) -> Placed:
+def _room(number: int, pool: Pool | None) -> WalkTrial:
     rng = np.random.default_rng((SEED, 6, number))
     while True:
         way = WAY * heading_to_direction(np.array(rng.uniform(-np.pi, np.pi)))
@@ -75,25 +75,25 @@ def _room(number: int, pool: Pool | None) -> Placed:
             FloorPlan(query, (np.minimum(way, 0) - 4, np.maximum(way, 0) + 4)).find(np.zeros(2), way)
         except GoalError:
             continue
-        return Placed(0, "room", np.zeros(2), float(rng.uniform(-np.pi, np.pi)), way, tuple(still))
+        return WalkTrial(0, "room", np.zeros(2), float(rng.uniform(-np.pi, np.pi)), way, tuple(still))
 
 
-def _hole(number: int, pool: Pool | None) -> Placed:
+def _hole(number: int, pool: Pool | None) -> WalkTrial:
     rng = np.random.default_rng((SEED, 7, number))
     wall = furniture.make("hole_wall", rng, width=9.0, along=float(rng.uniform(0.3, 0.7)))
     turn, side = float(rng.uniform(-np.pi, np.pi)), float(rng.choice((-1, 1)))
     ends = [np.array((rng.uniform(-1.5, 1.5), s * side * WAY / 2)) for s in (-1, 1)]
     start, goal = (rotate_planar(p, np.float64(turn)) for p in ends)
-    return Placed(1, "hole", start, float(rng.uniform(-np.pi, np.pi)), goal, ((wall, np.zeros(2), turn),))
+    return WalkTrial(1, "hole", start, float(rng.uniform(-np.pi, np.pi)), goal, ((wall, np.zeros(2), turn),))
 
 
-def _open(number: int) -> Placed:
+def _open(number: int) -> WalkTrial:
     rng = np.random.default_rng((SEED, 8, number))
     goal = rng.uniform(5, 8) * heading_to_direction(np.array(rng.uniform(-np.pi, np.pi)))
-    return Placed(2, "run", np.zeros(2), float(rng.uniform(-np.pi, np.pi)), goal, action="run")
+    return WalkTrial(2, "run", np.zeros(2), float(rng.uniform(-np.pi, np.pi)), goal, action="run")
 
 
-def request(trial: Placed, hold: float = 1.0, **more: object) -> TakeRequest:
+def request(trial: WalkTrial, hold: float = 1.0, **more: object) -> TakeRequest:
     """Set up one way's take."""
     way = trial.goal - trial.start
     facing = float(np.arctan2(way[0], -way[1]))
@@ -101,7 +101,7 @@ def request(trial: Placed, hold: float = 1.0, **more: object) -> TakeRequest:
     return TakeRequest(trial.start, trial.heading, [goal], furniture.cuboids(trial.still), **more)  # type: ignore[arg-type]
 
 
-def run_trial(model: Model, trial: Placed, **more: object) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: WalkTrial, **more: object) -> tuple[TakeResult, Report]:
     """Roll one way out; returns the take and its figures."""
     asked = request(trial, **more)
     take = rollout.roll(model, asked)

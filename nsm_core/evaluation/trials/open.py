@@ -31,7 +31,7 @@ DEEPEST = 5.0  # cm
 
 
 @dataclass(frozen=True)
-class Trial:
+class DoorTrial:
     """One start before one door at ``pose`` (4,) of its frame."""
 
     setting: int
@@ -43,7 +43,7 @@ class Trial:
     swing: float
 
 
-def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = None) -> list[Trial]:
+def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = None) -> list[DoorTrial]:
     """The same ``starts`` times ``settings`` trials at every call; doors are made, never drawn from a ``pool``."""
     result = []
     for n in range(settings):
@@ -63,11 +63,11 @@ def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = 
 
         for _ in range(starts):
             start, heading = rollout.start_about(rng, middle, free)
-            result.append(Trial(n, name, start, heading, door, pose, swing))
+            result.append(DoorTrial(n, name, start, heading, door, pose, swing))
     return result
 
 
-def request(trial: Trial, hold: float = 1.0, **more: object) -> TakeRequest:
+def request(trial: DoorTrial, hold: float = 1.0, **more: object) -> TakeRequest:
     """Set up one trial's take."""
     leaf = trial.door.leaf(trial.pose, trial.swing)
     way = passage(leaf, trial.start)
@@ -88,7 +88,7 @@ def passed_at(root: Array, way: Passage, width: float, beyond: float = BEYOND) -
     return float(past[0] / FPS) if len(past) else float("nan")
 
 
-def run_trial(model: Model, trial: Trial, **more: object) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: DoorTrial, **more: object) -> tuple[TakeResult, Report]:
     """Roll one trial out; returns the take and its figures."""
     asked = request(trial, **more)
     take = rollout.roll(model, asked)

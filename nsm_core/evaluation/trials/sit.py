@@ -26,7 +26,7 @@ TO_EDGE = (0.26, 0.36)  # metres from the seated hips to the edge of the table t
 
 
 @dataclass(frozen=True)
-class Trial:
+class SitTrial:
     """One start before one seat at the world's origin, facing -Y; ``others`` (furniture, place, heading) stand about it.
 
     A seat with ``known`` is taken where the piece says it is, one without is found from its mesh, as in Blender.  Who ``leaves``
@@ -52,7 +52,7 @@ class Trial:
         return self.piece.kind
 
 
-def trials(starts: int = 10, settings: int = len(SEATS), furthest: float = 3.0, pool: Pool | None = None) -> list[Trial]:
+def trials(starts: int = 10, settings: int = len(SEATS), furthest: float = 3.0, pool: Pool | None = None) -> list[SitTrial]:
     """The same ``starts`` times ``settings`` trials at every call: any direction within ``furthest`` metres, any facing.
 
     With a ``pool`` (the held-back part of one) the seats are its meshes, scaled as in training.
@@ -69,11 +69,11 @@ def trials(starts: int = 10, settings: int = len(SEATS), furthest: float = 3.0, 
             start = distance * heading_to_direction(np.array(angle))
             if ((start > lo) & (start < hi)).all():
                 continue
-            result.append(Trial(n, piece, start, float(rng.uniform(-np.pi, np.pi)), known=known))
+            result.append(SitTrial(n, piece, start, float(rng.uniform(-np.pi, np.pi)), known=known))
     return result
 
 
-def trials_at_tables(starts: int = 10, settings: int = len(AT_TABLE), pool: Pool | None = None) -> list[Trial]:
+def trials_at_tables(starts: int = 10, settings: int = len(AT_TABLE), pool: Pool | None = None) -> list[SitTrial]:
     """Trials on seats that stand partly under a table, so that one has to get in from the side, and out again."""
     result = []
     for n in range(settings):
@@ -85,7 +85,7 @@ def trials_at_tables(starts: int = 10, settings: int = len(AT_TABLE), pool: Pool
         free = rollout.clear_of(furniture.cuboids([(piece, np.zeros(2), 0.0), *others]))
         for _ in range(starts):
             start, heading = rollout.start_about(rng, np.zeros(2), free)
-            result.append(Trial(n, piece, start, heading, others, known, leaves=True))
+            result.append(SitTrial(n, piece, start, heading, others, known, leaves=True))
     return result
 
 
@@ -100,7 +100,7 @@ def table_over(piece: furniture.Furniture, rng: np.random.Generator) -> tuple[fu
 
 
 def sit_goal(piece: furniture.Furniture, place: Array, turn: float, known: bool = False, hold: float = 1.0) -> Goal:
-    """The goal to sit on ``piece``, which stands at ``place`` (2,) with heading ``turn``; ``known`` as in ``Trial``."""
+    """The goal to sit on ``piece``, which stands at ``place`` (2,) with heading ``turn``; ``known`` as in ``SitTrial``."""
     angle = np.float64(turn)
     seat = piece.seat if known and piece.seat is not None else find_seat(piece.vertices, piece.triangles)
     centre = np.append(place + rotate_planar(piece.centre[:2], angle), piece.centre[2])
@@ -110,7 +110,7 @@ def sit_goal(piece: furniture.Furniture, place: Array, turn: float, known: bool 
 
 
 def request(
-    trial: Trial, hold: float = 1.0, contact_ik: bool = True, place: Array | None = None, turn: float = 0.0, **more: object
+    trial: SitTrial, hold: float = 1.0, contact_ik: bool = True, place: Array | None = None, turn: float = 0.0, **more: object
 ) -> TakeRequest:
     """Set up one trial's take, the whole scene moved to ``place`` (2,) and turned by ``turn`` radians."""
     place = np.zeros(2) if place is None else place
@@ -123,7 +123,7 @@ def request(
     return TakeRequest(start, trial.heading + turn, goals, query, contact_ik=contact_ik, **more)  # type: ignore[arg-type]
 
 
-def run_trial(model: Model, trial: Trial, **more: object) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: SitTrial, **more: object) -> tuple[TakeResult, Report]:
     """Roll one trial out; returns the take and its figures."""
     asked = request(trial, **more)  # type: ignore[arg-type]
     take = rollout.roll(model, asked)

@@ -21,7 +21,7 @@ class Figures(dict):
 
 
 @dataclass(frozen=True)
-class Part:
+class TrialPart:
     """One part: its trials (starts, pool), one trial's take and figures, the summary over trials and the lines of its table."""
 
     title: str
@@ -43,44 +43,44 @@ ABLATIONS = {
 }
 _ALL = tuple(ABLATIONS)
 
-PARTS: dict[str, Part] = {
-    "sit": Part(
+PARTS: dict[str, TrialPart] = {
+    "sit": TrialPart(
         "sit, on seats not seen in training",
         lambda starts, pool: sit.trials(starts, pool=pool), sit.run_trial, sit.summarise, sit.rows, sit.request, _ALL,
     ),
-    "table": Part(
+    "table": TrialPart(
         "sit, on seats partly under a table",
         lambda starts, pool: sit.trials_at_tables(starts, pool=pool), sit.run_trial, sit.summarise, sit.rows,
         sit.request,
     ),
-    "carry": Part(
+    "carry": TrialPart(
         "carry",
         lambda starts, pool: carry.trials(starts, pool=pool), carry.run_trial, carry.summarise, carry.rows,
         carry.request, _ALL, done="placed",
     ),
-    "far": Part(
+    "far": TrialPart(
         "carry, boxes far from edges, onto shelves, and large ones",
         lambda starts, pool: carry_far.trials(starts), carry_far.run_trial, carry_far.summarise, carry_far.rows, carry.request,
         done="sound",
     ),
-    "open": Part(
+    "open": TrialPart(
         "open",
         lambda starts, pool: doors.trials(starts, pool=pool), doors.run_trial, doors.summarise, doors.rows, doors.request, done="passed",
     ),
-    "climb": Part(
+    "climb": TrialPart(
         "climb",
         lambda starts, pool: climb.trials(starts, pool=pool), climb.run_trial, climb.summarise, climb.rows,
         climb.request, done="stands",
     ),
-    "travel": Part(
+    "travel": TrialPart(
         "walks between furniture and through holes, runs",
         locomotion.trials, locomotion.run_trial, locomotion.summarise, locomotion.rows, locomotion.request,
     ),
-    "response": Part(
+    "response": TrialPart(
         "seconds from an order until its label passes 0.9",
         locomotion.orders, locomotion.run_order, rollout.summarise, locomotion.order_rows, travels=False,
     ),
-    "interrupt": Part(
+    "interrupt": TrialPart(
         "a new goal at a random frame of an action",
         interrupt.trials, interrupt.run_trial, interrupt.summarise, interrupt.rows, interrupt.request,
     ),
@@ -105,4 +105,4 @@ def travel_rows(s: Report, data: float | None = None) -> list[Row]:
     ]  # fmt: skip
 
 
-__all__ = ["ABLATIONS", "PARTS", "Figures", "Part", "travel_rows"]
+__all__ = ["ABLATIONS", "PARTS", "Figures", "TrialPart", "travel_rows"]

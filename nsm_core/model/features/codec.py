@@ -19,7 +19,7 @@ from .state import PIVOT, State
 
 
 @dataclass
-class Surroundings:
+class SensorReading:
     """What the sensors tell a batch of characters (section 4.3).
 
     ``environment`` (B, 1408) occupancies at the current root; ``cells`` (B, 512, 3) interaction cell centres, world
@@ -80,7 +80,7 @@ def build_gating(state: State) -> Array:
     return GATING.pack(per_key=features[..., None] * wave[:, :, None])
 
 
-def build_inputs(state: State, around: Surroundings) -> tuple[Array, Array]:
+def build_inputs(state: State, around: SensorReading) -> tuple[Array, Array]:
     """Network input (B, 4018) and gating input (B, 650) of a state (section 3.1, Inputs), physical units."""
     root, keys = state.root, state.root_keys()
     frame = FRAME.pack(

@@ -11,7 +11,7 @@ from nsm_core.model.networks.config import NsmConfig
 from nsm_core.rotations import Array
 
 from .numpy_nsm import NumpyModel
-from .sizes import _widths
+from .sizes import layer_widths
 from .torch_any import TorchModel
 from .weights_file import Weights, load_weights
 
@@ -50,8 +50,8 @@ def load_model(path: str | Path | None = None, backend: str = "auto") -> Model:
         raise WeightsError(f"There is no back end {backend}; choose one of {', '.join(BACKENDS)}.")
     model = model_of(load_weights(path or BUNDLED, layout_description()), backend)
     c = model.config
-    if (*c.parts, c.gating, c.outputs) != _widths():
-        raise WeightsError(f"The weights file's network is of other widths than its features, {_widths()}; copy or train it again.")
+    if (*c.parts, c.gating, c.outputs) != layer_widths():
+        raise WeightsError(f"The weights file's network is of other widths than its features, {layer_widths()}; copy or train it again.")
     return model
 
 

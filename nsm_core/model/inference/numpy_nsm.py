@@ -7,7 +7,7 @@ import numpy as np
 from nsm_core.rotations import Array
 from nsm_core.threads import one_thread
 
-from .sizes import _checked, _config_of
+from .sizes import checked_inputs, config_of
 from .weights_file import Weights
 
 # Experts with a smaller coefficient are not read for a single character: their share of the output stays
@@ -21,7 +21,7 @@ class NumpyModel:
     backend = "numpy"
 
     def __init__(self, weights: Weights) -> None:
-        self.config, self.metadata = _config_of(weights), weights.metadata
+        self.config, self.metadata = config_of(weights), weights.metadata
         p = {name: np.ascontiguousarray(values) for name, values in weights.parameters.items()}
         self._statistics = weights.statistics
         self._encoders = [[(p[f"encoders.{e}.layers.{i}.weight"], p[f"encoders.{e}.layers.{i}.bias"]) for i in range(2)] for e in range(4)]
@@ -31,7 +31,7 @@ class NumpyModel:
 
     def predict(self, x: Array, gating: Array) -> tuple[Array, Array]:
         """Predict as ``Model.predict`` says."""
-        x, gating = _checked(x, gating, self.config)
+        x, gating = checked_inputs(x, gating, self.config)
         if len(x) > 8:
             return self._predict(x, gating)
         with one_thread():

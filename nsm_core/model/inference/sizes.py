@@ -17,12 +17,12 @@ from .weights_file import Weights
 MOST_WIDE = 100_000  # a layer's width; the paper's widest has 2,048
 
 
-def _widths() -> tuple[int, ...]:
+def layer_widths() -> tuple[int, ...]:
     """Widths of the features: the input's parts, gating and outputs."""
     return (*(part.stop - part.start for part in INPUT.slices.values()), GATING.size, OUTPUT.size)
 
 
-def _config_of(weights: Weights) -> NsmConfig:
+def config_of(weights: Weights) -> NsmConfig:
     """Sizes of the network; WeightsError unless every array is there and fits them."""
     config = _sizes(weights)
     expected = expected_shapes(config)
@@ -70,7 +70,7 @@ def expected_shapes(c: NsmConfig) -> dict[str, tuple[int, ...]]:
     return shapes
 
 
-def _checked(x: Array, gating: Array, config: NsmConfig) -> tuple[Array, Array]:
+def checked_inputs(x: Array, gating: Array, config: NsmConfig) -> tuple[Array, Array]:
     x = np.ascontiguousarray(x, dtype=np.float32)
     gating = np.ascontiguousarray(gating, dtype=np.float32)
     if x.ndim != 2 or x.shape[1] != config.inputs or gating.shape != (len(x), config.gating):

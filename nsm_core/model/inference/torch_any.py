@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from nsm_core.rotations import Array
 
-from .sizes import _checked, _config_of
+from .sizes import checked_inputs, config_of
 from .weights_file import Weights
 
 
@@ -18,7 +18,7 @@ class TorchModel:
 
         from nsm_core.model.networks.nsm import NSM
 
-        self.config, self.metadata = _config_of(weights), weights.metadata
+        self.config, self.metadata = config_of(weights), weights.metadata
         self._torch = torch
         self._net = NSM(self.config).eval()
         state = {name: torch.from_numpy(values) for name, values in {**weights.parameters, **weights.statistics}.items()}
@@ -26,7 +26,7 @@ class TorchModel:
 
     def predict(self, x: Array, gating: Array) -> tuple[Array, Array]:
         """Predict as ``Model.predict`` says."""
-        x, gating = _checked(x, gating, self.config)
+        x, gating = checked_inputs(x, gating, self.config)
         with self._torch.inference_mode():
             y, coefficients = self._net.predict(self._torch.from_numpy(x), self._torch.from_numpy(gating))
         return y.numpy(), coefficients.numpy()

@@ -50,11 +50,11 @@ class FloorPlan(ClearanceMap):
         """
         cells = self.require_way(start, goal)
         if len(cells) == 2:
-            return resample(cells, step)
+            return resample_path(cells, step)
         free = np.flatnonzero(self.clearance(cells) >= self.radius)
         first, last = (int(free[0]), int(free[-1])) if len(free) else (0, 0)
         pulled = np.concatenate((cells[:first], self._pull(cells[first : last + 1]), cells[last + 1 :]))
-        return resample(self._relax(resample(pulled, step)), step)
+        return resample_path(self._relax(resample_path(pulled, step)), step)
 
     def require_way(self, start: Array, goal: Array) -> Array:
         """A rough way (N, 2) from ``start`` to ``goal`` (2,), its two ends alone where it is straight; raises as ``find``."""
@@ -247,7 +247,7 @@ def path_length(path: Array) -> float:
     return float(np.linalg.norm(np.diff(path, axis=0), axis=-1).sum())
 
 
-def resample(path: Array, step: float) -> Array:
+def resample_path(path: Array, step: float) -> Array:
     """Points (N, 2) along a way at even distances of nearly ``step`` metres, its ends included."""
     lengths = np.linalg.norm(np.diff(path, axis=0), axis=-1)
     keep = np.concatenate(((True,), lengths > 1e-9))

@@ -30,7 +30,7 @@ class Spot:
 
 
 @dataclass
-class Carry:
+class CarryEpisode:
     """One carry: the box and its faces, where it is taken up and put down, and the commands that ask for it."""
 
     box: Box

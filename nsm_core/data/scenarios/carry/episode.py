@@ -14,7 +14,7 @@ from nsm_core.world.planning.path import Course
 from nsm_core.world.scene.furniture import Furniture, box_mesh, carried_box
 from nsm_core.world.scene.props import Box
 
-from .carried import Carry, Spot
+from .carried import CarryEpisode, Spot
 from .pick_up import choose, lay_bend
 from .supports import Support, draw_support
 
@@ -28,7 +28,7 @@ def segments(folder: str | Path) -> list[Segment]:
     return load_bends(folder)
 
 
-def lay(session: Session) -> Carry | None:
+def lay(session: Session) -> CarryEpisode | None:
     """Fetch a box from a free place and bring it to another; some are put back, some sent elsewhere on the way."""
     rng = session.rng
     if not session.source.segments.get(NAME):
@@ -48,7 +48,7 @@ def lay(session: Session) -> Carry | None:
         put, bring = _bring(session, box, face, taken)
     if put is None or not _apart(session, box, taken, put):
         return None
-    carry = Carry(box, piece, face, taken, put, fetch, bring)
+    carry = CarryEpisode(box, piece, face, taken, put, fetch, bring)
     for spot in (taken, put):
         carry.places.append((spot.centre[:2], 0.9))
         if spot.support is not None:

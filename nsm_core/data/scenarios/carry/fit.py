@@ -12,7 +12,7 @@ from nsm_core.body.ik.leaning import ARM_LENGTH, lean_into_reach
 from nsm_core.body.skeleton import ARMS, forward_kinematics
 from nsm_core.conventions import CARRY, HAND_CONTACTS
 from nsm_core.data.scenarios.motion import Motion
-from nsm_core.data.scenarios.take import Command, Placed, Thing
+from nsm_core.data.scenarios.take import Placed, Thing, TimedCommand
 from nsm_core.distances import WRIST_BEHIND, WRIST_BELOW, WRIST_OFF_SIDE
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_angle
 from nsm_core.signals import ease, gaussian_smooth
@@ -20,7 +20,7 @@ from nsm_core.signals import ease, gaussian_smooth
 from .pick_up import Bend
 
 if TYPE_CHECKING:
-    from .carried import Carry
+    from .carried import CarryEpisode
 
 HOLDING_HEIGHT, HOLDING_AHEAD = 1.0, 0.05  # metres: wrists over the floor, box beyond where it stood when it was lifted
 _BENT = 0.9 * ARM_LENGTH  # how far arms stretch at most while walking
@@ -32,7 +32,7 @@ _SHOULDERS = [arm[0] for arm in ARMS]
 _LIFT = 22  # frames in which a box is lifted where the body hardly rises
 
 
-def label(carry: Carry, motion: Motion) -> None:
+def label(carry: CarryEpisode, motion: Motion) -> None:
     """Set labels, contacts, phase keys and commands of a carry; add its box, at rest as yet, and what is under it."""
     t, p = carry.taken.bend, carry.put.bend
     motion.ramp(CARRY, t.start, t.touch, p.touch, min(p.touch + _OFF, p.end))
@@ -46,16 +46,16 @@ def label(carry: Carry, motion: Motion) -> None:
     motion.things.append(Thing(carry.piece, np.zeros((len(motion), 4)), held))
     for mark, spot in [(carry.fetch, carry.taken), *((m, carry.put) for m in carry.bring)]:
         asked = motion.commands[mark]
-        motion.commands[mark] = Command(asked.frame, asked.action, spot.centre.astype(np.float32), spot.facing, carry.thing)
+        motion.commands[mark] = TimedCommand(asked.frame, asked.action, spot.centre.astype(np.float32), spot.facing, carry.thing)
     for k, command in enumerate(motion.commands):
         # Led along with the box: the goal is the root itself, the box stays the thing it is about.
         if command.action == "walk+carry" and command.thing < 0 and t.touch < command.frame < p.touch:
-            motion.commands[k] = Command(command.frame, command.action, thing=carry.thing)
+            motion.commands[k] = TimedCommand(command.frame, command.action, thing=carry.thing)
     spots = [carry.taken] if carry.put.support is carry.taken.support else [carry.taken, carry.put]
     motion.obstacles += [Placed(s.support.piece, s.position, s.heading) for s in spots if s.support is not None]
 
 
-def fit_hands(carry: Carry, motion: Motion) -> None:
+def fit_hands(carry: CarryEpisode, motion: Motion) -> None:
     """Move the box of a labelled carry and the hands with it; lean the body where arms are too short."""
     t, p = carry.taken.bend, carry.put.bend
     first, last = max(t.start - 5, 0), min(p.end + 25, len(motion))
@@ -79,7 +79,7 @@ def fit_hands(carry: Carry, motion: Motion) -> None:
     motion.rotations[span] = place_hands(hips, rotations, grasps, progress, facing, (np.maximum(*bent), near))
 
 
-def box_poses(carry: Carry, hips: Array, rotations: Array, first: int) -> Array:
+def box_poses(carry: CarryEpisode, hips: Array, rotations: Array, first: int) -> Array:
     """Poses (n, 4) of the box over a body's motion (n, ...), whose frame 0 is frame ``first`` of the take."""
     t, p = carry.taken.bend, carry.put.bend
     positions, _ = forward_kinematics(hips, rotations)
@@ -109,7 +109,7 @@ def box_poses(carry: Carry, hips: Array, rotations: Array, first: int) -> Array:
     return poses
 
 
-def holding_height(carry: Carry, shoulders: float, ahead: float) -> float:
+def holding_height(carry: CarryEpisode, shoulders: float, ahead: float) -> float:
     """Height of the box's centre while walking: wrists about a metre up, higher where arms would have to stretch."""
     width, _ = carry.box.across(carry.face)
     forward, aside = ahead - WRIST_BEHIND, width / 2 + WRIST_OFF_SIDE - 0.175
@@ -117,7 +117,7 @@ def holding_height(carry: Carry, shoulders: float, ahead: float) -> float:
     return float(np.clip(shoulders - drop, HOLDING_HEIGHT, 1.3)) + WRIST_BELOW * float(carry.box.size[2])
 
 
-def _extra(carry: Carry, held: Array) -> Array:
+def _extra(carry: CarryEpisode, held: Array) -> Array:
     """Metres (n,) that the box is held higher near what it is taken from or put on."""
     extra = np.zeros(len(held))
     for spot in (carry.taken, carry.put):

@@ -14,8 +14,8 @@ from nsm_core.rotations import heading_to_direction, rotate_planar
 from nsm_core.signals import gaussian_smooth
 from nsm_core.world.scene.furniture import Furniture
 
-from .fit import Climb
-from .footholds import HEEL, OFF_EDGE, OVER_EDGE, TIPS, Block, Crossing, Hold, crossing_at, find_holds, shift_off_edges, short_of_edge
+from .fit import ClimbEpisode
+from .footholds import HEEL, OFF_EDGE, OVER_EDGE, TIPS, Block, Crossing, Foothold, crossing_at, find_holds, shift_off_edges, short_of_edge
 
 NAME = "climb"
 WALLS = 0.25  # share of low walls
@@ -33,7 +33,7 @@ def segments(folder: str | Path) -> list[Segment]:
     return []
 
 
-def lay(session: Session) -> Climb | None:
+def lay(session: Session) -> ClimbEpisode | None:
     """Walk up to and onto a step, stand and walk off it, or step over a low wall; the object is put where the feet allow it."""
     rng, tape = session.rng, session.tape
     over = rng.random() < WALLS
@@ -66,7 +66,7 @@ def lay(session: Session) -> Climb | None:
         return None
     up = _slow(session, up, block.height, start)
     radius = 0.5 * float(np.linalg.norm(piece.size[:2])) + 0.5
-    result = Climb(piece, block, mark, start, up, places=[(block.position, radius)])
+    result = ClimbEpisode(piece, block, mark, start, up, places=[(block.position, radius)])
     tape.stand(rng.uniform(0.3, 2.0))
     result.stand = result.end = max(len(tape) - 9, up.both)
     if over:
@@ -75,7 +75,7 @@ def lay(session: Session) -> Climb | None:
     return result if _leave(session, result) else None
 
 
-def _leave(session: Session, climb: Climb) -> bool:
+def _leave(session: Session, climb: ClimbEpisode) -> bool:
     """Walk off the top to a place on the floor; half the time led along."""
     rng, tape, block = session.rng, session.tape, climb.block
     saved = session.save()
@@ -99,7 +99,7 @@ def _leave(session: Session, climb: Climb) -> bool:
     return False
 
 
-def _way_down(session: Session, climb: Climb, before: int) -> Crossing | None:
+def _way_down(session: Session, climb: ClimbEpisode, before: int) -> Crossing | None:
     """The crossing that leaves the top in the way laid since ``before``; None where feet cannot keep off the edges."""
     holds = _holds(session, climb.start)
     block = climb.block
@@ -124,7 +124,7 @@ def _way_down(session: Session, climb: Climb, before: int) -> Crossing | None:
     return down if down.follows - down.landing <= np.interp(block.height, (0.2, 0.35), (9, 4)) else None
 
 
-def _holds(session: Session, start: int) -> list[Hold]:
+def _holds(session: Session, start: int) -> list[Foothold]:
     """Footholds of the tape from the hold that lasts at frame ``start`` on."""
     lib, tape = session.lib, session.tape
     first = max(start - 20, 0)
@@ -135,10 +135,10 @@ def _holds(session: Session, start: int) -> list[Hold]:
     ankles, toes = joints[:, [0, 2]], joints[:, [1, 3]]
     ahead = toes - ankles
     holds = find_holds(toes, np.arctan2(ahead[..., 0], -ahead[..., 1]), lib.contacts[i])
-    return [Hold(h.side, h.first + first, h.last + first, h.place, h.heading) for h in holds]
+    return [Foothold(h.side, h.first + first, h.last + first, h.place, h.heading) for h in holds]
 
 
-def _put(session: Session, piece: Furniture, holds: list[Hold], facing: float, over: bool) -> tuple[Block, int] | None:
+def _put(session: Session, piece: Furniture, holds: list[Foothold], facing: float, over: bool) -> tuple[Block, int] | None:
     """Where the block stands so that the feet need to be moved least, and which hold is the first beyond its edge."""
     rng, tape = session.rng, session.tape
     depth, half = float(piece.size[1]), piece.size[:2].astype(np.float64) / 2

@@ -10,7 +10,7 @@ from nsm_core.body.skeleton import forward_kinematics
 from nsm_core.conventions import CLIMB
 from nsm_core.data.scenarios.motion import Motion
 from nsm_core.data.scenarios.session import Session
-from nsm_core.data.scenarios.take import Command, Thing
+from nsm_core.data.scenarios.take import Thing, TimedCommand
 from nsm_core.rotations import Array, heading_to_direction
 from nsm_core.world.assets.pool import scaled
 from nsm_core.world.scene.furniture import Furniture
@@ -57,7 +57,7 @@ class Manner:
 
 
 @dataclass
-class Climb:
+class ClimbEpisode:
     """One climb: its object, the command that asks for it, and its crossings of edges (up and down, or one over a wall)."""
 
     piece: Furniture
@@ -101,7 +101,7 @@ class Climb:
         at = slice(self.stand, self.stand + 8)
         place = np.append(motion.hips[at, :2].mean(0), 0.0 if self.down is None else self.block.height).astype(np.float32)
         frame, heading = motion.commands[self.mark].frame, float(np.mean(motion.headings[at]))
-        motion.commands[self.mark] = Command(frame, "idle+walk", place, heading, len(motion.things))
+        motion.commands[self.mark] = TimedCommand(frame, "idle+walk", place, heading, len(motion.things))
         motion.things.append(Thing.standing(self.piece, self.block.position, self.block.heading))
 
     def _clearest(self, motion: Motion, first: int, last: int) -> tuple[tuple[Array, Array], float]:

@@ -18,7 +18,7 @@ TO_THE_EDGE = 0.12  # metres that the last foot on top comes nearer to the edge 
 
 
 @dataclass(frozen=True)
-class Hold:
+class Foothold:
     """One stay of a foot: ``side`` 0 right, 1 left; ``first`` and one past the ``last`` frame; toe joint (2,) and heading."""
 
     side: int
@@ -46,17 +46,17 @@ class Block:
         return (np.abs(self.local(points)) < self.half + margin).all(-1)
 
 
-def find_holds(toes: Array, headings: Array, on: Array) -> list[Hold]:
+def find_holds(toes: Array, headings: Array, on: Array) -> list[Foothold]:
     """Holds in order of their landing, of toe joints (T, 2, 2 or more), foot headings (T, 2) and contacts (T, 2)."""
     found = []
     for side in (0, 1):
         for a, b in intervals(on[:, side]):
             middle = headings[(a + b) // 2, side]
-            found.append(Hold(side, a, b, np.median(toes[a:b, side, :2], axis=0), float(middle)))
+            found.append(Foothold(side, a, b, np.median(toes[a:b, side, :2], axis=0), float(middle)))
     return sorted(found, key=lambda h: (h.first, h.side))
 
 
-def shift_off_edges(holds: list[Hold], on_top: Array, block: Block) -> Array:
+def shift_off_edges(holds: list[Foothold], on_top: Array, block: Block) -> Array:
     """Least shifts (N, 2), metres, that put the soles of ``on_top`` (N,) holds on the block and keep the others off it."""
     place, heading = np.array([h.place for h in holds]), np.array([h.heading for h in holds])
     at, ahead = block.local(place), heading_to_direction(heading - block.heading)
@@ -79,7 +79,7 @@ def shift_off_edges(holds: list[Hold], on_top: Array, block: Block) -> Array:
     return rotate_planar(local, np.full(len(holds), block.heading))
 
 
-def place_feet(holds: list[Hold], on_top: Array, block: Block) -> Array:
+def place_feet(holds: list[Foothold], on_top: Array, block: Block) -> Array:
     """Shifts (N, 2) of ``shift_off_edges``; the foot that is the last on top comes nearer to the edge it steps down from."""
     shifts = shift_off_edges(holds, on_top, block)
     k, toward, gap = _short_of_edge(holds, on_top, shifts, block)
@@ -88,20 +88,20 @@ def place_feet(holds: list[Hold], on_top: Array, block: Block) -> Array:
     return shifts
 
 
-def draw_near(holds: list[Hold], shifts: Array, chosen: list[int], block: Block) -> None:
+def draw_near(holds: list[Foothold], shifts: Array, chosen: list[int], block: Block) -> None:
     """Let ``chosen`` holds beside the block come as near to it as feet stand, in place; their legs then need to reach less far."""
     for k in chosen:
         toward, gap = _gap(holds[k], shifts[k], block)
         shifts[k] += np.clip(gap - OFF_EDGE, 0, TO_THE_EDGE) * toward
 
 
-def set_off(holds: list[Hold], shifts: Array, k: int, block: Block, gap: float) -> None:
+def set_off(holds: list[Foothold], shifts: Array, k: int, block: Block, gap: float) -> None:
     """Keep hold ``k`` beside the block at least ``gap`` metres off it, in place: its knee has room to come forward."""
     toward, now = _gap(holds[k], shifts[k], block)
     shifts[k] -= max(gap - now, 0.0) * toward
 
 
-def _gap(hold: Hold, shift: Array, block: Block) -> tuple[Array, float]:
+def _gap(hold: Foothold, shift: Array, block: Block) -> tuple[Array, float]:
     """Which way (2,) a shifted hold beside the block has to go to it, and how far, metres."""
     at = block.local(hold.place + shift)
     ahead = heading_to_direction(np.array(hold.heading - block.heading))
@@ -112,12 +112,12 @@ def _gap(hold: Hold, shift: Array, block: Block) -> tuple[Array, float]:
     return rotate_planar(toward, np.float64(block.heading)), float(gaps.max())
 
 
-def short_of_edge(holds: list[Hold], on_top: Array, block: Block) -> float:
+def short_of_edge(holds: list[Foothold], on_top: Array, block: Block) -> float:
     """Metres by which the last foot on top falls short of the edge it steps down from, at best."""
     return _short_of_edge(holds, on_top, shift_off_edges(holds, on_top, block), block)[2] - TO_THE_EDGE
 
 
-def _short_of_edge(holds: list[Hold], on_top: Array, shifts: Array, block: Block) -> tuple[int, Array, float]:
+def _short_of_edge(holds: list[Foothold], on_top: Array, shifts: Array, block: Block) -> tuple[int, Array, float]:
     last = np.flatnonzero(on_top)[-1:]
     if len(last) and last[0] + 1 < len(holds):
         k = int(last[0])
@@ -132,7 +132,7 @@ def _short_of_edge(holds: list[Hold], on_top: Array, shifts: Array, block: Block
     return -1, np.zeros(2), 0.0
 
 
-def pose_holds(positions: Array, world: Array, on: Array) -> list[Hold]:
+def pose_holds(positions: Array, world: Array, on: Array) -> list[Foothold]:
     """Holds of world joints (T, J, 3) and rotations (T, J, 4)."""
     return find_holds(positions[:, TOES], foot_heading(world[:, ANKLES]), on)
 
@@ -151,7 +151,7 @@ class Crossing:
         return Crossing(self.lift - frames, self.landing - frames, self.follows - frames, self.both - frames)
 
 
-def crossing_at(holds: list[Hold], lead: int) -> Crossing | None:
+def crossing_at(holds: list[Foothold], lead: int) -> Crossing | None:
     """The crossing in which hold ``lead`` is the first beyond the edge; None where the feet do not take turns there."""
     h = holds[lead]
     own = [x for x in holds[:lead] if x.side == h.side]

@@ -13,7 +13,7 @@ from nsm_core.rotations import Array, quat_conjugate, quat_from_axis_angle, quat
 from nsm_core.signals import smooth_step
 
 from .clearance import crosses, shin_depth, splayed
-from .footholds import Block, Hold
+from .footholds import Block, Foothold
 
 CLEARANCE = 0.035  # metres between a swinging sole and the block
 MAX_FLEXION = np.radians(32)  # how far a shin leans forward over its flat foot
@@ -39,7 +39,7 @@ def climb(
     rotations: Array,
     on: Array,
     block: Block,
-    holds: list[Hold],
+    holds: list[Foothold],
     on_top: Array,
     shifts: Array,
     span: tuple[int, int],

@@ -14,12 +14,12 @@ import numpy as np
 from nsm_core.body.ik.grip import lead_hand
 from nsm_core.body.ik.leaning import lean_to
 from nsm_core.body.skeleton import ARMS, forward_kinematics
-from nsm_core.body.thin_capsules import body_spheres
+from nsm_core.body.thin_capsules import thin_spheres
 from nsm_core.conventions import HAND_CONTACTS, OPEN
 from nsm_core.data.matching.segment import Segment
 from nsm_core.data.scenarios.motion import Motion
 from nsm_core.data.scenarios.session import Session
-from nsm_core.data.scenarios.take import Command, Placed, Thing
+from nsm_core.data.scenarios.take import Placed, Thing, TimedCommand
 from nsm_core.distances import OPENED
 from nsm_core.rotations import Array, direction_to_heading, heading_to_direction, rotate_planar
 from nsm_core.signals import ease
@@ -47,7 +47,7 @@ def segments(folder: str | Path) -> list[Segment]:
 
 
 @dataclass
-class Open:
+class OpenEpisode:
     """One passage of a door: its frames on the tape and the commands that ask for it (``pull`` -1 for a push)."""
 
     door: Door
@@ -132,11 +132,11 @@ class Open:
         held[self.grip : self.released] = True
         motion.things.append(Thing(self.door.piece, poses, held))
         grip = self.leaf.grip(self.way.side, 0.0).astype(np.float32)
-        motion.commands[self.ask] = Command(motion.commands[self.ask].frame, "open", grip, heading, number)
+        motion.commands[self.ask] = TimedCommand(motion.commands[self.ask].frame, "open", grip, heading, number)
         for mark, action, place in ((self.pull, "idle+open", self.back), (self.through, "walk+open", self.beyond)):
             if mark >= 0:
                 there = np.append(place, 0).astype(np.float32)
-                motion.commands[mark] = Command(motion.commands[mark].frame, action, there, heading, number)
+                motion.commands[mark] = TimedCommand(motion.commands[mark].frame, action, there, heading, number)
 
     def finish(self, motion: Motion) -> None:
         """Lead the hand to the handle, with it and back; a take in which it slips or the body touches the door is spoilt."""
@@ -174,7 +174,7 @@ class Open:
         """Whether the wrist keeps to the handle while it holds and the rest of the body out of leaf and wall."""
         span = slice(self.start, min(self.passed + 30, len(motion)))
         hips, rotations = motion.hips[span], motion.rotations[span]
-        centres, radii = body_spheres(hips, rotations)
+        centres, radii = thin_spheres(hips, rotations)
         wrist = forward_kinematics(hips, rotations)[0][:, ARMS[self.way.hand][2]]
         held = slice(self.grip - self.start, self.released - self.start)
         if np.linalg.norm(wrist[held] - grips[held], axis=1).max() > ASTRAY:
@@ -199,7 +199,7 @@ def _off_leaf(at: Array, angle: float, width: float) -> Array:
     return np.linalg.norm(at - np.clip(at @ d, 0, width)[:, None] * d, axis=1)
 
 
-def lay(session: Session) -> Open | None:
+def lay(session: Session) -> OpenEpisode | None:
     """Walk to a free place, put a door before it, open it and pass; at the end stand on the far side or be led on."""
     rng, tape = session.rng, session.tape
     target = session.free_place(0.5, 4.0, 0.3)
@@ -247,7 +247,7 @@ def lay(session: Session) -> Open | None:
     return None
 
 
-def _door_before(session: Session, start: int, push: bool, measures: dict[str, float] | None) -> Open:
+def _door_before(session: Session, start: int, push: bool, measures: dict[str, float] | None) -> OpenEpisode:
     """Put a door, of ``measures`` or any of the pool, so that its handle is reached from where frame ``start`` stands, about."""
     rng, tape = session.rng, session.tape
     walls = {name: float(rng.uniform(0.8, 1.6)) for name in ("near", "far")}
@@ -259,4 +259,4 @@ def _door_before(session: Session, start: int, push: bool, measures: dict[str, f
     stand = tape.roots[start] + rng.normal(0, 0.025, 2)
     leaf.pose[:2] = stand - passage(leaf, -go).reach
     way = passage(leaf, leaf.pose[:2] - go)
-    return Open(door, leaf, way, Doorway(leaf, way), places=[(way.middle, 1.2)])
+    return OpenEpisode(door, leaf, way, Doorway(leaf, way), places=[(way.middle, 1.2)])

@@ -11,13 +11,13 @@ import numpy as np
 from nsm_core.body.ik.fitting import hands_on_arm_rests
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import FEET, HIP_OVER_SEAT, HIPS, INDEX, forward_kinematics, root_of
-from nsm_core.body.thin_capsules import penetration_depths
+from nsm_core.body.thin_capsules import thin_depths
 from nsm_core.conventions import FPS, HIP_CONTACT, SIT
 from nsm_core.data.matching.segment import LaidSegment, Segment
 from nsm_core.data.matching.selection import load_sits
 from nsm_core.data.scenarios.motion import Motion
 from nsm_core.data.scenarios.session import Session
-from nsm_core.data.scenarios.take import Command, Placed, Thing
+from nsm_core.data.scenarios.take import Placed, Thing, TimedCommand
 from nsm_core.distances import STAND_AHEAD
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
 from nsm_core.signals import gaussian_smooth
@@ -45,7 +45,7 @@ def segments(folder: str | Path) -> list[Segment]:
 
 
 @dataclass
-class Sit:
+class SitEpisode:
     """One sit: frames of its parts on the tape, the seat, and the command that asks for it."""
 
     piece: Furniture
@@ -107,7 +107,7 @@ class Sit:
         goal = motion.hips[settled].mean(axis=0).astype(np.float32)
         heading = self._heading(motion, settled)
         frame = motion.commands[self.mark].frame
-        motion.commands[self.mark] = Command(frame, "sit", goal, heading, len(motion.things))
+        motion.commands[self.mark] = TimedCommand(frame, "sit", goal, heading, len(motion.things))
         thing = self._stand(goal, heading, motion.rng.normal(0, 0.01, 2))
         motion.things.append(thing)
         self.goal, self.facing, self.solid = goal, heading, furniture.cuboids([(self.piece, thing.poses[:3], float(thing.poses[3]))])
@@ -158,7 +158,7 @@ class Sit:
             thing = self._stand(hips + slide, facing, np.zeros(2))
             at = [(self.piece, thing.poses[:3], float(thing.poses[3])), self._table_at((hips + slide)[:2], facing, self.edge)]
             seen = slice(self.reached - 10, self.rise + 10, 3)
-            return float(penetration_depths(motion.hips[seen], motion.rotations[seen], furniture.cuboids(at)).mean())
+            return float(thin_depths(motion.hips[seen], motion.rotations[seen], furniture.cuboids(at)).mean())
 
         turn(min(product(TUCKS, SLIDES if self.piece.seat.back else (0.0,)), key=turn))
         motion.phase_keys += [there[0], sum(there), last, self.leaving]
@@ -175,7 +175,7 @@ class Sit:
         for edge in self.edge + np.arange(0, 0.25, 0.02):
             at = self._table_at(self.goal[:2].astype(np.float64), self.facing, float(edge))
             solid = furniture.cuboids([at])
-            if penetration_depths(motion.hips[near], motion.rotations[near], solid).max() < IN_TABLE:
+            if thin_depths(motion.hips[near], motion.rotations[near], solid).max() < IN_TABLE:
                 break
         keep_hands_off(motion, slice(near.start, near.stop), solid)
         return Placed(*at)
@@ -207,7 +207,7 @@ def _inside(roots: Array, placed: Placed, margin: float) -> Array:
     return ((local > lo) & (local < hi)).all(axis=1)
 
 
-def lay(session: Session) -> Sit | None:
+def lay(session: Session) -> SitEpisode | None:
     """Walk to a free place, sit there, stay, and rise; half of the time the next command comes while rising.
 
     Some seats stand partly under a table: they are taken from the side, with a turn on the seat.  Many ways lead through the
@@ -229,7 +229,7 @@ def lay(session: Session) -> Sit | None:
     return None
 
 
-def _lay(session: Session, piece: Furniture, sideways: bool) -> Sit | None:
+def _lay(session: Session, piece: Furniture, sideways: bool) -> SitEpisode | None:
     rng, tape, seat, size = session.rng, session.tape, piece.seat, piece.size
     hips = session.free_place(0.9, 4.5, 0.5 + 0.5 * float(max(size[:2])))
     if hips is None:
@@ -243,7 +243,7 @@ def _lay(session: Session, piece: Furniture, sideways: bool) -> Sit | None:
         # From behind the seat the way is long and often fails; draw it more often.
         heading = float(np.arctan2(away[0], -away[1]) + rng.uniform(-1.2, 1.2))
     target = hips + STAND_AHEAD * heading_to_direction(np.array(heading))
-    sit = Sit(piece, target, session.command("sit", session.lead()), places=[(target, 1.5)])
+    sit = SitEpisode(piece, target, session.command("sit", session.lead()), places=[(target, 1.5)])
     if not session.go(target, heading, (float(size[0]), float(size[1]))):
         return None
     segment = session.nearest_segment(NAME)
@@ -262,7 +262,7 @@ def _lay(session: Session, piece: Furniture, sideways: bool) -> Sit | None:
     return sit
 
 
-def play(session: Session, sit: Sit, segment: LaidSegment, seam: bool, longer: float = 0.0) -> None:
+def play(session: Session, sit: SitEpisode, segment: LaidSegment, seam: bool, longer: float = 0.0) -> None:
     """Lay a captured sit-down, a rest on the seat, ``longer`` by so many seconds, and the way up to where the seat is left."""
     rng, lib, tape = session.rng, session.lib, session.tape
     down, up = segment.marks["down"], segment.marks["up"]
@@ -278,7 +278,7 @@ def play(session: Session, sit: Sit, segment: LaidSegment, seam: bool, longer: f
     sit.rise = len(tape)
 
 
-def _rise(session: Session, sit: Sit, segment: LaidSegment) -> None:
+def _rise(session: Session, sit: SitEpisode, segment: LaidSegment) -> None:
     rng, tape = session.rng, session.tape
     # Turning back to rise answers to the command that ends the sit.
     mark = session.command("idle", int(rng.integers(3, 9)) + (sit.rise - sit.leaving + sit.back if sit.back else 0))
