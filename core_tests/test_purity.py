@@ -1,10 +1,12 @@
-"""The core needs no Blender anywhere and no torch to be stepped."""
+"""The core needs no Blender anywhere and no torch to be stepped, and no import runs up from a room to one above it."""
 
 from __future__ import annotations
 
 import ast
 import subprocess
 import sys
+from collections import Counter
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -14,13 +16,28 @@ CORE = ROOT / "nsm_core"
 FILES = sorted(CORE.rglob("*.py"))
 BLENDER = {"bpy", "mathutils", "bmesh", "gpu", "blf", "bpy_extras", "nsm_blender"}
 # Rooms that may import torch at the top of a file; everywhere else only inside a function.
-TORCH_ROOMS = ("networks", "training", "evaluation")
-ASIDE = ("nsm", "memory", "bench", "__main__")  # files outside those rooms that a take does not import
-# What a take in Blender imports; none of it may pull in torch, scipy or anything else that Blender lacks.
+TORCH_ROOMS = ("model/networks/", "training/", "evaluation/", "commands/train.py")
+# What a take in Blender, its report and its files import; none of it may pull in torch, scipy or anything else that Blender lacks.
+STEPPING_ROOMS = ("world", "body", "model", "control", "data/captures", "evaluation/measures")
+ASIDE = ("world/assets/", "model/networks/nsm.py", "model/networks/memory.py", "evaluation/measures/data_baseline.py", "__main__.py")
+# Floors of the house from below; a file directly in nsm_core belongs to the ground.  Rooms of one floor do not know each other.
+FLOORS = [("ground",), ("world",), ("body",), ("model",), ("control", "data"), ("training", "evaluation"), ("commands", "nsm_blender")]
+
+
+def module_of(path: Path) -> str:
+    """Dotted name of a file."""
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def inside(path: Path, room: str) -> bool:
+    """Whether a file of the core lies in a room, such as "world" or "model/networks"."""
+    return path.relative_to(CORE).as_posix().startswith(room)
+
+
 STEPPING = [
-    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    module_of(path)
     for path in FILES
-    if path.relative_to(CORE).parts[0] not in ("training", "evaluation", "dataset") and path.stem not in ASIDE
+    if (path.parent == CORE or any(inside(path, room + "/") for room in STEPPING_ROOMS)) and not any(inside(path, a) for a in ASIDE)
 ]
 
 
@@ -43,10 +60,75 @@ def imports(tree: ast.AST, top_level: bool = False):
         nodes.extend(ast.iter_child_nodes(node))
 
 
+def arrows(paths: list[Path]):
+    """(module, imported module) for every import of ours, lazy and typing ones too; names are left off."""
+    known = {module_of(path) for path in paths}
+    for path in paths:
+        here = module_of(path)
+        package = here.split(".") if path.stem == "__init__" else here.split(".")[:-1]
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            named = []
+            if isinstance(node, ast.Import):
+                named = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                start = package[: len(package) - node.level + 1] if node.level else []
+                base = ".".join([*start, *([node.module] if node.module else [])])
+                named = [f"{base}.{alias.name}" if f"{base}.{alias.name}" in known else base for alias in node.names]
+            yield from ((here, name) for name in named if name.split(".")[0] in ("nsm_core", "nsm_blender"))
+
+
+def floor(module: str) -> tuple[int, str]:
+    """Number of the floor a module is on, and the part of it."""
+    parts = module.split(".")
+    part = parts[0] if parts[0] == "nsm_blender" else parts[1] if len(parts) > 1 else "ground"
+    return next(((n, part) for n, names in enumerate(FLOORS) if part in names), (0, "ground"))
+
+
+def room(module: str) -> str:
+    """The first two parts of its path below the package; the ground is one room."""
+    parts = module.split(".")
+    if parts[0] == "nsm_core":
+        return "ground" if floor(module)[1] == "ground" else ".".join(parts[1:3])
+    return ".".join(parts[:2])
+
+
+EVERYTHING = sorted([*FILES, *(ROOT / "nsm_blender").rglob("*.py")])
+ARROWS = [(a, b) for a, b in arrows(EVERYTHING) if a != "nsm_core.__main__"]
+
+
 def test_the_walk_finds_imports():
     tree = ast.parse("import a.b\nfrom c import d\ndef f():\n    import e\nimportlib.import_module('g.h')\nfrom . import i")
     assert set(imports(tree)) == {"a", "c", "e", "g"} and set(imports(tree, top_level=True)) == {"a", "c", "g"}
     assert len(FILES) > 10
+    assert ("nsm_core.control.take", "nsm_core.control.director") in ARROWS
+    assert ("nsm_blender.takes", "nsm_blender.goals.resolve") in ARROWS
+
+
+def test_no_import_runs_up():
+    wrong = []
+    for a, b in ARROWS:
+        (below, mine), (above, theirs) = floor(a), floor(b)
+        if above > below or above == below and mine != theirs:
+            wrong.append(f"{a} imports {b}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_rooms_have_no_circle():
+    graph: dict[str, set[str]] = {}
+    for a, b in ARROWS:
+        if room(a) != room(b):
+            graph.setdefault(room(a), set()).add(room(b))
+    try:
+        list(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        pytest.fail(f"rooms that import each other: {' -> '.join(reversed(error.args[1]))}")
+
+
+def test_a_class_has_a_name_of_its_own():
+    names = Counter(
+        node.name for path in EVERYTHING for node in ast.parse(path.read_text(encoding="utf-8")).body if isinstance(node, ast.ClassDef)
+    )
+    assert not [name for name, count in names.items() if count > 1 and not name.startswith("_")]
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(CORE)))
@@ -57,12 +139,12 @@ def test_no_blender_in_the_core(path):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(CORE)))
 def test_torch_only_where_the_plan_allows(path):
-    if path.relative_to(CORE).parts[0] not in TORCH_ROOMS:
+    if not any(inside(path, room) for room in TORCH_ROOMS):
         assert "torch" not in set(imports(ast.parse(path.read_text(encoding="utf-8")), top_level=True))
 
 
 def test_stepping_imports_nothing_that_blender_lacks():
-    assert "nsm_core.model.inference.model" in STEPPING
+    assert {"nsm_core.model.inference.model", "nsm_core.control.take", "nsm_core.data.captures.bvh_writer"} <= set(STEPPING)
     code = (
         "import sys\n"
         "class Refuse:\n"
