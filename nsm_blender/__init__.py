@@ -1,10 +1,70 @@
-"""The NSM add-on: characters that walk to objects in a scene and use them."""
+"""The NSM add-on: characters that walk to objects in a scene and use them.
+
+What a script needs is named here and loaded when it is first asked for; ``docs/script_in_blender.py`` shows it at work.  Whatever else
+the rooms below hold may change from version to version.
+"""
 
 from __future__ import annotations
 
 import atexit
+from typing import TYPE_CHECKING, Any
 
 import bpy
+
+if TYPE_CHECKING:
+    from .goals.spec import GoalSpec
+    from .keys.report import goal_line
+    from .pictures.outputs import save_blend, write_json
+    from .pictures.render import contact_sheet, video
+    from .rigs.character import add_character
+    from .takes import Progress, Take, TakeSpec, finish, generate
+
+# Where a public name is kept.
+_KEPT = {
+    "GoalSpec": "goals.spec",
+    "Progress": "takes",
+    "Take": "takes",
+    "TakeSpec": "takes",
+    "add_character": "rigs.character",
+    "contact_sheet": "pictures.render",
+    "finish": "takes",
+    "generate": "takes",
+    "goal_line": "keys.report",
+    "save_blend": "pictures.outputs",
+    "video": "pictures.render",
+    "write_json": "pictures.outputs",
+}
+__all__ = [
+    "GoalSpec",
+    "Progress",
+    "Take",
+    "TakeSpec",
+    "add_character",
+    "contact_sheet",
+    "finish",
+    "generate",
+    "goal_line",
+    "register",
+    "save_blend",
+    "unregister",
+    "video",
+    "write_json",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name when it is first asked for."""
+    if name not in _KEPT:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    value = globals()[name] = getattr(import_module(f"{__name__}.{_KEPT[name]}"), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    """The public names, loaded or not, for completion in a console."""
+    return sorted({*globals(), *__all__})
 
 
 def register() -> None:

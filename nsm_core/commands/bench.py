@@ -121,9 +121,9 @@ def report_takes(model: Model) -> None:
     Sensing is the scene as it is felt; planning, the goals and the ways to them; state, the network's input and output; correction,
     what makes of its pose the one that is kept.
     """
+    from nsm_core.control.take import roll
     from nsm_core.evaluation.trials import carry, climb, locomotion, sit
     from nsm_core.evaluation.trials import open as doors
-    from nsm_core.evaluation.trials.rollout import roll
 
     asked = {
         "walk in a room": locomotion.request(locomotion.trials(1)[0]),

@@ -6,6 +6,7 @@ Per frame: direct (goals), sense, feed, predict, read and blend, then contact IK
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, field, replace
 
@@ -278,6 +279,15 @@ class TakeRunner:
         result.position_error_cm, result.rotation_error_deg = goal_errors(result, hips, heading)
         own = goal_errors(result, network_hips, float(self.state.root[0, 2]))
         result.network_position_error_cm, result.network_rotation_error_deg = own
+
+
+def roll(model: Model, asked: TakeRequest, each: Callable[[TakeRunner], None] | None = None, limit: float = 300.0) -> TakeResult:
+    """Roll a take out to its end, at most ``limit`` seconds; ``each`` is called with the runner after every frame."""
+    runner = TakeRunner(model, asked)
+    while runner.frames < limit * FPS and runner.step():
+        if each is not None:
+            each(runner)
+    return runner.result()
 
 
 def own_props(goals: list[Goal]) -> tuple[list[Goal], dict[str, Prop]]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsm_core.control.goals import Goal
-from nsm_core.control.take import TakeRequest, TakeResult
+from nsm_core.control.take import TakeRequest, TakeResult, roll
 from nsm_core.evaluation.measures.objects import box_report
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
@@ -121,7 +121,7 @@ def request(trial: CarryTrial, hold: float = 1.0, **more: object) -> TakeRequest
 def run_trial(model: Model, trial: CarryTrial, **more: object) -> tuple[TakeResult, Report]:
     """Roll one trial out; returns the take and its figures."""
     asked = request(trial, **more)
-    take = rollout.roll(model, asked)
+    take = roll(model, asked)
     report, _ = rollout.judge(asked, take)
     box = asked.goals[0].prop
     assert isinstance(box, Box)

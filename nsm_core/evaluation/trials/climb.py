@@ -10,7 +10,7 @@ import numpy as np
 from nsm_core.body.contacts import ANKLES, TOES
 from nsm_core.body.skeleton import HIPS, forward_kinematics
 from nsm_core.control.goals import Goal
-from nsm_core.control.take import TakeRequest, TakeResult
+from nsm_core.control.take import TakeRequest, TakeResult, roll
 from nsm_core.evaluation.measures.objects import foot_heights
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
@@ -99,7 +99,7 @@ def run_trial(model: Model, trial: ClimbTrial, **more: object) -> tuple[TakeResu
     goal = asked.goals[0]
     assert goal.interaction is not None
     ground = Terrain.probe(asked.environment, goal.interaction).height
-    take = rollout.roll(model, asked)
+    take = roll(model, asked)
     report, _ = rollout.judge(asked, take, ground=ground)
     end = forward_kinematics(take.hips_position[-1], take.local_rotations[-1])[0].astype(np.float64)
     feet = foot_heights(end, ground)

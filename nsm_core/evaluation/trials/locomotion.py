@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsm_core.control.goals import Goal
-from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner
+from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner, roll
 from nsm_core.conventions import FPS, RUN, SIT, WALK
 from nsm_core.errors import GoalError
 from nsm_core.model.inference.model import Model
@@ -104,7 +104,7 @@ def request(trial: WalkTrial, hold: float = 1.0, **more: object) -> TakeRequest:
 def run_trial(model: Model, trial: WalkTrial, **more: object) -> tuple[TakeResult, Report]:
     """Roll one way out; returns the take and its figures."""
     asked = request(trial, **more)
-    take = rollout.roll(model, asked)
+    take = roll(model, asked)
     report, _ = rollout.judge(asked, take, shortest=rollout.shortest_way(asked, trial.goal))
     report |= {"way": float(trial.setting), "ran": float((take.action[:, RUN] > 0.5).mean())}
     return take, report

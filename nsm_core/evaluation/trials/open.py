@@ -9,7 +9,7 @@ import numpy as np
 
 from nsm_core.body.capsules import penetration_depths
 from nsm_core.control.goals import Goal
-from nsm_core.control.take import TakeRequest, TakeResult
+from nsm_core.control.take import TakeRequest, TakeResult, roll
 from nsm_core.conventions import FPS, HAND_CONTACTS
 from nsm_core.evaluation.measures.objects import leaf_report, prop_depths
 from nsm_core.model.inference.model import Model
@@ -91,7 +91,7 @@ def passed_at(root: Array, way: Passage, width: float, beyond: float = BEYOND) -
 def run_trial(model: Model, trial: DoorTrial, **more: object) -> tuple[TakeResult, Report]:
     """Roll one trial out; returns the take and its figures."""
     asked = request(trial, **more)
-    take = rollout.roll(model, asked)
+    take = roll(model, asked)
     report, _ = rollout.judge(asked, take)
     leaf = asked.goals[0].prop
     assert isinstance(leaf, Leaf)

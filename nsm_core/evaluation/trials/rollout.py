@@ -7,12 +7,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from nsm_core.body.skeleton import forward_kinematics
-from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner
-from nsm_core.conventions import FPS
+from nsm_core.control.take import TakeRequest, TakeResult
 from nsm_core.errors import GoalError
 from nsm_core.evaluation.measures.motion import travel_report
 from nsm_core.evaluation.measures.objects import all_depths, deep_frames, slide_by_action
-from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, heading_to_direction
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan
@@ -59,15 +57,6 @@ def shortest_way(asked: TakeRequest, place: Array) -> float | None:
     except GoalError:
         return None
     return float(np.linalg.norm(np.diff(way, axis=0), axis=-1).sum())
-
-
-def roll(model: Model, asked: TakeRequest, each: Callable[[TakeRunner], None] | None = None, limit: float = 300.0) -> TakeResult:
-    """Roll a take out to its end, at most ``limit`` seconds; ``each`` is called with the runner after every frame."""
-    runner = TakeRunner(model, asked)
-    while runner.frames < limit * FPS and runner.step():
-        if each is not None:
-            each(runner)
-    return runner.result()
 
 
 def judge(

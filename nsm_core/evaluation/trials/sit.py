@@ -9,7 +9,7 @@ import numpy as np
 
 from nsm_core.body.skeleton import HIP_OVER_SEAT
 from nsm_core.control.goals import Goal
-from nsm_core.control.take import TakeRequest, TakeResult
+from nsm_core.control.take import TakeRequest, TakeResult, roll
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
 from nsm_core.world.affordances.seat import find_seat
@@ -126,7 +126,7 @@ def request(
 def run_trial(model: Model, trial: SitTrial, **more: object) -> tuple[TakeResult, Report]:
     """Roll one trial out; returns the take and its figures."""
     asked = request(trial, **more)  # type: ignore[arg-type]
-    take = rollout.roll(model, asked)
+    take = roll(model, asked)
     report, depths = rollout.judge(asked, take)
     if trial.leaves:
         report["left"] = float(take.goals[1].reached)
