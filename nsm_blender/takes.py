@@ -22,12 +22,12 @@ from nsm_core.conventions import FPS
 from nsm_core.errors import GoalError, NsmError, SkeletonError
 from nsm_core.model.inference import model as inference_model
 from nsm_core.rotations import Array
+from nsm_core.world.actions import require_learned
 from nsm_core.world.scene.props import Leaf
 
 from .animation.kept import Kept, SceneState, restored_on_failure
-from .goals.resolve import moved_by, place_after, require_swinging, resolve
+from .goals.resolve import moved_by, place_after, require_possible, resolve
 from .goals.spec import GoalSpec
-from .goals.table import require_learned
 from .keys.keying import KeyedTake, key_take_steps, key_things
 from .keys.layers import require_keyable
 from .keys.objects import MovedObject, require_movable, rides_along
@@ -209,7 +209,7 @@ def prepare(
         frame, start = start_of(spec.character, scene)
         moving = moved_by(spec.goals)
         moving_alone = [o for o in moving if not rides_along(o, moving)]
-        require_swinging(spec.goals, scene)
+        require_possible(spec.goals, scene)
         for target in moving_alone:
             require_movable(target, spec.character)
         around = yield from surroundings_of(spec, scene, frame, moving)

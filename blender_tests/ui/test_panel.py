@@ -9,13 +9,13 @@ import pytest
 from scenes import door, empty, furnish
 
 import nsm_blender
-from nsm_blender.goals.table import BY_KEY
 from nsm_blender.keys.report import goal_line, result_lines
 from nsm_blender.ui import operators, panels, running
 from nsm_blender.ui.operators.generate import spec_of
 from nsm_blender.ui.properties import show_results
 from nsm_core.body.skeleton import JOINTS
 from nsm_core.errors import GoalError
+from nsm_core.world.actions import BY_KEY
 
 ICONS = set(bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys())
 

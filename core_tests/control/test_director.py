@@ -225,7 +225,7 @@ def test_multi_hot_commands_and_their_rest():
 @pytest.mark.parametrize(
     "make, words",
     [
-        (lambda: Goal("fly", "x", np.zeros(3), 0.0), "'fly' is unknown; choose one of idle, walk, run, sit, carry, open, climb"),
+        (lambda: Goal("fly", "x", np.zeros(3), 0.0), "'fly' is not one of sit, walk, idle, run, carry, open, climb"),
         (lambda: Goal("sit", "Chair", (0, np.nan, 0), 0.0), "'Chair' has no usable place"),
         (lambda: Goal("sit", "Chair", (0, 0), 0.0), "'Chair' has no usable place"),
         (lambda: Goal("sit", "Chair", np.zeros(3), np.inf), "'Chair' has no usable place"),

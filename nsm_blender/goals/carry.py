@@ -11,13 +11,16 @@ from nsm_core.control.goals import Goal
 from nsm_core.distances import BODY_TO_BOX, HEAVIEST_SIDE, WIDEST_BOX
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
-from nsm_core.world.affordances.standing import BODY_TO_EDGE, choose_side, further_off, require_room
+from nsm_core.world.affordances.standing import BODY_TO_EDGE, choose_side, further_off, require_room, standing_place
 from nsm_core.world.scene.props import Box, sense
 
 from ..world.bodies import GoalBody, place_of
 from ..world.frame import WorldFrame
 from ..world.surroundings import Surroundings
 from ..world.tops import Level, find_levels, occupy, occupy_rectangle, places_near_edge
+from .finder import Finder, Place
+from .points import goal_point_of
+from .spec import GoalSpec
 
 HIGHEST_TOP = 1.3  # metres over the floor from which, and onto which, a standing person lifts a box
 MARGIN = 0.03  # from the edge of a top to the near face of the box, metres
@@ -176,3 +179,19 @@ def _require_liftable(box: Box, pose: Array, frame: WorldFrame) -> None:
         )
     if base < -0.05:
         raise GoalError(f"{box.name} is below the character's floor; put it on the floor or on a table.")
+
+
+def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: Place) -> Goal:
+    point = goal_point_of(scene, spec.object, spec.action, spec.to)
+    return carry_goal(spec.label, spec.object, spec.to, point, spec.hold, around, before[0])
+
+
+def _after(goal: Goal, before: Place, around: Surroundings) -> Place:
+    """Before the place where the box stands then."""
+    pose = next(left for prop, left in around.left.values() if prop is goal.prop)
+    facing = goal.heading - pose[3]
+    further = further_off(goal.prop, facing, goal.position, goal.heading, around.query)
+    return standing_place(goal.prop, facing, goal.position, goal.heading, further).astype(np.float32), goal.heading
+
+
+FINDER = Finder("PACKAGE", _find, after=_after, under=lambda goal: goal.prop.size[2] / 2)

@@ -13,6 +13,9 @@ from nsm_core.world.scene.terrain import FLOOR_TOP
 from ..world.bodies import GoalBody, place_of
 from ..world.surroundings import Surroundings
 from ..world.tops import CELL, Level, find_levels, occupy, standing_room
+from .finder import Finder, Place
+from .points import goal_point_of
+from .spec import GoalSpec
 
 LOWEST, HIGHEST = FLOOR_TOP, 0.65  # metres over the floor that one climbs; what is lower is walked over
 DEEP_ENOUGH = 0.3  # metres of a top to stand on; what is thinner is stepped over
@@ -132,3 +135,10 @@ def _behind(level: Level, quarter: int, body: GoalBody, target: bpy.types.Object
         away = BEHIND * around.frame.scale
         raise GoalError(f"There is no room to stand {away:.1f} m behind {target.name}; clear it, or move its goal point.")
     return place
+
+
+def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: Place) -> Goal:
+    return climb_goal(spec.label, spec.object, goal_point_of(scene, spec.object, spec.action), spec.hold, around, before[0])
+
+
+FINDER = Finder("TRIA_UP_BAR", _find)

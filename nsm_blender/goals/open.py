@@ -12,13 +12,17 @@ from nsm_core.world.affordances.passage import passage
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.props import Leaf, sense
 
+from ..world.bodies import GoalBody
+from ..world.frame import WorldFrame
 from ..world.surroundings import Surroundings
 from .door_board import Board, neighbours, read_board
-from .door_handles import find_handle, fittings_of, grip_depth
+from .door_handles import HANDLE_HEIGHT, find_handle, fittings_of, grip_depth
 from .door_hinges import find_pivot
 from .door_kinds import require_no_track, require_swings, require_way_through
 from .door_openings import AJAR, WallOpening, earlier_headings
-from .points import SWING
+from .finder import Finder, Place
+from .points import HANDLE, HINGE, SWING, goal_point_of, make_point
+from .spec import GoalSpec
 
 
 def open_goal(
@@ -114,3 +118,54 @@ def _swing(board: Board, pivot: Array, flip: bool, width: float, heading: float,
     # Nothing tells: to one side of the wall whichever way the leaf is turned, lest the leaves of a double door part.
     across = np.array((-np.sin(heading), np.cos(heading)))
     return -1.0 if across[int(np.abs(across).argmax())] < 0 else 1.0
+
+
+def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: Place) -> Goal:
+    hinge, handle = (goal_point_of(scene, spec.object, part) for part in (HINGE, HANDLE))
+    return open_goal(spec.label, spec.object, hinge, handle, spec.hold, around, before[0])
+
+
+def _after(goal: Goal, before: Place, around: Surroundings) -> Place:
+    """Beyond the opening, on the other side than one comes from."""
+    way = passage(goal.prop, np.asarray(before[0], dtype=np.float64))
+    return way.beyond.astype(np.float32), way.heading
+
+
+def _require(spec: GoalSpec, scene: bpy.types.Scene) -> None:
+    """Raise GoalError where it moves in another way than a leaf swings, unless the animator gave it a hinge."""
+    if spec.object is not None and goal_point_of(scene, spec.object, HINGE) is None:
+        require_swings(spec.object)
+
+
+def _show(
+    spec: GoalSpec,
+    goal: Goal | None,
+    body: GoalBody,
+    reason: str,
+    scene: bpy.types.Scene,
+    frame: WorldFrame,
+    told: list[str] | None,
+) -> bpy.types.Object:
+    """The points of the leaf of a ``goal``, or of what was found to be none for some ``reason``: at its edges; the hinge is returned."""
+    (low, high), heading = body.bounds, body.yaw
+    target, leaf = spec.object, goal.prop if goal is not None else None
+    hinge, handle = goal_point_of(scene, target, HINGE), goal_point_of(scene, target, HANDLE)
+    if leaf is not None:
+        pin, grip, heading = leaf.pose[:3], leaf.to_world(leaf.handle), float(leaf.pose[3])
+    else:
+        pin, grip = body.to_core(np.array(((low[0], 0.0, 0.0), (0.9 * high[0], 0.0, HANDLE_HEIGHT))))
+    if reason and told is not None:
+        told.append(reason if hinge and handle else f"{reason} Points of its hinge and handle were put on it all the same: move them.")
+    if hinge is None:
+        hinge = make_point(f"NSM Hinge {target.name}", target, HINGE, pin, heading, frame, target)
+        hinge[SWING] = int(leaf.swing) if leaf is not None else 1
+        hinge.id_properties_ui(SWING).update(
+            min=-1, max=1, description="1: seen from above, the leaf turns counter-clockwise as it opens; -1: clockwise"
+        )
+    if handle is None:
+        make_point(f"NSM Handle {target.name}", target, HANDLE, grip, heading, frame, target)
+    bpy.context.view_layer.update()
+    return hinge
+
+
+FINDER = Finder("LOOP_FORWARDS", _find, after=_after, require=_require, parts=fittings_of, show=_show)

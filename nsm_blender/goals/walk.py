@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import bpy
 import numpy as np
 
 from nsm_core.control.goals import Goal
 from nsm_core.errors import GeometryError, GoalError
-from nsm_core.rotations import Array
+from nsm_core.rotations import Array, direction_to_heading, rotate_planar
 from nsm_core.world.scene.terrain import FLOOR_TOP
 
+from ..world.bodies import GoalBody, place_of
 from ..world.surroundings import Surroundings
+from ..world.tops import crossings
 from .climb import HIGHEST, LOWEST, climb_onto
+from .finder import Finder, Place
+from .loose_parts import is_group, seat_body
+from .points import goal_point_of
+from .spec import GoalSpec
 
 # Metres that a body keeps off solids where it stands: nearer, it is in them; heights over its ground at which that is looked at.
 _ROOM = 0.1
 _BODY = np.arange(0.25, 1.7, 0.1)
+# Where one stands before an object that one walks up to, metres from its front.
+_STAND_OFF = 0.45
 NEAR_SEAT = 0.12  # metres between a goal point to sit at and something to sit on
 
 
@@ -86,23 +97,46 @@ def _what_is_under(place: Array, around: Surroundings) -> tuple[str, float]:
     return found
 
 
-def crossings(vertices: Array, triangles: Array, place: Array) -> Array:
-    """Heights (N,) at which the vertical line through ``place`` (2,) meets triangles (F, 3)."""
-    if (vertices[:, :2].min(0) > place).any() or (vertices[:, :2].max(0) < place).any():
-        return np.zeros(0)
-    corners = vertices[triangles]
-    flat = corners[..., :2]
-    corners = corners[((flat.min(1) <= place) & (flat.max(1) >= place)).all(1)].astype(np.float64)
-    a, b, c = (corners[:, k, :2] for k in range(3))
+def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: Place) -> Goal:
+    here, facing = before
+    frame, name = around.frame, spec.label
+    if spec.object is not None:
+        point = goal_point_of(scene, spec.object, spec.action)
+        if point is not None or spec.object.type == "EMPTY" and not is_group(spec.object):
+            name = (point or spec.object).name
+            position, heading = place_of(point or spec.object, frame)
+        else:
+            position, heading = _in_front_of(seat_body(spec.object, around), around)
+    else:
+        position = frame.to_core(np.array(spec.location, dtype=np.float64))
+        way = position[:2] - here
+        heading = float(direction_to_heading(way)) if np.linalg.norm(way) > 0.2 else facing
+    goal = walk_goal(spec.action, name, position, heading, spec.hold, around, here)
+    goal.name = spec.label
+    return goal
 
-    def cross(p: Array, q: Array) -> Array:
-        return p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
 
-    double = cross(b - a, c - a)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.stack((cross(b - place, c - place), cross(c - place, a - place)), -1) / double[:, None]
-        share = np.column_stack((share, 1 - share.sum(1)))
-    return (share * corners[..., 2]).sum(1)[(share >= -1e-9).all(1)]
+def _in_front_of(body: GoalBody, around: Surroundings) -> tuple[Array, float]:
+    """Ground point (3,) before the object's front (its -Y) and the heading that looks at it, core frame.
+
+    Where something stands there, it is the next side that is free: left, right, and last behind.
+    """
+    (low, high), best = body.bounds, None
+    for turn, away in ((0.0, -low[1]), (np.pi / 2, high[0]), (-np.pi / 2, -low[0]), (np.pi, high[1])):
+        place = rotate_planar(np.array((0.0, -away - _STAND_OFF, 0.0)), np.float64(turn))
+        found = body.to_core(place), float(body.yaw + turn + np.pi)
+        best = best or found
+        ground = float(around.ground.height(found[0][None, :2])[0])
+        if what_stands_at(found[0][:2].astype(np.float64), ground, around) is None:
+            return found[0] + np.array((0, 0, ground), np.float32), found[1]
+    return best
 
 
-__all__ = ["crossings", "require_support", "walk_goal", "what_stands_at"]
+def _somewhere(body: GoalBody) -> Place:
+    return body.to_core(np.array((0.0, body.bounds[0][1] - _STAND_OFF, 0.0))), float(body.yaw + np.pi)
+
+
+WALK = Finder("TRIA_RIGHT_BAR", _find, somewhere=_somewhere)
+RUN = replace(WALK, icon="FF")
+
+__all__ = ["RUN", "WALK", "require_support", "walk_goal", "what_stands_at"]

@@ -7,8 +7,8 @@ from typing import Any
 
 from nsm_core import validate
 from nsm_core.errors import JobError, NsmError
+from nsm_core.world.actions import Aim, require_action
 
-from ..goals.table import require_action
 from .job import Job, JobGoal, JobTake
 from .paths import refuse_clashes, require_path, require_words
 
@@ -96,10 +96,12 @@ def _goal(entry: Any, where: str) -> JobGoal:
         location = tuple(validate.number(v, f"'location' in {where}", JobError, -_FARTHEST, _FARTHEST) for v in location)
     if location is not None and action.needs_object:
         raise JobError(f"In {where}, '{action.key}' needs its 'object' alone; remove 'location', or place the object there.")
-    if action.key in ("walk", "run") and target is None and location is None:
+    if action.aim is Aim.PLACE and target is None and location is None:
         raise JobError(f"In {where}, '{action.key}' needs an 'object' or a 'location'; add one.")
-    if action.key == "idle" and (target or location is not None):
-        raise JobError(f"In {where}, 'idle' stands where the character is; take 'walk' with a 'hold' to stand at an object or a place.")
+    if action.aim is Aim.HERE and (target or location is not None):
+        raise JobError(
+            f"In {where}, '{action.key}' stands where the character is; take 'walk' with a 'hold' to stand at an object or a place."
+        )
     return JobGoal(action.key, target, hold, location, to)
 
 

@@ -12,6 +12,7 @@ from nsm_core.control.goals import GoalResult
 from nsm_core.control.take import TakeRequest, TakeResult, goal_errors
 from nsm_core.evaluation.measures.motion import depth_report, travel_report
 from nsm_core.evaluation.measures.objects import all_depths
+from nsm_core.world.actions import BY_KEY
 from nsm_core.world.geometry.distance import Union
 from nsm_core.world.scene.props import Box, Prop
 
@@ -19,10 +20,6 @@ from .keying import KeyedTake
 from .shown import OFF, ShownTake
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
-_DONE = {
-    "sit": "sat down", "walk": "arrived", "run": "arrived", "idle": "stands",
-    "carry": "set down", "open": "passed", "climb": "climbed",
-}  # fmt: skip
 _ERRORS = ("position_error_cm", "rotation_error_deg", "network_position_error_cm", "network_rotation_error_deg")
 _WRISTS = [arm[2] for arm in ARMS]
 _HAND_ERRORS = ("hand_error_cm", "hand_rotation_deg", "network_hand_error_cm", "network_hand_rotation_deg")
@@ -59,7 +56,7 @@ def build_report(name: str, result: TakeResult, shown: ShownTake, keyed: KeyedTa
 
 def _goal_report(goal: GoalResult, shown: ShownTake, prop: Prop | None) -> dict[str, Any]:
     """One goal, judged by what is seen at the frame at which it was judged; hands, at the one at which they take its prop."""
-    values = {key: getattr(goal, key) for key in (*_ERRORS, *(_HAND_ERRORS if goal.action in ("carry", "open") else ()))}
+    values = {key: getattr(goal, key) for key in (*_ERRORS, *(_HAND_ERRORS if BY_KEY[goal.action].moves else ()))}
     reached, reason = bool(goal.reached), goal.reason
     if math.isfinite(goal.position_error_cm) and goal.place is not None:
         frame = min(goal.end_frame, len(shown.hips) - 1)
@@ -111,7 +108,7 @@ def goal_line(goal: dict[str, Any]) -> str:
     distance, turn = goal["position_error_cm"], goal["rotation_error_deg"]
     errors = "never near it" if distance is None or turn is None else f"{distance:.1f} cm and {turn:.1f}° off"
     if goal["reached"]:
-        return f"{goal['object']}: {_DONE.get(goal['action'], 'done')} after {goal['seconds']:.1f} s, {errors}."
+        return f"{goal['object']}: {BY_KEY[goal['action']].done} after {goal['seconds']:.1f} s, {errors}."
     if goal.get("reason"):
         return f"{goal['object']}: not reached. {goal['reason']}"
     return f"{goal['object']}: not reached in {goal['seconds']:.1f} s, {errors}; clear its way, start nearer, or try another seed."

@@ -8,6 +8,9 @@ from typing import Any
 
 import bpy
 
+from nsm_core.world.actions import Aim
+from nsm_core.world.scene.props import Leaf
+
 from . import running
 from .properties import action_of, settings_of
 from .reviews import pending
@@ -32,7 +35,7 @@ class NSM_UL_goals(bpy.types.UIList):
             body.label(text=item.object.name if item.object else "Place", icon="ERROR")
             body.prop(item, "action", text="Choose")
             return
-        if item.action == "idle":
+        if action.aim is Aim.HERE:
             body.label(text="Here", icon="PIVOT_CURSOR")
         elif item.object is not None:
             body.label(text=item.object.name, icon="OBJECT_DATA")
@@ -121,13 +124,13 @@ def _draw_goal(layout: Any, goal: Any) -> None:
     if action is None:
         column.label(text="Unknown action", icon="ERROR")
         return
-    if goal.action != "idle":
+    if action.aim is not Aim.HERE:
         column.prop(goal, "object")
     if action.needs_destination:
         column.prop(goal, "destination")
-    if goal.object is None and not action.needs_object and goal.action != "idle":
+    if goal.object is None and action.aim is Aim.PLACE:
         column.prop(goal, "location")
-    if goal.action == "open" and goal.object is not None:
+    if action.prop is Leaf and goal.object is not None:
         column.operator("nsm.door_swing", icon="ARROW_LEFTRIGHT")
     column.prop(goal, "hold")
 

@@ -15,13 +15,16 @@ from bpy.props import (
 )
 
 from nsm_core.errors import GoalError
+from nsm_core.world.actions import ACTIONS, BY_KEY, Action, Aim
 
+from ..goals.registry import FINDERS
 from ..goals.spec import GoalSpec
-from ..goals.table import ACTIONS, BY_KEY, Action
 from .running import unknown_action
 
 # What can evaluate to a mesh, and empties: markers, collection instances and parents of parts.
 GOAL_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "EMPTY"}
+# Files keep the numbers: an action's is its place among all.
+_ACTION_ITEMS = [(a.key, a.label, a.description, FINDERS[a.key].icon, number) for number, a in enumerate(ACTIONS)]
 
 
 def _is_armature(_self: bpy.types.PropertyGroup, candidate: bpy.types.Object) -> bool:
@@ -40,7 +43,7 @@ class NsmGoal(bpy.types.PropertyGroup):
     action: EnumProperty(
         name="Action",
         description="What the character does there",
-        items=[(a.key, a.label, a.description, a.icon, i) for i, a in enumerate(ACTIONS)],
+        items=_ACTION_ITEMS,
     )
     hold: FloatProperty(
         name="Hold",
@@ -120,11 +123,12 @@ def action_of(row: NsmGoal) -> Action | None:
 
 def spec_of_row(row: NsmGoal, number: int = 1) -> GoalSpec:
     """Return what row ``number`` of the queue asks for; GoalError where its stored action is unknown."""
-    if action_of(row) is None:
+    action = action_of(row)
+    if action is None:
         raise GoalError(unknown_action(number, row.object.name if row.object else ""))
-    if row.action == "idle":  # has no place of its own, whatever the row was before
-        return GoalSpec("idle", hold=row.hold)
-    to = row.destination if BY_KEY[row.action].needs_destination else None
+    if action.aim is Aim.HERE:  # has no place of its own, whatever the row was before
+        return GoalSpec(row.action, hold=row.hold)
+    to = row.destination if action.needs_destination else None
     return GoalSpec(row.action, row.object, row.hold, tuple(row.location) if row.object is None else None, to)
 
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import bpy
 
 from nsm_core.body.skeleton import JOINTS
+from nsm_core.world.actions import BY_KEY
 
-from ..goals.table import BY_KEY
 from ..world.frame import holds
 
 

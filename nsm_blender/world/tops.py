@@ -172,3 +172,22 @@ def _grow(mask: Array, n: int) -> Array:
 def _shrink(mask: Array, n: int) -> Array:
     """Cells whose square neighbourhood of ``n`` cells is set; what lies outside the map is not."""
     return ~_grow(np.pad(~mask, n, constant_values=True), n)[n:-n, n:-n] if n else mask
+
+
+def crossings(vertices: Array, triangles: Array, place: Array) -> Array:
+    """Heights (N,) at which the vertical line through ``place`` (2,) meets triangles (F, 3)."""
+    if (vertices[:, :2].min(0) > place).any() or (vertices[:, :2].max(0) < place).any():
+        return np.zeros(0)
+    corners = vertices[triangles]
+    flat = corners[..., :2]
+    corners = corners[((flat.min(1) <= place) & (flat.max(1) >= place)).all(1)].astype(np.float64)
+    a, b, c = (corners[:, k, :2] for k in range(3))
+
+    def cross(p: Array, q: Array) -> Array:
+        return p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
+
+    double = cross(b - a, c - a)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.stack((cross(b - place, c - place), cross(c - place, a - place)), -1) / double[:, None]
+        share = np.column_stack((share, 1 - share.sum(1)))
+    return (share * corners[..., 2]).sum(1)[(share >= -1e-9).all(1)]

@@ -9,11 +9,10 @@ import numpy as np
 from nsm_core.conventions import CONTACTS
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
-from nsm_core.world.scene.props import Box, Leaf, Prop
+from nsm_core.world.actions import require_action
+from nsm_core.world.scene.props import Prop
 from nsm_core.world.scene.terrain import Terrain
 from nsm_core.world.sensors.interaction import InteractionVolume
-
-ACTIONS = ("idle", "walk", "run", "sit", "carry", "open", "climb")  # what the director can lead to
 
 
 @dataclass
@@ -38,15 +37,14 @@ class Goal:
     terrain: Terrain | None = None
 
     def __post_init__(self) -> None:
-        if self.action not in ACTIONS:
-            raise GoalError(f"The action '{self.action}' is unknown; choose one of {', '.join(ACTIONS)}.")
+        action = require_action(self.action)
         self.position = np.asarray(self.position, dtype=np.float32)
         if self.position.shape != (3,) or not np.isfinite(self.position).all() or not np.isfinite(self.heading):
             raise GoalError(f"The goal '{self.name}' has no usable place; give it three finite coordinates and a heading.")
         if not np.isfinite(self.hold) or self.hold < 0:
             raise GoalError(f"The goal '{self.name}' has a hold of {self.hold} seconds; give it zero or more.")
-        if self.action == "carry" and not isinstance(self.prop, Box) or self.action == "open" and not isinstance(self.prop, Leaf):
-            raise GoalError(f"The goal '{self.name}' has nothing to {self.action}; choose a box to carry, or the leaf of a door to open.")
+        if action.prop is not None and not isinstance(self.prop, action.prop):
+            raise GoalError(f"The goal '{self.name}' has nothing to {self.action}; choose {action.handles}.")
 
 
 @dataclass

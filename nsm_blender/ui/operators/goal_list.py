@@ -7,11 +7,14 @@ from typing import ClassVar
 import bpy
 from bpy.props import EnumProperty
 
+from nsm_core.world.actions import Aim
+from nsm_core.world.scene.props import Leaf
+
 from ...goals.points import HINGE, POINT_LINK, SWING, goal_point_of
 from ...goals.resolve import moved_by, show_goal_point
 from ...takes import own_objects, start_of
 from ...world.surroundings import Surroundings
-from ..properties import GOAL_TYPES, NsmGoal, settings_of, spec_of_row
+from ..properties import GOAL_TYPES, NsmGoal, action_of, settings_of, spec_of_row
 from .reporting import sentences, while_idle
 
 
@@ -111,7 +114,7 @@ class NSM_OT_goal_points(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings = settings_of(context.scene)
-        rows = [(n, goal) for n, goal in enumerate(settings.goals, 1) if goal.enabled and goal.object and goal.action != "idle"]
+        rows = [(n, goal) for n, goal in enumerate(settings.goals, 1) if _has_point(goal)]
         points = []
         with sentences(self) as errors:
             frame, start = start_of(settings.character, context.scene)
@@ -143,7 +146,7 @@ class NSM_OT_door_swing(bpy.types.Operator):
         if not while_idle(cls):
             return False
         goal = _active_goal(context)
-        if goal is None or goal.action != "open" or goal.object is None:
+        if goal is None or goal.object is None or getattr(action_of(goal), "prop", None) is not Leaf:
             cls.poll_message_set("The chosen goal opens no door; choose one that does.")
             return False
         return True
@@ -158,6 +161,11 @@ class NSM_OT_door_swing(bpy.types.Operator):
             hinge[SWING] = -1 if int(hinge.get(SWING) or 1) > 0 else 1
             return {"FINISHED"}
         return {"CANCELLED"}
+
+
+def _has_point(goal: NsmGoal) -> bool:
+    """Whether a row asks for something at an object; one whose action is unknown is told when it is read."""
+    return goal.enabled and goal.object is not None and getattr(action_of(goal), "aim", None) is not Aim.HERE
 
 
 def _active_goal(context: bpy.types.Context) -> NsmGoal | None:

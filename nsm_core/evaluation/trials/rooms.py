@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from nsm_core.control.actions.registry import check_reachable
-from nsm_core.control.goals import ACTIONS, Goal
+from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, direction_to_heading, heading_to_direction, rotate_planar
@@ -133,30 +133,57 @@ def random_place(room: Room, rng: np.random.Generator, query: DistanceQuery, fur
     return rollout.start_about(rng, np.zeros(2), rollout.clear_of(query, props, _WAY_FREE), 0.0, furthest)[0]
 
 
-def random_goals(room: Room, rng: np.random.Generator, count: int, actions: tuple[str, ...] = ACTIONS, hold: float = 0.5) -> list[Goal]:
+def random_goals(room: Room, rng: np.random.Generator, count: int, hold: float = 0.5) -> list[Goal]:
     """Draw goals one after the other; the box goes to another spot each time, a door is passed from wherever one comes."""
-    return [goal_of(room, str(rng.choice(actions)), rng, hold) for _ in range(count)]
+    return [goal_of(room, str(rng.choice(tuple(OFFERS))), rng, hold) for _ in range(count)]
 
 
 def goal_of(room: Room, action: str, rng: np.random.Generator, hold: float = 0.5) -> Goal:
-    """A goal of one action in a room."""
+    """A goal of one action in a room; a walk in one that has nothing for it."""
     heading = float(rng.uniform(-np.pi, np.pi))
-    if action == "sit" and room.seat is not None:
-        return sit_goal(*room.seat, hold)
-    if action == "climb" and room.step is not None:
-        return climb_goal(*room.step, np.zeros(2), hold)
-    if action == "carry" and room.box is not None:
-        room.spots.append(room.spots.pop(0))  # the first is where it stands now
-        spot = room.spots[0]
-        return Goal("carry", "Box", spot[:3], float(spot[3]), hold, prop=room.box)
-    if action == "open" and room.leaf is not None:
-        middle = room.leaf.to_world((room.leaf.width / 2, 0.0, 0.0), room.leaf.pose_at(0.0))
-        return Goal("open", "Door", middle, 0.0, hold, prop=room.leaf)
-    if action == "idle":
-        return Goal("idle", "here", np.zeros(3), 0.0, hold)
+    goal = OFFERS[action](room, hold)
+    if goal is not None:
+        return goal
     place = random_place(room, rng, room.query)
     away = place if float(np.linalg.norm(place)) > 0.1 else heading_to_direction(np.array(heading))
     return Goal(action, "place", np.append(place, 0.0), float(direction_to_heading(away)) if rng.random() < 0.5 else heading, hold)
+
+
+def _somewhere(room: Room, hold: float) -> Goal | None:
+    return None
+
+
+def _here(room: Room, hold: float) -> Goal | None:
+    return Goal("idle", "here", np.zeros(3), 0.0, hold)
+
+
+def _seat(room: Room, hold: float) -> Goal | None:
+    return sit_goal(*room.seat, hold) if room.seat is not None else None
+
+
+def _box(room: Room, hold: float) -> Goal | None:
+    if room.box is None:
+        return None
+    room.spots.append(room.spots.pop(0))  # the first is where it stands now
+    spot = room.spots[0]
+    return Goal("carry", "Box", spot[:3], float(spot[3]), hold, prop=room.box)
+
+
+def _door(room: Room, hold: float) -> Goal | None:
+    if room.leaf is None:
+        return None
+    middle = room.leaf.to_world((room.leaf.width / 2, 0.0, 0.0), room.leaf.pose_at(0.0))
+    return Goal("open", "Door", middle, 0.0, hold, prop=room.leaf)
+
+
+def _step(room: Room, hold: float) -> Goal | None:
+    return climb_goal(*room.step, np.zeros(2), hold) if room.step is not None else None
+
+
+# What a room has for each action; None where one is sent to a random place.  The order is that of the draws of a seed.
+OFFERS: dict[str, Callable[[Room, float], Goal | None]] = {
+    "idle": _here, "walk": _somewhere, "run": _somewhere, "sit": _seat, "carry": _box, "open": _door, "climb": _step,
+}  # fmt: skip
 
 
 def reachable(make: Callable[[np.random.Generator], TakeRequest], seed: tuple[int, ...], tries: int = 8) -> TakeRequest:
@@ -175,4 +202,4 @@ def reachable(make: Callable[[np.random.Generator], TakeRequest], seed: tuple[in
     raise problem  # type: ignore[misc]
 
 
-__all__ = ["Room", "goal_of", "make_room", "random_goals", "random_place", "reachable"]
+__all__ = ["OFFERS", "Room", "goal_of", "make_room", "random_goals", "random_place", "reachable"]

@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from nsm_core.control.goals import ACTIONS
 from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner
 from nsm_core.conventions import FPS
 from nsm_core.evaluation.measures.motion import jumps
 from nsm_core.evaluation.measures.objects import all_depths, deep_frames
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_to_rotvec
+from nsm_core.world.actions import BY_KEY, Aim
 from nsm_core.world.assets.pool import Pool
 
 from .rollout import SEED, props_of
-from .rooms import make_room, random_goals, random_place, reachable
+from .rooms import OFFERS, make_room, random_goals, random_place, reachable
 
 GOALS = 6  # a take
 LONGEST = 240.0  # seconds of a take
@@ -98,7 +98,7 @@ def frozen_goals(take: TakeResult) -> list[str]:
     """Actions of the goals in which a character stood frozen for 20 s: no idle, not reached."""
     found = []
     for k, goal in enumerate(take.goals):
-        if goal.action == "idle" or goal.reached or (k and not goal.start_frame):
+        if BY_KEY[goal.action].aim is Aim.HERE or goal.reached or (k and not goal.start_frame):
             continue
         end = goal.end_frame or len(take.root)
         if stands_frozen(take.root[goal.start_frame : end], take.local_rotations[goal.start_frame : end]):
@@ -125,7 +125,7 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     messages = Counter(o.error for o in outcomes if o.error)
     given_up = Counter(reason for o in outcomes for reason in o.given_up)
     tally = {
-        a: np.sum([o.tally[a] for o in outcomes if a in o.tally], axis=0).tolist() for a in ACTIONS if any(a in o.tally for o in outcomes)
+        a: np.sum([o.tally[a] for o in outcomes if a in o.tally], axis=0).tolist() for a in OFFERS if any(a in o.tally for o in outcomes)
     }
     frames = sum(o.frames for o in outcomes)
     return {
