@@ -26,7 +26,7 @@ from nsm_core.world.actions import require_learned
 from nsm_core.world.scene.props import Leaf
 
 from .animation.kept import Kept, SceneState, restored_on_failure
-from .goals.resolve import moved_by, place_after, require_possible, resolve
+from .goals.resolve import make_goal_point, moved_by, place_after, require_possible, resolve, sought
 from .goals.spec import GoalSpec
 from .keys.keying import KeyedTake, key_take_steps, key_things
 from .keys.layers import require_keyable
@@ -231,6 +231,31 @@ def prepare(
         ground=ground,
     )
     return request, frame, things
+
+
+def show_goal_points(spec: TakeSpec, scene: bpy.types.Scene) -> Generator[Progress, None, tuple[list[bpy.types.Object], list[str]]]:
+    """Show the goal points of a take's goals, reading the scene in slices: the points, and what is to be told of them.
+
+    The goals are looked for in the scene as it is now.  One that has no point is told in its sentence, the others are shown.
+    """
+    frame, start = start_of(spec.character, scene)
+    now = replace(spec, start_frame=scene.frame_current)
+    around = yield from surroundings_of(now, scene, frame, moved_by(spec.goals))
+    told: list[str] = []
+    found = []
+    for goal in spec.goals:
+        steps = beside(lambda _, goal=goal: sought(goal, scene, frame, start, around), touches=True)
+        try:
+            found.append((goal, *(yield from _shown("Finding the goals", steps))))
+        except NsmError as error:
+            told.append(str(error))
+    points = []
+    for goal, aim, reason in found:  # all at the end: what is broken off before has made none
+        try:
+            points.append(make_goal_point(goal, scene, frame, around, aim, reason, told))
+        except NsmError as error:
+            told.append(str(error))
+    return points, told
 
 
 def surroundings_of(

@@ -6,12 +6,14 @@ import types
 
 import bpy
 import pytest
+from modal import Modal, Window
 from scenes import door, empty, furnish
 
 import nsm_blender
 from nsm_blender.keys.report import goal_line, result_lines
 from nsm_blender.ui import operators, panels, running
 from nsm_blender.ui.operators.generate import spec_of
+from nsm_blender.ui.operators.goal_list import NSM_OT_goal_points
 from nsm_blender.ui.properties import show_results
 from nsm_core.body.skeleton import JOINTS
 from nsm_core.errors import GoalError
@@ -196,6 +198,34 @@ def test_goal_points_operator_makes_empties(settings):
     assert bpy.context.selected_objects == [point] and bpy.context.view_layer.objects.active == point
     bpy.ops.nsm.goal_add()  # a goal point is no goal of its own
     assert [goal.object for goal in settings.goals] == [chair, None]
+
+
+@pytest.mark.parametrize("broken_off", [False, True])
+def test_goal_points_are_found_between_redraws(settings, broken_off):
+    bpy.ops.nsm.add_character()
+    chair, _ = furnish(position=(2, 0))
+    settings.goals.add().object = chair
+    modal = Modal(Window(), NSM_OT_goal_points)
+    assert modal._start(modal.window) == {"RUNNING_MODAL"} and running.current() is not None
+    assert not bpy.ops.nsm.goal_points.poll() and "NSM Goal Chair" not in bpy.data.objects
+    if broken_off:
+        assert modal.event("TIMER") == {"RUNNING_MODAL"} and modal.event("ESC") == {"CANCELLED"}
+        assert "Show Goal Points was cancelled" in modal.reports[-1][1] and "NSM Goal Chair" not in bpy.data.objects
+    else:
+        ended = next(r for _ in range(10_000) if (r := modal.event("TIMER")) != {"RUNNING_MODAL"})
+        assert ended == {"FINISHED"} and bpy.context.selected_objects == [bpy.data.objects["NSM Goal Chair"]]
+    assert running.current() is None and modal.window.timers == 0
+
+
+def test_what_goal_points_stand_on_is_watched(settings):
+    bpy.ops.nsm.add_character()
+    chair, _ = furnish(position=(2, 0))
+    settings.goals.add().object = chair
+    modal = Modal(Window(), NSM_OT_goal_points)
+    modal._start(modal.window)
+    bpy.data.objects.remove(chair)
+    assert modal.event("TIMER") == {"CANCELLED"}
+    assert "Chair, a goal of the take, was deleted meanwhile, so Show Goal Points stopped and no point was made" in modal.reports[-1][1]
 
 
 def test_panel_draws_every_state(settings):

@@ -74,13 +74,26 @@ def show_goal_point(
     nothing that could have a point.
     """
     around = around or Surroundings(scene, frame, moving=moved_by([spec]))
-    goal, reason = None, ""
+    return make_goal_point(spec, scene, frame, around, *sought(spec, scene, frame, before, around), told)
+
+
+def sought(
+    spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame, before: Place, around: Surroundings
+) -> tuple[Goal | None, str]:
+    """The goal whose point is to be shown; None, with the reason in a sentence, where none is found on an object that has one."""
     try:
-        goal = resolve(spec, scene, frame, before, around)
+        return resolve(spec, scene, frame, before, around), ""
     except (GoalError, GeometryError) as error:
         if spec.object is None or not all(o is None or holds(scene, o) for o in (spec.object, spec.to)):
             raise
-        reason = str(error)
+        return None, str(error)
+
+
+def make_goal_point(
+    spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame, around: Surroundings, goal: Goal | None, reason: str,
+    told: list[str] | None = None,
+) -> bpy.types.Object:  # fmt: skip
+    """The point of what was ``sought``; see ``show_goal_point``."""
     finder, brought = FINDERS[spec.action], require_action(spec.action).needs_destination
     if finder.show is not None:
         return finder.show(spec, goal, around.body(spec.object, snug=True), reason, scene, frame, told)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from contextlib import suppress
+from typing import Any
 
 import bpy
 
@@ -14,11 +15,12 @@ from nsm_core.errors import NsmError
 from ..animation.kept import SceneState
 from ..goals.resolve import moved_by
 from ..keys.preview import Preview
-from ..takes import Progress, Take, TakeSpec, generate
+from ..takes import Progress, TakeSpec, generate
 from . import running
 from .watch import Watch, install
 
 _log = logging.getLogger(__name__)
+_NOT_KEYED = "Generate stopped and nothing was keyed"  # in the sentences of ``watch``, too
 _FORGETTING = 0.9  # a step, from which the length of the longest to come is guessed
 
 
@@ -29,8 +31,19 @@ class TakeSession:
     sentence what ended it without a take; ``ended``, if given, is called once at that moment, whoever ends it.
     """
 
-    def __init__(self, spec: TakeSpec, scene: bpy.types.Scene, ended: Callable[[], None] | None = None) -> None:
-        """Start a take; NsmError while another one is under way, SkeletonError and GoalError as for its goals."""
+    def __init__(
+        self,
+        spec: TakeSpec,
+        scene: bpy.types.Scene,
+        ended: Callable[[], None] | None = None,
+        steps: Callable[[TakeSpec, bpy.types.Scene], Generator[Progress, None, Any]] = generate,
+        stopped: str = _NOT_KEYED,
+    ) -> None:
+        """Start a take; NsmError while another one is under way, SkeletonError and GoalError as for its goals.
+
+        Other ``steps`` than a take's, as of ``takes.show_goal_points``, are watched in the same way; ``stopped`` says in
+        their sentences what did not come about.
+        """
         if running.current() is not None:
             raise NsmError(running.reason_busy())
         self.scene, self.character = scene, spec.character
@@ -40,14 +53,16 @@ class TakeSession:
         self._ended = ended
         self._watch = Watch(spec, scene)
         self._state = SceneState(scene, spec.character, moved_by(spec.goals))
-        self._steps = generate(spec, scene)
+        self._steps, self._stopped = steps(spec, scene), stopped
+        self._value: Any = None
         self._preview: Preview | None = None
         self._shown, self._keying, self._longest = False, False, 0.0
         install()
         running.begin(scene, spec.character, self._stop, self._put_back)
 
-    def tick(self, budget: float, show: bool = True) -> Take | None:
-        """Step frames for up to ``budget`` seconds and, with ``show``, pose the character as in the newest; the Take when done.
+    def tick(self, budget: float, show: bool = True) -> Any:
+        """Step frames for up to ``budget`` seconds and, with ``show``, pose the character as in the newest; the Take (or the value
+        of the other steps) when done, None before.
 
         Raises NsmError with one sentence, as ``takes.generate`` does, or where something that the take needs is gone; the scene is
         then as it was before the session.
@@ -57,12 +72,12 @@ class TakeSession:
         try:
             changed = self._watch.changed()
             if changed:
-                raise NsmError(changed)
+                raise NsmError(self._worded(changed))
             self.posed = False
             progress = self._step(time.perf_counter() + budget)
-            if isinstance(progress, Take):
+            if progress is None:
                 self._close()
-                return progress
+                return self._value
             self.fraction = progress.fraction
             self.text = running.advance(progress.stage, progress.fraction)
             if show or not self._shown:
@@ -72,7 +87,7 @@ class TakeSession:
             self._stop(str(error))
             raise
         except Exception as error:
-            why = self._watch.changed() or self._unforeseen(error)
+            why = self._worded(self._watch.changed() or self._unforeseen(error))
             self._stop(why)
             raise NsmError(why) from error
         except BaseException:
@@ -81,16 +96,17 @@ class TakeSession:
 
     def cancel(self) -> None:
         """Stop and put frame, pose and places back; no key has been made.  Does nothing where the take has ended."""
-        self._stop("Generate was cancelled; everything is as it was.")
+        self._stop(f"{self._stopped.partition(' stopped')[0]} was cancelled; everything is as it was.")
 
-    def _step(self, deadline: float) -> Progress | Take:
-        """Take steps while the next one can be expected to end before ``deadline``; the newest progress, or the Take."""
+    def _step(self, deadline: float) -> Progress | None:
+        """Take steps while the next one can be expected to end before ``deadline``; the newest progress, None when all are done."""
         while True:
             begin = time.perf_counter()
             try:
                 progress = next(self._steps)
             except StopIteration as stop:
-                return stop.value
+                self._value = stop.value
+                return None
             end = time.perf_counter()
             self._longest = max(self._longest * _FORGETTING, end - begin)
             if progress.stage == "Keying" and not self._keying:
@@ -116,7 +132,7 @@ class TakeSession:
         """End without a take: whatever still exists is put back."""
         if self.over:
             return
-        self.why = why
+        self.why = self._worded(why)
         try:
             self._steps.close()
         except Exception:  # what a generator does on its way out may meet what is gone, too
@@ -131,9 +147,13 @@ class TakeSession:
             with suppress(ReferenceError):
                 self._ended()
 
+    def _worded(self, why: str) -> str:
+        """A sentence about a take that stopped, in the words of these steps."""
+        return why.replace(_NOT_KEYED, self._stopped)
+
     def _unforeseen(self, error: Exception) -> str:
         if isinstance(error, ReferenceError):
-            return "Something that the take reads was deleted or undone meanwhile, so Generate stopped with nothing keyed; try again."
+            return "Something that the take reads was deleted or undone meanwhile, so Generate stopped and nothing was keyed; try again."
         _log.error("Generate met an error that it does not know", exc_info=error)
         what = f"{type(error).__name__}: {error}".rstrip(": ")
-        return f"Generate stopped and nothing was keyed, because of an error in the add-on ({what}); the console tells more."
+        return f"{_NOT_KEYED}, because of an error in the add-on ({what}); the console tells more."

@@ -1,37 +1,21 @@
-"""Generate: a modal operator that steps a take within a time budget, so that the window never freezes."""
+"""Generate: the take that the sidebar asks for, in the window or in one go."""
 
 from __future__ import annotations
 
-import time
-from contextlib import suppress
+from collections.abc import Callable
 from typing import ClassVar
 
 import bpy
 
 from nsm_core.errors import NsmError
 
-from ...animation.identity import exists
 from ...keys.report import result_lines
 from ...takes import Take, TakeSpec, finish, generate
 from .. import running
 from ..properties import settings_of, show_results, spec_of_row
 from ..reviews import remember
 from ..session import TakeSession
-
-_BUDGET = 0.04  # seconds of stepping at a time: clicks and ESC are heard that often
-_SLOWEST_PREVIEW = 0.5  # seconds of stepping between two redraws, at most, where a redraw itself takes long
-_TICK = 0.02
-# The view may be turned and zoomed while a take runs; everything else would change what it reads.
-_VIEW_EVENTS = {
-    "MIDDLEMOUSE",
-    "WHEELUPMOUSE",
-    "WHEELDOWNMOUSE",
-    "MOUSEMOVE",
-    "INBETWEEN_MOUSEMOVE",
-    "TRACKPADPAN",
-    "TRACKPADZOOM",
-    "NDOF_MOTION",
-}
+from .modal import Modal
 
 
 def spec_of(scene: bpy.types.Scene) -> TakeSpec:
@@ -46,57 +30,7 @@ def spec_of(scene: bpy.types.Scene) -> TakeSpec:
     )
 
 
-class _Signs:
-    """What a window shows of a take under way: timer, status bar, cursor.  Taken away once, whoever ends the take.
-
-    It holds no operator: Blender may have freed that one by then.
-    """
-
-    def __init__(self, context: bpy.types.Context) -> None:
-        self._context, self._workspaces = context, []
-        self._timer = context.window_manager.event_timer_add(_TICK, window=context.window)
-        context.window_manager.progress_begin(0, 100)
-        self._tagged, self._resumed, self._redraw = 0.0, 0.0, 0.0
-
-    def due(self) -> bool:
-        """Whether the window should show the newest frame: redraws may take half of the time, however long each one takes."""
-        now = time.perf_counter()
-        if self._tagged > self._resumed:  # what has passed since is the redraw's, and the timer's
-            self._redraw, self._resumed = min(max(now - self._tagged - _TICK, 0.0), _SLOWEST_PREVIEW), now
-        return now - self._resumed >= self._redraw
-
-    def show(self, context: bpy.types.Context, session: TakeSession) -> None:
-        """Have sidebar, status bar and viewports drawn anew."""
-        context.window_manager.progress_update(round(100 * session.fraction))
-        if context.workspace not in self._workspaces:
-            self._workspaces.append(context.workspace)
-        context.workspace.status_text_set(f"NSM: {session.text}   ESC: cancel and restore")
-        # The scene itself, which may take seconds to draw, only where something in it has changed.
-        _redraw(context, ("WINDOW", "UI") if session.posed else ("UI",))
-        self._tagged = time.perf_counter()
-
-    def remove(self) -> None:
-        """Take everything away; a second call does nothing."""
-        timer, self._timer = self._timer, None
-        if timer is None:
-            return
-        manager = self._context.window_manager
-        for take_away in (lambda: manager.event_timer_remove(timer), manager.progress_end, self._restore_cursors, self._clear_status):
-            with suppress(ReferenceError, AttributeError, RuntimeError):  # windows and workspaces may be gone
-                take_away()
-        _redraw(self._context, ("WINDOW", "UI"))
-
-    def _restore_cursors(self) -> None:
-        for window in self._context.window_manager.windows:  # progress_end knows the active one alone
-            window.cursor_modal_restore()
-
-    def _clear_status(self) -> None:
-        for workspace in self._workspaces:
-            with suppress(ReferenceError):
-                workspace.status_text_set(None)
-
-
-class NSM_OT_generate(bpy.types.Operator):
+class NSM_OT_generate(Modal, bpy.types.Operator):
     bl_idname = "nsm.generate"
     bl_label = "Generate"
     bl_description = (
@@ -122,53 +56,8 @@ class NSM_OT_generate(bpy.types.Operator):
             return self._fail(scene, str(error))
         return self._keep(scene, take)
 
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        if bpy.app.background or context.window is None:
-            return self.execute(context)
-        return self._start(context)
-
-    def _start(self, context: bpy.types.Context) -> set[str]:
-        signs = _Signs(context)
-        try:
-            self._session = TakeSession(spec_of(context.scene), context.scene, signs.remove)
-        except NsmError as error:
-            signs.remove()
-            return self._fail(context.scene, str(error))
-        except BaseException:
-            signs.remove()
-            raise
-        self._signs = signs
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        session, signs = self._session, self._signs
-        if session.over:  # undone, or ended by a script: nothing of this event is ours
-            return self._fail(context.scene, session.why) | {"PASS_THROUGH"}
-        if event.type == "ESC" and event.value == "PRESS":
-            self.cancel(context)
-            self.report({"INFO"}, session.why)
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"} if event.type in _VIEW_EVENTS else {"RUNNING_MODAL"}
-        due = signs.due()
-        try:
-            take = session.tick(_BUDGET, due)
-        except NsmError as error:
-            return self._fail(context.scene, str(error))
-        if take is not None:
-            return self._keep(session.scene, take)
-        if due:
-            signs.show(context, session)
-        return {"RUNNING_MODAL"}
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Stop and put everything back: called on ESC, and by Blender when its window closes or another file is opened."""
-        self._session.cancel()
-        self._end(context)
-
-    def _end(self, _context: bpy.types.Context) -> None:
-        self._signs.remove()
+    def _open(self, context: bpy.types.Context, ended: Callable[[], None]) -> TakeSession:
+        return TakeSession(spec_of(context.scene), context.scene, ended)
 
     def _keep(self, scene: bpy.types.Scene, take: Take) -> set[str]:
         lines = result_lines(take.report, take.keyed.frame_start, scene.frame_end)
@@ -177,21 +66,6 @@ class NSM_OT_generate(bpy.types.Operator):
         for goal, (text, good) in zip(take.report["goals"], lines, strict=False):
             self.report({"INFO" if goal["reached"] and good else "WARNING"}, text)
         return {"FINISHED"}
-
-    def _fail(self, scene: bpy.types.Scene, sentence: str) -> set[str]:
-        scene = scene if exists(scene) else bpy.context.scene
-        show_results(settings_of(scene), [(sentence, False)])
-        self.report({"ERROR"}, sentence)
-        return {"CANCELLED"}
-
-
-def _redraw(context: bpy.types.Context, regions: tuple[str, ...]) -> None:
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                for region in area.regions:
-                    if region.type in regions:
-                        region.tag_redraw()
 
 
 CLASSES = (NSM_OT_generate,)

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import ClassVar
 
 import bpy
 from bpy.props import EnumProperty
 
+from nsm_core.errors import NsmError
 from nsm_core.world.actions import Aim
 from nsm_core.world.scene.props import Leaf
 
 from ...goals.points import HINGE, POINT_LINK, SWING, goal_point_of
-from ...goals.resolve import moved_by, show_goal_point
-from ...takes import own_objects, start_of
-from ...world.surroundings import Surroundings
+from ...goals.resolve import show_goal_point
+from ...takes import TakeSpec, finish, own_objects, show_goal_points, start_of
 from ..properties import GOAL_TYPES, NsmGoal, action_of, settings_of, spec_of_row
+from ..session import TakeSession
+from .modal import Modal
 from .reporting import sentences, while_idle
 
 
@@ -89,7 +92,7 @@ class NSM_OT_goal_move(_OnGoal):
         return {"FINISHED"}
 
 
-class NSM_OT_goal_points(bpy.types.Operator):
+class NSM_OT_goal_points(Modal, bpy.types.Operator):
     bl_idname = "nsm.goal_points"
     bl_label = "Show Goal Points"
     bl_description = (
@@ -113,23 +116,34 @@ class NSM_OT_goal_points(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        settings = settings_of(context.scene)
-        rows = [(n, goal) for n, goal in enumerate(settings.goals, 1) if _has_point(goal)]
-        points = []
-        with sentences(self) as errors:
-            frame, start = start_of(settings.character, context.scene)
-            specs = [spec_of_row(row, number) for number, row in rows]
-        if errors:
-            return {"CANCELLED"}
-        around = Surroundings(context.scene, frame, settings.character, moved_by(specs))
-        for spec in specs:
-            with sentences(self):
-                told: list[str] = []
-                points.append(show_goal_point(spec, context.scene, frame, start, around, told))
-                for sentence in told:
-                    self.report({"WARNING"}, sentence)
-        _select(context, points)
+        """Show them in one go: scripts and background mode, where no timer runs."""
+        scene = context.scene
+        try:
+            return self._keep(scene, finish(show_goal_points(_asked(scene), scene)))
+        except NsmError as error:
+            return self._fail(scene, str(error))
+
+    def _open(self, context: bpy.types.Context, ended: Callable[[], None]) -> TakeSession:
+        stopped = "Show Goal Points stopped and no point was made"
+        return TakeSession(_asked(context.scene), context.scene, ended, show_goal_points, stopped)
+
+    def _keep(self, _scene: bpy.types.Scene, shown: tuple[list[bpy.types.Object], list[str]]) -> set[str]:
+        points, told = shown
+        for sentence in told:
+            self.report({"WARNING"} if points else {"ERROR"}, sentence)
+        _select(bpy.context, points)
         return {"FINISHED"} if points else {"CANCELLED"}
+
+    def _fail(self, _scene: bpy.types.Scene, sentence: str) -> set[str]:
+        self.report({"ERROR"}, sentence)  # the sidebar's lines tell of the last take, and stay
+        return {"CANCELLED"}
+
+
+def _asked(scene: bpy.types.Scene) -> TakeSpec:
+    """The enabled goals that have an object; GoalError on a row whose stored action is unknown."""
+    settings = settings_of(scene)
+    rows = [(n, goal) for n, goal in enumerate(settings.goals, 1) if _has_point(goal)]
+    return TakeSpec(settings.character, [spec_of_row(row, number) for number, row in rows])
 
 
 class NSM_OT_door_swing(bpy.types.Operator):
