@@ -199,9 +199,8 @@ def test_feet_that_stand_are_not_dragged_along(data):
 def test_roll_outs_end_where_they_are_worn_out(data):
     batches = batches_of(data, pool=8, length=5)
     batches.pool_age[:] = (0, 1, 2, 3, 4, 0, 0, 0)
-    state = data.state(batches.pool_frames)
-    batches.pool_state = drifted(state, np.zeros(2), 0.0)
-    far = drifted(state.select(np.array([6])), np.array((0.9, 0)), 0.0)
+    batches.pool_state = drifted(data.state(batches.pool_frames), np.zeros(2), 0.0)
+    far = drifted(data.state(batches.pool_frames[[6]]), np.array((0.9, 0)), 0.0)
     batches.pool_state.assign(np.array([6]), far)
     was, y = batches.pool_frames.copy(), batches.from_pool()[2]
     stepped = advance(batches.pool_state, read_outputs(y, batches.pool_state))

@@ -7,6 +7,7 @@ from dataclasses import replace
 import captures
 import numpy as np
 import pytest
+from mirrors import ENVIRONMENT_MIRROR, INTERACTION_MIRROR
 
 from nsm_core.body.clip import transform
 from nsm_core.body.skeleton import MIRROR, mirror
@@ -26,8 +27,8 @@ from nsm_core.model.features.rollout_step import advance
 from nsm_core.model.features.state import State
 from nsm_core.rotations import rotate_planar, wrap_angle
 from nsm_core.world.scene.furniture import cuboids
-from nsm_core.world.sensors.environment import ENVIRONMENT_MIRROR, environment_sensor
-from nsm_core.world.sensors.interaction import INTERACTION_MIRROR, interaction_sensor
+from nsm_core.world.sensors.environment import environment_sensor
+from nsm_core.world.sensors.interaction import interaction_sensor
 
 
 @pytest.fixture(scope="module")

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from mirrors import ENVIRONMENT_MIRROR, INTERACTION_MIRROR
 
 from nsm_core.errors import GeometryError
 from nsm_core.world.geometry.distance import Cuboids, Union
 from nsm_core.world.scene.furniture import cuboids, make
 from nsm_core.world.sensors import environment
 from nsm_core.world.sensors.environment import (
-    ENVIRONMENT_MIRROR,
     ENVIRONMENT_POINTS,
     SPHERE_RADIUS,
     environment_points_world,
     environment_sensor,
     environment_sensor_many,
 )
-from nsm_core.world.sensors.interaction import INTERACTION_MIRROR, UNIT_CELLS, interaction_sensor
+from nsm_core.world.sensors.interaction import UNIT_CELLS, interaction_sensor
 
 
 def room(seed, kinds=("chair", "sofa", "table", "wall", "shelf", "stool", "desk")):

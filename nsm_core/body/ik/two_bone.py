@@ -120,28 +120,11 @@ def place_limbs(
     return poses.reshape(local.shape).astype(dtype, copy=False)
 
 
-def place_ankles(
-    hips_position: Array, local_rotations: Array, side: int, ankle_target: Array, ankle_rotation: Array | None = None
-) -> Array:
-    """Put the ankle of one leg at a target; return new (..., 23, 4) local rotations.
-
-    ``side`` is 0 for right and 1 for left; ``ankle_target`` (..., 3) world metres; ``ankle_rotation`` (..., 4) world,
-    None keeps the foot as it stood in the world.  The knee bends only forward and never over-stretches.
-    """
-    return place_limb(hips_position, local_rotations, FEET[side][:3], ankle_target, ankle_rotation)
-
-
 def place_wrists(
     hips_position: Array, local_rotations: Array, side: int, wrist_target: Array, wrist_rotation: Array | None = None
 ) -> Array:
-    """Put the wrist of one arm at a target; as ``place_ankles``."""
+    """Put the wrist of one arm, ``side`` 0 right or 1 left, at a target (..., 3); as ``place_limb``."""
     return place_limb(hips_position, local_rotations, ARMS[side], wrist_target, wrist_rotation)
-
-
-def solve_leg_with_toe(hips_position: Array, local_rotations: Array, side: int, toe_target: Array, foot_rotation: Array) -> Array:
-    """Put the toe joint of one leg at (..., 3) world metres with the foot turned to (..., 4) world; return new local rotations."""
-    ankle_target = toe_target - quat_rotate(foot_rotation, OFFSETS[FEET[side][3]].astype(foot_rotation.dtype))
-    return place_limb(hips_position, local_rotations, FEET[side][:3], ankle_target, foot_rotation)
 
 
 def chain_frames(hips_position: Array, local_rotations: Array, joints: tuple[int, ...]) -> tuple[Array, Array]:

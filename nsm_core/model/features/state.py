@@ -20,7 +20,6 @@ KEY_STEP = FPS // 6  # frames between keys
 WINDOW = PIVOT * KEY_STEP  # 30 frames
 FUTURE = KEYS - PIVOT - 1
 KEY_OFFSETS = np.arange(-PIVOT, FUTURE + 1) * KEY_STEP  # frames of the keys relative to now
-KEY_TIMES = KEY_OFFSETS / FPS
 
 
 @dataclass
@@ -67,10 +66,6 @@ class State:
     def phase_keys(self) -> Array:
         """Phases (B, 13) in cycles at all keys."""
         return np.concatenate((self.phase_past[:, ::KEY_STEP], self.phase_future), axis=1)
-
-    def select(self, rows: Array) -> State:
-        """Copy of the characters at ``rows``."""
-        return State(*(getattr(self, f.name)[rows] for f in fields(self)))
 
     def assign(self, rows: Array, other: State) -> None:
         """Overwrite the characters at ``rows`` with those of ``other``."""

@@ -6,7 +6,6 @@ by the coefficients of a gating network.
 
 from __future__ import annotations
 
-import copy
 import math
 from typing import Any
 
@@ -145,16 +144,6 @@ class NSM(nn.Module):
         """Predict in physical units: as ``forward``, with normalisation before and after."""
         y, coefficients = self((x - self.input_mean) / self.input_std, (gating - self.gating_mean) / self.gating_std)
         return y * self.output_std + self.output_mean, coefficients
-
-    def fast_copy(self, dtype: torch.dtype = torch.bfloat16) -> NSM:
-        """Copy for roll-outs without gradient: parameters in ``dtype`` once, instead of a cast per step.
-
-        Run it under autocast of the same type; statistics stay float32.  ``refresh`` it as training goes on.
-        """
-        twin = copy.deepcopy(self).eval().requires_grad_(False)
-        for p in twin.parameters():
-            p.data = p.data.to(dtype)
-        return twin
 
     @torch.no_grad()
     def refresh(self, source: NSM) -> None:

@@ -21,7 +21,6 @@ _FLAT, _SOFT = 0.035, 0.055  # how uneven a level may be when looked for, and on
 _LEAST = 0.18  # narrower strips are arms and rails, not seats
 _SLOT = 0.06  # gaps between slats and cushions
 _REST = 0.10  # what stands this much over the seat is a back or an arm
-_PERSON = 0.36  # width of a sitter's place
 
 
 def find_seat(vertices: Array, triangles: Array) -> Seat:

@@ -220,19 +220,6 @@ class FloorPlan(ClearanceMap):
         lack = np.maximum(0, room - here[:, 0]) * share / np.maximum(size, 1e-6) * (size > 1e-3)
         return points + lack[:, None] * here[:, 1:]
 
-def plan_path(
-    query: DistanceQuery, start: Array, goal: Array, radius: float = BODY_RADIUS, margin: float = 2.0, step: float = 0.05
-) -> Array:
-    """Find a way (N, 2) on the floor ``margin`` metres around ``start`` and ``goal`` (2,); see ``FloorPlan.find``.
-
-    Make a ``FloorPlan`` and ask it where more than one way is wanted.
-    """
-    ends = np.stack([np.asarray(p, dtype=np.float64)[:2] for p in (start, goal)])
-    if not np.isfinite(ends).all():
-        raise GoalError("The start or the goal has coordinates that are not numbers; place it again.")
-    return FloorPlan(query, (ends.min(0) - margin, ends.max(0) + margin), radius).find(*ends, step=step)
-
-
 def line_is_free(query: FloorPlan | DistanceQuery, a: Array, b: Array, radius: float = BODY_RADIUS) -> bool:
     """Whether a body of ``radius`` can go straight from ``a`` to ``b``, (2,) metres; ``query`` may be a plan or solids."""
     if isinstance(query, FloorPlan):

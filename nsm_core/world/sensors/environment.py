@@ -29,18 +29,10 @@ def _plane() -> Array:
     return np.concatenate(rings).astype(np.float32)
 
 
-def _mirrored() -> Array:
-    starts = np.cumsum((0,) + RINGS[:-1])
-    ring = np.concatenate([start + (-np.arange(count)) % count for start, count in zip(starts, RINGS, strict=True)])
-    return (np.arange(LAYERS)[:, None] * sum(RINGS) + ring).reshape(-1)
-
-
 PLANE = _plane()  # (176, 2) metres, root frame
 ENVIRONMENT_POINTS = np.concatenate(  # (1408, 3) metres, root frame: layer by layer, ring by ring
     (np.tile(PLANE, (LAYERS, 1)), np.repeat(HEIGHTS, len(PLANE))[:, None]), axis=1
 )
-# environment[ENVIRONMENT_MIRROR] is the reading in a world reflected left to right.
-ENVIRONMENT_MIRROR = _mirrored()
 
 _FRAMES_AT_ONCE = 512
 

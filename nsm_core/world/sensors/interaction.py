@@ -22,8 +22,6 @@ def _unit_cells() -> Array:
 
 
 UNIT_CELLS = _unit_cells()  # (512, 3) in -0.5..0.5: height outermost, then Y, then X
-# occupancy[INTERACTION_MIRROR] is the reading of the object reflected left to right in its own frame.
-INTERACTION_MIRROR = np.arange(RESOLUTION**3).reshape(RESOLUTION, RESOLUTION, RESOLUTION)[:, :, ::-1].reshape(-1)
 
 
 @dataclass
