@@ -8,10 +8,18 @@ import bpy
 import numpy as np
 
 from nsm_core.control.goals import Goal
-from nsm_core.distances import BODY_TO_BOX, HEAVIEST_SIDE, WIDEST_BOX
+from nsm_core.distances import BODY_TO_BOX
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
-from nsm_core.world.affordances.standing import BODY_TO_EDGE, choose_side, further_off, require_room, standing_place
+from nsm_core.world.affordances.standing import (
+    BODY_TO_EDGE,
+    HEAVIEST_SIDE,
+    WIDEST_BOX,
+    choose_side,
+    further_off,
+    require_room,
+    standing_place,
+)
 from nsm_core.world.scene.props import Box, sense
 
 from ..world.bodies import GoalBody, place_of

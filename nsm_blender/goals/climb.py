@@ -8,6 +8,7 @@ import numpy as np
 from nsm_core.control.goals import Goal
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, direction_to_heading, rotate_planar, wrap_angle
+from nsm_core.world.affordances.standing import BEHIND_WALL
 from nsm_core.world.scene.terrain import FLOOR_TOP
 
 from ..world.bodies import GoalBody, place_of
@@ -20,7 +21,6 @@ from .spec import GoalSpec
 LOWEST, HIGHEST = FLOOR_TOP, 0.65  # metres over the floor that one climbs; what is lower is walked over
 DEEP_ENOUGH = 0.3  # metres of a top to stand on; what is thinner is stepped over
 FROM_EDGE = 0.2  # metres from the middle of the feet to the edges of a top
-BEHIND = 0.6  # metres behind a low wall
 FARTHEST_IN, NEAR_MIDDLE = 0.4, 0.9  # metres from the edge over which one comes, and from the other edges, on large tops
 _SAME = 0.05  # metres between heights of one and the same top
 _ABOVE = 1.7  # metres of air that a person needs
@@ -130,9 +130,9 @@ def _behind(level: Level, quarter: int, body: GoalBody, target: bpy.types.Object
     """The place on the floor behind a low wall, core frame; ``level`` as seen from ``quarter``."""
     cells = np.argwhere(level.top)
     x, y = level.corner + CELL * np.array(((cells[:, 0].min() + cells[:, 0].max() + 1) / 2, cells[:, 1].max() + 1.0))
-    place = body.to_core(np.append(rotate_planar(np.array((x, y + BEHIND)), np.float64(quarter * np.pi / 2)), 0.0))
+    place = body.to_core(np.append(rotate_planar(np.array((x, y + BEHIND_WALL)), np.float64(quarter * np.pi / 2)), 0.0))
     if around.plan(place).clearance(place[None, :2])[0] < _ELBOWS:
-        away = BEHIND * around.frame.scale
+        away = BEHIND_WALL * around.frame.scale
         raise GoalError(f"There is no room to stand {away:.1f} m behind {target.name}; clear it, or move its goal point.")
     return place
 

@@ -8,11 +8,10 @@ from actors import Actor, drive
 
 from nsm_core.body.ik.reaching import Pose
 from nsm_core.body.skeleton import INDEX, J
-from nsm_core.control.actions.door_grasp import EDGE_HEIGHT, EDGE_IN, FASTEST, Opening, require_room
+from nsm_core.control.actions.door_grasp import EDGE_HEIGHT, EDGE_IN, FASTEST, WIDE_OPEN, Opening, require_room
 from nsm_core.control.actions.leaf_room import NEARLY, LeafRoom, leaf_spheres
 from nsm_core.control.goals import Goal
 from nsm_core.conventions import GOAL_ACTIONS
-from nsm_core.distances import WIDE_OPEN
 from nsm_core.errors import GoalError
 from nsm_core.rotations import wrap_angle
 from nsm_core.world.affordances.passage import passage

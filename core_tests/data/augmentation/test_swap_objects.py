@@ -157,7 +157,7 @@ def test_hands_hold_the_new_box_which_rests_where_the_old_one_did(tmp_path_facto
             face = np.round((b.heading - new.poses[0, 3]) / (np.pi / 2)) * np.pi / 2
             wrists = forward_kinematics(other.hips, other.rotations)[0][:, [arm[2] for arm in ARMS]]
             own = rotate_planar(wrists - new.poses[:, None, :3], np.repeat(-new.poses[:, None, 3], 2, axis=1))
-            reach = np.linalg.norm(own - carried_box(new.furniture).grasps(face), axis=-1)
+            reach = np.linalg.norm(own - carried_box(new.furniture).learned_grasps(face), axis=-1)
             assert reach[new.held].max() < 0.03 and np.median(reach[new.held]) < 0.005
             assert not np.allclose(new.furniture.size, old.furniture.size, atol=0.005)
         if seen >= 2:

@@ -65,7 +65,7 @@ def test_wrists_are_at_the_grasps_while_they_hold(carried):
         assert len(held) > 20
         np.testing.assert_array_equal(take.contacts[held][:, HAND_CONTACTS], 1)
         for f in held:
-            grasps = rotate_planar(e.box.grasps(e.face), thing.poses[f, 3]) + thing.poses[f, :3]
+            grasps = rotate_planar(e.box.learned_grasps(e.face), thing.poses[f, 3]) + thing.poses[f, :3]
             assert np.linalg.norm(positions[f, WRISTS] - grasps, axis=-1).max() < 0.005
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from nsm_core.distances import CRATE_SIDE
 from nsm_core.errors import GeometryError
 from nsm_core.rotations import rotate_planar
 from nsm_core.world.assets.door_from_mesh import door_measures
 from nsm_core.world.assets.from_mesh import boxes_of, opening_of, piece_of
-from nsm_core.world.assets.pool import CRATE_SIDE, SEAT_RANGE, Entry, Pool, scaled, split
+from nsm_core.world.assets.pool import SEAT_RANGE, Entry, Pool, scaled, split
 from nsm_core.world.scene.door import make_door
 from nsm_core.world.scene.furniture import box_mesh, cuboids, make, top_of
 

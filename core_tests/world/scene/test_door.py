@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nsm_core.distances import OPENED, WIDE_OPEN, WRIST_OFF_HANDLE
+from nsm_core.distances import OPENED, WRIST_OFF_HANDLE
 from nsm_core.errors import GeometryError
 from nsm_core.world.affordances.passage import passage
 from nsm_core.world.scene.door import make_door
@@ -36,7 +36,7 @@ def test_the_leaf_closes_the_opening_and_turns_without_touching_the_wall():
         for swing in (-1.0, 1.0):
             leaf = d.leaf(swing=swing)
             grid = np.stack(np.meshgrid(np.linspace(0, d.width, 30), (-0.01, 0.01), (0.1, 1.0, 1.95), indexing="ij"), -1).reshape(-1, 3)
-            for angle in (0.0, 0.4, float(OPENED), float(WIDE_OPEN)):
+            for angle in (0.0, 0.4, float(OPENED), float(np.radians(95))):
                 assert (wall.signed_distance(leaf.to_world(grid, leaf.pose_at(angle)), 1.0) > 0).all()
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from nsm_core.body.ik.reaching import ARM
 from nsm_core.body.skeleton import ARMS, INDEX, J, forward_kinematics
-from nsm_core.distances import BODY_TO_BOX, WRIST_OFF_HANDLE, WRIST_OFF_SIDE
+from nsm_core.distances import BODY_TO_BOX, WRIST_BEHIND, WRIST_BELOW, WRIST_OFF_HANDLE, WRIST_OFF_SIDE
 from nsm_core.errors import GoalError
 from nsm_core.rotations import heading_to_direction, rotate_planar
 from nsm_core.world.affordances.passage import passage
@@ -39,6 +39,18 @@ def test_wrists_lie_beside_the_box_right_and_left_of_the_carrier(facing):
     distance = box.query.signed_distance(box.grasps(facing).astype(np.float32), 0.2)
     np.testing.assert_allclose(distance, WRIST_OFF_SIDE, atol=1e-6)
     assert box.stand_off(facing) == pytest.approx(depth / 2 + BODY_TO_BOX)
+
+
+@pytest.mark.parametrize("facing", [0.0, np.pi / 2])
+def test_only_large_boxes_are_held_otherwise_than_in_the_data_and_shown_higher_for_it(facing):
+    box, large = crate(), crate()
+    box.size, large.size = np.array((0.38, 0.3, 0.25)), np.array((0.5, 0.5, 0.5))
+    np.testing.assert_allclose(box.grasps(facing), box.learned_grasps(facing))
+    assert not box.raised.any()
+    held, learned = (rotate_planar(p, np.float64(-facing)) for p in (large.grasps(facing), large.learned_grasps(facing)))
+    np.testing.assert_allclose(learned, [(sign * (0.25 + WRIST_OFF_SIDE), WRIST_BEHIND, -WRIST_BELOW * 0.5) for sign in (-1, 1)])
+    assert (held[:, 1] > learned[:, 1] + 0.03).all()
+    np.testing.assert_allclose((learned + large.raised)[:, 2], held[:, 2])
 
 
 def test_frames_lead_there_and_back_and_solids_move_along():

@@ -9,7 +9,6 @@ import numpy as np
 from nsm_core.body.ik.reaching import Hold, Pose
 from nsm_core.control.goals import Taken
 from nsm_core.conventions import DT, HAND_CONTACTS
-from nsm_core.distances import WIDE_OPEN
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, heading_to_direction, wrap_angle
 from nsm_core.signals import smooth_step
@@ -30,6 +29,7 @@ FRICTION, SWING_SLOWS, SWING_GAINS, SWING_BRAKES = 1.2, 3.0, 4.0, 8.0
 SLIP_FRAMES, PAST_EDGE = 5, 0.08  # in which a hand slides off a pulled leaf, and metres beyond its free edge where it is off
 # Who pulls a leaf by a handle that goes out of reach goes on by its free edge: metres from the edge, height, and frames to get there.
 EDGE_IN, EDGE_HEIGHT, EDGE_FRAMES = 0.03, 1.1, 12
+WIDE_OPEN = np.radians(95)  # where a leaf comes to rest
 WIDEST = np.radians(125)
 SHOVED, SHOVED_BACK = 5.0, 2.0  # radians a second at which a body shoves a leaf that it would else go through, open or back
 NARROW = 0.2  # metres: half a body that faces the edge of a leaf swinging past it

@@ -7,14 +7,13 @@ import numpy as np
 from nsm_core.body.contacts import HEEL_FROM_ANKLE, TOES, detect_foot_contacts
 from nsm_core.body.skeleton import FEET, HIPS, INDEX, TOE_HEIGHT
 from nsm_core.conventions import CONTACTS, FPS, HAND_CONTACTS, HIP_CONTACT, STYLES
+from nsm_core.distances import IDLE_TO_WALK, WALK_TO_RUN
 from nsm_core.rotations import Array, quat_rotate, rotate_planar
 from nsm_core.signals import gaussian_smooth, intervals
 
 from .hand_rules import carries, reaches
 from .measures import MeasuredMotion, Span, first_of, hold_while, inside_clip, rate
 
-# A ramp between two paces lies between these speeds, metres a second; the state changes in their middle.
-IDLE_WALK, WALK_RUN = (0.12, 0.47), (1.8, 2.5)
 MIN_STATE = 0.4  # seconds that a pace lasts at least
 MAX_RAMP = 0.75  # seconds on either side of a change of pace
 # Share of the body's mass and where it lies: between two joints, by the fraction from the first.
@@ -77,9 +76,10 @@ def tidy(keys: list[Key]) -> list[Key]:
 def _paces(speed: Array, planted: Array) -> dict[str, list[Key]]:
     """Keys of idle, walk and run: states by speed with short ones taken back, and ramps where the speed changes.
 
+    A ramp between two paces lies between the two speeds of its change; the state changes in their middle.
     A body that moves while both feet stay where they are (``planted`` (T,)) does not walk.
     """
-    changes = [sum(pair) / 2 for pair in (IDLE_WALK, WALK_RUN)]
+    changes = [sum(pair) / 2 for pair in (IDLE_TO_WALK, WALK_TO_RUN)]
     state = np.digitize(speed, changes)
     for a, b in intervals(state == 1):
         if planted[a:b].mean() > 0.8:
@@ -96,9 +96,9 @@ def _paces(speed: Array, planted: Array) -> dict[str, list[Key]]:
     keys[STYLES[state[0]]].append((0, 1.0))
     for (first, edge), (_, last) in zip(runs, runs[1:], strict=False):
         before, after = int(state[edge - 1]), int(state[edge])
-        low, high = IDLE_WALK if min(before, after) == 0 else WALK_RUN
+        low, high = IDLE_TO_WALK if min(before, after) == 0 else WALK_TO_RUN
         if abs(after - before) == 2:
-            low, high = IDLE_WALK[0], WALK_RUN[1]
+            low, high = IDLE_TO_WALK[0], WALK_TO_RUN[1]
         rising = after > before
         room = round(MAX_RAMP * FPS)
         back, ahead = speed[max(first, edge - room) : edge], speed[edge : min(last, edge + room)]

@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from nsm_core.conventions import FPS
+from nsm_core.distances import IDLE_PERIOD
 from nsm_core.rotations import Array
 from nsm_core.signals import intervals
 
 Key = tuple[int, float]
-PERIOD = 1.0  # seconds of a cycle where nothing says otherwise
 _SHORTEST = 10  # frames between two landings of one foot; less is a stumble of the label
 
 
@@ -56,7 +56,7 @@ def _missed(landings: list[int]) -> set[int]:
 
 def _filled(keys: list[int], moving: Array, count: int) -> list[Key]:
     """Keys with cycles of about a second where there are none, up to both ends of the clip."""
-    period = PERIOD * FPS
+    period = IDLE_PERIOD * FPS
     if not keys:
         keys = [0]
     filled = [keys[0]]
@@ -95,12 +95,12 @@ def _unique(keys: list[Key]) -> list[Key]:
 def phase_of_keys(keys: list[Key], count: int) -> Array:
     """Unwrapped phase (count,) in cycles, float32, from keys; before the first and behind the last the period goes on."""
     if not keys:
-        return (np.arange(count) / (PERIOD * FPS)).astype(np.float32)
+        return (np.arange(count) / (IDLE_PERIOD * FPS)).astype(np.float32)
     frames, values = np.array([k for k, _ in keys]), np.array([v for _, v in keys])
     steps = np.diff(values) % 1.0
     steps[steps < 1e-6] = 1.0
     total = values[0] % 1.0 + np.concatenate(((0.0,), np.cumsum(steps)))
-    rates = steps / np.diff(frames) if len(steps) else np.array((1 / (PERIOD * FPS),))
+    rates = steps / np.diff(frames) if len(steps) else np.array((1 / (IDLE_PERIOD * FPS),))
     t = np.arange(count)
     phase = np.interp(t, frames, total)
     phase += np.minimum(t - frames[0], 0) * rates[0] + np.maximum(t - frames[-1], 0) * rates[-1]

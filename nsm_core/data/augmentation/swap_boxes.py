@@ -10,8 +10,9 @@ from nsm_core.body.skeleton import ARMS, FEET, forward_kinematics
 from nsm_core.body.thin_capsules import thin_spheres
 from nsm_core.conventions import FOOT_CONTACTS, FPS, HAND_CONTACTS
 from nsm_core.data.scenarios.take import ComposedTake, Thing
+from nsm_core.distances import CRATE_SIDE
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
-from nsm_core.world.assets.pool import CRATE_SIDE, Pool
+from nsm_core.world.assets.pool import Pool
 from nsm_core.world.scene.furniture import Furniture, box_mesh, carried_box, cuboids
 from nsm_core.world.scene.props import Box
 
@@ -86,7 +87,7 @@ class _Hold:
         meets = depth_in_solids((swept + poses[::4, None, :3], np.zeros(grid.shape[1])), self.rest)
         box: Box = carried_box(thing.furniture)
         held = thing.held[self.frames]
-        grasps = rotate_planar(np.repeat(box.grasps(self.face)[None], len(poses), axis=0), np.repeat(poses[:, None, 3], 2, axis=1))
+        grasps = rotate_planar(np.repeat(box.learned_grasps(self.face)[None], len(poses), axis=0), np.repeat(poses[:, None, 3], 2, axis=1))
         slips = np.linalg.norm(joints[:, _WRISTS] - grasps - poses[:, None, :3], axis=-1)[held].max()
         return joints, np.array((inside, depth_in_solids((centres, radii), self.rest))), meets, slips
 

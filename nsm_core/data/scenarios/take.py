@@ -10,6 +10,7 @@ import numpy as np
 from nsm_core.body.clip import smoothed_root
 from nsm_core.body.skeleton import forward_kinematics
 from nsm_core.conventions import CLIMB, DT, FOOT_CONTACTS, FPS, GOAL_ACTIONS, IDLE, RUN, SIT, WALK
+from nsm_core.distances import IDLE_TO_WALK, WALK_TO_RUN
 from nsm_core.model.features.state import KEY_OFFSETS, KEYS
 from nsm_core.rotations import Array, quat_to_matrix
 from nsm_core.signals import gaussian_smooth
@@ -112,15 +113,11 @@ class ComposedTake:
         return len(self.hips)
 
 
-# Root speeds, m/s, at which walking begins and is complete, and the same for running.
-WALKING, RUNNING = (0.12, 0.47), (1.8, 2.4)
-
-
 def styles_of(root: Array, labels: Array) -> Array:
     """Action labels (T, 7) by rule: idle, walk and run by root speed, shared by what sitting and climbing leave over."""
     speed = gaussian_smooth(np.linalg.norm(np.gradient(root, axis=0), axis=1) * FPS, 4.0)
     free = np.clip(1 - labels[:, SIT] - labels[:, CLIMB], 0, 1)
-    moving, running = (np.clip((speed - a) / (b - a), 0, 1) for a, b in (WALKING, RUNNING))
+    moving, running = (np.clip((speed - a) / (b - a), 0, 1) for a, b in (IDLE_TO_WALK, WALK_TO_RUN))
     styles = labels.astype(np.float32)
     styles[:, IDLE] = (1 - moving) * free
     styles[:, WALK] = moving * (1 - running) * free

@@ -14,6 +14,7 @@ from nsm_core.control.take import TakeRequest, TakeResult, roll
 from nsm_core.evaluation.measures.objects import foot_heights
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
+from nsm_core.world.affordances.standing import BEHIND_WALL
 from nsm_core.world.assets.pool import Pool
 from nsm_core.world.scene import furniture
 from nsm_core.world.scene.furniture import Furniture
@@ -32,7 +33,6 @@ SETTINGS = (
     ("low wall of 0.25 m", "low_wall", {"height": 0.25, "depth": 0.1}),
     ("low wall of 0.45 m", "low_wall", {"height": 0.45, "depth": 0.2}),
 )
-BEHIND = 0.6  # metres behind a low wall where one stands at the end
 NEAR, UPRIGHT = 0.35, 0.75  # metres: root from its place, and hips over the ground, that count as standing there
 FEET = 0.06  # metres that the higher foot may be off the ground it stands on
 # Centimetres that the joints of the feet, and the body at all, may be inside the piece: who walks through it does not climb.
@@ -79,7 +79,7 @@ def climb_goal(piece: Furniture, place: Array, turn: float, coming_from: Array, 
     heading = turn + quarter * np.pi / 2 + np.pi
     stand = np.append(place, 0.0 if wall else piece.size[2]).astype(np.float64)
     if wall:
-        stand[:2] += (half[1] + BEHIND) * heading_to_direction(np.array(heading))
+        stand[:2] += (half[1] + BEHIND_WALL) * heading_to_direction(np.array(heading))
     size = piece.size[[1, 0, 2]] if quarter % 2 else piece.size
     centre = np.append(place + rotate_planar(piece.centre[:2], np.float64(turn)), piece.centre[2])
     volume = interaction_sensor(furniture.cuboids([(piece, place, turn)]), centre, size, heading + np.pi)

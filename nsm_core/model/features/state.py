@@ -12,6 +12,7 @@ import numpy as np
 
 from nsm_core.body.skeleton import J
 from nsm_core.conventions import FPS, GOAL_ACTIONS, STYLES
+from nsm_core.distances import IDLE_PERIOD
 from nsm_core.rotations import Array
 
 KEYS = 13  # samples of the time series: one second back, now, one second ahead
@@ -76,13 +77,13 @@ class State:
 def standing_state(positions: Array, forward: Array, up: Array, root: Array) -> State:
     """State of characters at rest since forever: joints (B, J, 3), axes (B, J, 3), roots (B, 3).
 
-    Every sample is the current root, the label and the goal are idle, the idle phase runs at 1 Hz.
+    Every sample is the current root, the label and the goal are idle, the idle phase has its period.
     """
     n = len(positions)
     idle, idle_goal = np.zeros((n, 1, len(STYLES)), np.float32), np.zeros((n, KEYS, len(GOAL_ACTIONS)), np.float32)
     idle[..., STYLES.index("idle")] = 1
     idle_goal[..., GOAL_ACTIONS.index("idle")] = 1
-    phase = lambda offsets: np.repeat((offsets[None] / FPS % 1.0).astype(np.float32), n, axis=0)  # noqa: E731
+    phase = lambda offsets: np.repeat((offsets[None] / (IDLE_PERIOD * FPS) % 1.0).astype(np.float32), n, axis=0)  # noqa: E731
     root = root.astype(np.float32)
     goal = np.concatenate((root[:, :2], np.zeros((n, 1), np.float32)), axis=1)
     return State(

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsm_core.distances import HANDLE_ASIDE, HANDLE_STAND, PASS_BEYOND, PULL_BACK, TAKEN_AJAR
+from nsm_core.distances import HANDLE_ASIDE, HANDLE_STAND, PASS_BEYOND, PULL_BACK
 from nsm_core.rotations import Array, direction_to_heading, heading_to_direction, rotate_planar, wrap_angle
 from nsm_core.world.scene.props import Leaf
+
+TAKEN_AJAR = np.radians(40)  # angle of a leaf that is ajar up to which who pulls it goes round with it
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.distances import BODY_TO_BOX, WIDEST_BOX
+from nsm_core.distances import BODY_TO_BOX, CRATE_SIDE
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
 from nsm_core.world.geometry.distance import DistanceQuery
@@ -15,7 +15,8 @@ from nsm_core.world.scene.props import Box
 BODY_TO_EDGE = 0.21  # metres from the root of who reaches over an edge to that edge: thighs stay out of it
 FURTHEST = 0.32  # metres that a body leans over an edge beyond where it stands before a box at the edge
 TOES_CLEAR = 0.06  # metres that one stands further from a box on the floor: toes are longer than knees
-DEEPEST = 0.5  # metres of the deepest boxes of the data; to deeper ones the network comes too near
+WIDEST_BOX, HEAVIEST_SIDE = 0.6, 0.6  # metres across and in depth that two hands hold
+BEHIND_WALL = 0.6  # metres behind a low wall where one stands who has climbed over it
 BENDING = 0.7  # metres over the floor of the wrists below which one bends over a box, and into what is over it
 GIVE, LEAST_ROOM = 0.02, 0.05  # metres by which a place may touch other things; over a box that is moved under something, in or out
 HANDS = 0.01  # metres from the wrists that hold a box to what stands beside it
@@ -71,7 +72,7 @@ def further_off(
     ``of`` and tells lengths in units of ``scale`` metres.
     """
     low = float(centre[2]) - float(box.size[2]) / 2
-    toes = TOES_CLEAR + max(0.0, box.across(facing)[1] - DEEPEST) if low < FLOOR else 0.0
+    toes = TOES_CLEAR + max(0.0, box.across(facing)[1] - CRATE_SIDE[1]) if low < FLOOR else 0.0
     if solids is None:
         return toes
     what, edge = of or box.name, edge_before(box, facing, centre, heading, solids)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from nsm_core.distances import CRATE_SIDE
 from nsm_core.errors import GeometryError, OutputError
 from nsm_core.files import atomic_path
 from nsm_core.rotations import Array
@@ -46,7 +47,6 @@ SCALES = {
     "hole_wall": ((0.95, 1.25), (0.6, 1), (0.98, 1.05)),
 }
 SEAT_RANGE = (0.35, 0.55)  # heights of seats that are drawn, metres
-CRATE_SIDE = (0.2, 0.5)  # sides of boxes to carry, metres
 _FLATTEST_BOX = 0.12  # lids and trays are no boxes, metres
 SCALE_RANGE = (1e-4, 1e4)  # of a row of the index: millimetres to kilometres
 MESH_SHARE = 0.5  # of the draws where there are both meshes and parametric pieces

@@ -1,6 +1,7 @@
 """Things that a character moves: a box that follows its hands, the leaf of a door that turns about its hinge.
 
-A prop stays upright: its pose is x, y, z and a heading.  Data and takes place hands by the same functions.
+A prop stays upright: its pose is x, y, z and a heading.  Data and takes place hands by the same functions, but on boxes that are too
+large to be held as in the data.
 """
 
 from __future__ import annotations
@@ -9,20 +10,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from nsm_core.distances import (
-    BODY_TO_BOX,
-    GRIP_IN,
-    GRIP_UNDER_TOP,
-    WRIST_BEHIND,
-    WRIST_BELOW,
-    WRIST_OFF_HANDLE,
-    WRIST_OFF_SIDE,
-)
+from nsm_core.distances import BODY_TO_BOX, BOX_READS, WRIST_BEHIND, WRIST_BELOW, WRIST_OFF_HANDLE, WRIST_OFF_SIDE
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.sensors.interaction import InteractionVolume, interaction_sensor
 
+# Of a box in takes, too tall or deep to be held as in the data: how far the wrists are under its top and behind its near face at
+# most, metres.
+GRIP_UNDER_TOP, GRIP_IN = 0.22, 0.11
 
 @dataclass
 class Prop:
@@ -90,7 +86,7 @@ class Box(Prop):
         """The interaction sensor's reading: hands hold the bounding box, so a bin or a basket reads as one that is full."""
         read = super().sensed()
         centre = (read.centre + self.shown).astype(np.float32)
-        return replace(read, centre=centre, occupancy=np.ones_like(self.volume.occupancy))
+        return replace(read, centre=centre, occupancy=np.full_like(self.volume.occupancy, BOX_READS))
 
     def across(self, facing: float) -> tuple[float, float]:
         """Width and depth as seen by a carrier whose heading is ``facing`` in the box's frame (a multiple of 90 degrees)."""
@@ -98,10 +94,18 @@ class Box(Prop):
         return (float(self.size[1]), float(self.size[0])) if sideways else (float(self.size[0]), float(self.size[1]))
 
     def grasps(self, facing: float) -> Array:
-        """Places (2, 3) of the right and the left wrist, box frame, for a carrier of heading ``facing`` in that frame."""
-        width, depth = self.across(facing)
-        behind = max(WRIST_BEHIND, depth / 2 - GRIP_IN)
-        places = [(sign * (width / 2 + WRIST_OFF_SIDE), behind, self.grip_height) for sign in (-1.0, 1.0)]
+        """Places (2, 3) of the right and the left wrist, box frame, for a carrier of heading ``facing`` in that frame.
+
+        Large boxes are held higher and nearer their front than in the data: the network is shown them ``raised`` for that.
+        """
+        return self._places(facing, max(WRIST_BEHIND, self.across(facing)[1] / 2 - GRIP_IN), self.grip_height)
+
+    def learned_grasps(self, facing: float) -> Array:
+        """Places (2, 3) as ``grasps``, where all bodies of the data hold boxes, and so the network's hands on the one it is shown."""
+        return self._places(facing, WRIST_BEHIND, -WRIST_BELOW * float(self.size[2]))
+
+    def _places(self, facing: float, behind: float, height: float) -> Array:
+        places = [(sign * (self.across(facing)[0] / 2 + WRIST_OFF_SIDE), behind, height) for sign in (-1.0, 1.0)]
         return rotate_planar(np.array(places), np.float64(facing))
 
     @property

@@ -9,6 +9,7 @@ import numpy as np
 from nsm_core.data.matching.segment import Segment
 from nsm_core.data.matching.selection import load_bends
 from nsm_core.data.scenarios.session import Session
+from nsm_core.distances import CRATE_SIDE
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_angle
 from nsm_core.world.planning.path import Course
 from nsm_core.world.scene.furniture import Furniture, box_mesh, carried_box
@@ -19,7 +20,6 @@ from .pick_up import choose, lay_bend
 from .supports import Support, draw_support
 
 NAME = "carry"
-SIDE = (0.2, 0.5)  # metres, sides of a box that is carried
 _NEAR = (1.5, 2.2)  # metres from the end: a way with a box is asked for by its end from here on
 
 
@@ -60,7 +60,7 @@ def lay(session: Session) -> CarryEpisode | None:
 def draw_box(session: Session) -> tuple[Box, Furniture]:
     """A box of sides that one carries, from the pool, and its shape about its centre."""
     piece = session.draw("crate")
-    scale = np.clip(piece.size, *SIDE) / piece.size
+    scale = np.clip(piece.size, *CRATE_SIDE) / piece.size
     mins, maxs = ((m - piece.centre) * scale for m in (piece.mins, piece.maxs))
     centred = Furniture("crate", *box_mesh(mins, maxs), mins, maxs, None)
     return carried_box(centred), centred
@@ -143,7 +143,7 @@ def bend_to(session: Session, box: Box, face: float, support: Support | None, ce
         ahead = np.array((rng.normal(0, 0.012), -box.stand_off(face) - rng.uniform(-0.015, 0.03)))
         centre = np.append(root + rotate_planar(ahead, np.float64(facing)), under + height / 2)
     local = rotate_planar(np.append(centre[:2] - root, centre[2]), np.float64(-tape.headings[-1]))
-    grasps = local + rotate_planar(box.grasps(face), np.float64(-face + facing - tape.headings[-1]))
+    grasps = local + rotate_planar(box.learned_grasps(face), np.float64(-face + facing - tape.headings[-1]))
     low, high = local - (width / 2, depth / 2, height / 2), local + (width / 2, depth / 2, height / 2)
     if support is not None:
         low, high = low - (0.5, 0, 0), high + (0.5, support.edge, 0)

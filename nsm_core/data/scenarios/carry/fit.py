@@ -66,7 +66,7 @@ def fit_hands(carry: CarryEpisode, motion: Motion) -> None:
     motion.things[carry.thing].poses[span] = poses
     motion.things[carry.thing].poses[last:] = poses[-1]
     facing = poses[:, 3] + carry.face
-    own = np.broadcast_to(carry.box.grasps(carry.face), (len(poses), 2, 3))
+    own = np.broadcast_to(carry.box.learned_grasps(carry.face), (len(poses), 2, 3))
     grasps = rotate_planar(own, poses[:, None, 3]) + poses[:, None, :3]
     n = np.arange(first, last)
     lead = min(_LEAD, t.touch - t.start)
