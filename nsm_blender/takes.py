@@ -20,6 +20,7 @@ from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner
 from nsm_core.conventions import FPS
 from nsm_core.errors import GoalError, NsmError, SkeletonError
+from nsm_core.model.features.meaning import remark
 from nsm_core.model.inference import model as inference_model
 from nsm_core.rotations import Array
 from nsm_core.world.actions import require_learned
@@ -118,7 +119,9 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference_model.Mode
     runner = yield from _waited("Planning the ways", lambda _: TakeRunner(model, request))
     result = yield from _growing(runner, frame, things)
     yield Progress("Keying", 1.0)
-    return (yield from key_and_check(spec, scene, request, result, frame, things))
+    take = yield from key_and_check(spec, scene, request, result, frame, things)
+    take.report["warnings"] += remark(model.metadata)
+    return take
 
 
 def key_and_check(

@@ -13,9 +13,10 @@ torch = pytest.importorskip("torch", reason="training needs PyTorch")
 
 from nsm_core.body.skeleton import FEET, INDEX
 from nsm_core.conventions import STYLES
-from nsm_core.data.storage import Dataset
+from nsm_core.data.storage import Dataset, require_meaning
 from nsm_core.model.features.codec import build_targets, read_outputs
 from nsm_core.model.features.layout import GATING, INPUT, OUTPUT
+from nsm_core.model.features.meaning import meaning
 from nsm_core.model.features.rollout_step import advance
 from nsm_core.model.features.state import State
 from nsm_core.model.inference.model import load_model
@@ -50,7 +51,8 @@ def trained(data, tmp_path_factory) -> tuple[Trainer, list[float], np.ndarray]:
     """A trainer after a few steps, its loss on fixed frames before and after, the losses of its steps."""
     torch.set_num_threads(1)
     trainer = trainer_of(data)
-    trainer.stance = json.loads((captures.data_folder(tmp_path_factory) / "data.json").read_text())["stance"]
+    folder = captures.data_folder(tmp_path_factory)
+    trainer.stance, trainer.meaning = json.loads((folder / "data.json").read_text())["stance"], require_meaning(folder)
     batch = trainer.batches.from_data(300)
     before = loss_of(trainer, batch)
     losses = np.array([trainer.train_step() for _ in range(STEPS)])
@@ -111,7 +113,7 @@ def test_exported_weights_load_without_torch_and_predict_the_same(trained, tmp_p
     assert m["seeds"] == {"data": 4, "training": 4} and {"idle", "walk"} <= set(m["actions"]) and m["credits"]
     assert m["actions"] == [name for name in STYLES if name in m["actions"]]
     assert np.shape(m["stance"]["local_rotations"]) == (23, 4) and 0.8 < m["stance"]["hips_height"] < 1.1
-    assert "1.5 minutes" in m["data"]
+    assert "1.5 minutes" in m["data"] and m["meaning"] == meaning()
 
 
 def batches_of(data, pool: int = 64, **settings) -> Batches:

@@ -8,6 +8,7 @@ from pathlib import Path
 from nsm_core.evaluation.measures.data_baseline import slide_of_data
 from nsm_core.evaluation.report import evaluate, held_back, run_stress, tables, write
 from nsm_core.evaluation.trials.suite import PARTS
+from nsm_core.model.features.meaning import remark
 from nsm_core.model.inference.model import load_model
 
 
@@ -29,10 +30,13 @@ def main(arguments: list[str]) -> int:
     unknown = [name for name in only if name not in PARTS]
     if unknown:
         parser.error(f"there is no part {', '.join(unknown)}; choose from {', '.join(PARTS)}")
+    model = load_model(a.weights, backend="numpy")  # a bad file is told here, not by workers
+    for note in remark(model.metadata):
+        print(f"note: {note}", flush=True)
     if a.sheets:
         from .pictures.sheets import draw  # needs matplotlib
 
-        draw(load_model(a.weights, backend="numpy"), a.sheets, only, held_back(a.assets))
+        draw(model, a.sheets, only, held_back(a.assets))
         return 0
     result = evaluate(a.weights, only, a.starts, a.workers, not a.no_ablation, a.assets)
     if a.data:

@@ -10,7 +10,7 @@ from pathlib import Path
 import torch
 
 from nsm_core.data.export import export
-from nsm_core.data.storage import Dataset
+from nsm_core.data.storage import Dataset, require_meaning
 from nsm_core.model.networks.config import NsmConfig
 from nsm_core.model.networks.memory import keep_freed_memory
 from nsm_core.training.batches import RolloutSettings
@@ -71,6 +71,7 @@ def main(arguments: list[str]) -> int:
             tell=lambda note: print(f"note: {note}", flush=True),
         )
         print()
+    meaning = require_meaning(folder)
     keep_freed_memory()
     torch.set_num_threads(a.threads)
     checkpoint, log = run / "checkpoint.pt", Log(run / "log.csv")
@@ -83,7 +84,7 @@ def main(arguments: list[str]) -> int:
         fresh = FreshTakes(a.captures, a.objects, str(folder / "objects.npz"), first, settings.fresh.slots, settings.stitched)
     trainer = Trainer(Dataset.open(folder), settings, NsmConfig(), seed_offset=done, fresh=fresh)
     about = (folder / "data.json").read_bytes()
-    trainer.stance = json.loads(about)["stance"]
+    trainer.stance, trainer.meaning = json.loads(about)["stance"], meaning
     started_from = Path(a.start_from).name if a.start_from else ""
     trainer.origin = {"data_version": hashlib.sha256(about).hexdigest()[:16], "started_from": started_from}
     if resumed:

@@ -11,10 +11,11 @@ import numpy as np
 
 from nsm_core.body.clip import MIRRORED
 from nsm_core.conventions import INTERACTIONS
-from nsm_core.distances import SEAT_MEMORY
+from nsm_core.distances import BOX_READS, SEAT_MEMORY
 from nsm_core.errors import CaptureError
 from nsm_core.files import output
 from nsm_core.model.features.layout import CELLS
+from nsm_core.model.features.meaning import meaning
 from nsm_core.rotations import Array
 from nsm_core.world.assets.pool import Pool
 from nsm_core.world.scene.furniture import cuboids
@@ -65,7 +66,7 @@ def _objects(take: ComposedTake, which: Array) -> tuple[Array, Array, Array, Arr
         volume = interaction_sensor(cuboids([(f, np.zeros(3), 0.0)]), f.centre, f.size, 0.0)
         cells[n] = volume.cells_world()
         # What is carried reads as a full box, as in takes (``props.Box.sensed``).
-        occupancy[n] = 1 if thing.held is not None and f.kind != "leaf" else volume.occupancy
+        occupancy[n] = BOX_READS if thing.held is not None and f.kind != "leaf" else volume.occupancy
         mine = which == n
         poses[mine] = thing.track(len(take))[mine]
         if thing.held is not None and f.kind != "leaf":  # a leaf stays on its hinge, however the body strays
@@ -187,9 +188,8 @@ def export(
         for f in files.values():
             f.close()
     with output(out / "data.json", "The training data") as temporary:  # what vouches for the arrays beside it
-        temporary.write_text(
-            json.dumps({"frames": frames, "objects": objects, "seed": seed, "stance": stance(captures), "takes": provenance})
-        )
+        about = {"frames": frames, "objects": objects, "seed": seed, "stance": stance(captures), "meaning": meaning()}
+        temporary.write_text(json.dumps({**about, "takes": provenance}))
     return out
 
 

@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 
 from nsm_core.conventions import DT, STYLES
+from nsm_core.distances import IDLE_PERIOD
 from nsm_core.errors import CaptureError
 from nsm_core.model.features.codec import SensorReading, no_object
 from nsm_core.model.features.layout import CELLS, ENVIRONMENT
+from nsm_core.model.features.meaning import Meaning, differences, sentence_part
 from nsm_core.model.features.state import KEY_STEP, KEYS, WINDOW, State
 from nsm_core.rotations import Array, rotate_planar
 from nsm_core.validate import read_text, table, whole
@@ -46,7 +48,8 @@ OBJECT_FIELDS = ("object_cells", "object_occupancy")
 def described(folder: str | Path) -> dict[str, Any]:
     """What ``data.json`` says of the arrays beside it, its numbers checked; CaptureError where it is missing or damaged.
 
-    ``frames`` and ``objects`` count rows, ``stance`` is how the captures stand and ``takes`` what each is made of.
+    ``frames`` and ``objects`` count rows, ``stance`` is how the captures stand, ``meaning`` what was in force when the data were
+    composed (data of older versions do not tell) and ``takes`` what each is made of.
     """
     path = Path(folder) / "data.json"
     if not path.is_file():
@@ -56,11 +59,20 @@ def described(folder: str | Path) -> dict[str, Any]:
         table(meta, "data.json", CaptureError)
         for key in ("frames", "objects"):
             whole(meta.get(key), f"data.json: {key}", CaptureError, 0, MOST_ROWS)
-        for key in ("stance", "takes"):
+        for key in ("stance", "meaning", "takes"):
             table(meta.get(key, {}), f"data.json: {key}", CaptureError)
     except (CaptureError, ValueError, RecursionError) as error:
         raise CaptureError(f"{folder} holds no finished training data (data.json is damaged); compose it again.") from error
     return meta
+
+
+def require_meaning(folder: str | Path) -> Meaning | None:
+    """What the data in ``folder`` mean, None where they do not tell; CaptureError where this version composes other data."""
+    told = described(folder).get("meaning")
+    found = [*differences(told, "features"), *differences(told, "distances")]
+    if found:
+        raise CaptureError(f"{folder} holds training data composed with {sentence_part(found)}; compose it again in another folder.")
+    return told
 
 
 def empty_arrays(frames: int, objects: int) -> dict[str, Array]:
@@ -124,7 +136,7 @@ class Dataset:
             a["joint_velocity"][frames],
             a["root"][past],
             a["style"][past],
-            (a["phase"][past] + before * DT) % 1.0,
+            (a["phase"][past] + before * DT / IDLE_PERIOD) % 1.0,
             a["root"][future],
             a["style"][future],
             a["phase"][future] % 1.0,

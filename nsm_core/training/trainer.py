@@ -14,6 +14,7 @@ from nsm_core.data.storage import Dataset
 from nsm_core.errors import WeightsError
 from nsm_core.files import output
 from nsm_core.model.features.layout import layout_description
+from nsm_core.model.features.meaning import Meaning
 from nsm_core.model.inference.weights_file import save_weights
 from nsm_core.model.networks.config import NsmConfig
 from nsm_core.model.networks.nsm import NSM, STATISTICS
@@ -98,6 +99,7 @@ class Trainer:
         self.weights = torch.from_numpy(loss_weights())
         self.step = 0
         self.stance: dict[str, object] | None = None
+        self.meaning: Meaning | None = None  # of the data, if they tell it
         self.origin: dict[str, str] = {}  # what the data and the first weights were, for the metadata
         # What the data shows in more than a thousandth of its frames is offered.
         shown = data.arrays["style"].mean(axis=0) > 1e-3
@@ -204,5 +206,6 @@ class Trainer:
             training={**asdict(self.settings), "steps_done": self.step},
             actions=self.actions,
             stance=self.stance,
+            meaning=self.meaning,
             **self.origin,
         )

@@ -2,7 +2,7 @@
 
 Entries: ``metadata`` (UTF-8 JSON bytes), ``parameters/<name>`` in float16 and ``statistics/<name>`` in
 float32, named as in the torch module's state.  The metadata carries the feature layout, so that a network
-can never be fed with, or read by, another layout than the one it was trained on.
+can never be fed with, or read by, another layout than the one it was trained on, and what its data meant (``features.meaning``).
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from nsm_core import npz
 from nsm_core.body.skeleton import JOINTS
 from nsm_core.errors import WeightsError
 from nsm_core.files import output
+from nsm_core.model.features.meaning import Meaning, differences, meaning_hash, sentence_part
 from nsm_core.rotations import Array
 from nsm_core.validate import is_number, listed, number, shown, table, text
 
@@ -68,12 +69,13 @@ def save_weights(
     credits: Sequence[str] = (),
     data: str = "",
     seeds: Mapping[str, int] | None = None,
+    meaning: Meaning | None = None,
     **more: Any,
 ) -> Path:
     """Write a weights file, whole or not at all.
 
-    ``parameters`` are stored in half precision, ``statistics`` in single; ``credits`` name the captures the
-    network learned from and ``data`` their version; ``more`` joins the metadata and must suit JSON.
+    ``parameters`` are stored in half precision, ``statistics`` in single; ``credits`` name the captures the network learned from,
+    ``data`` their version and ``meaning`` what they meant, if that is known; ``more`` joins the metadata and must suit JSON.
     Raises WeightsError on values that are not numbers or too large for half precision, OutputError if the
     file cannot be written.
     """
@@ -102,6 +104,8 @@ def save_weights(
         "data": data,
         "seeds": dict(seeds or {}),
     }
+    if meaning is not None:
+        metadata |= {"meaning": meaning, "meaning_hash": meaning_hash(meaning)}
     entries["metadata"] = np.frombuffer(json.dumps(metadata, indent=1).encode(), dtype=np.uint8)
     with output(path, "The weights") as temporary, open(temporary, "wb") as file:
         np.savez(file, **entries)
@@ -111,8 +115,9 @@ def save_weights(
 def load_weights(path: str | Path, layout: Layout | None = None) -> Weights:
     """Read a weights file; all arrays come back as float32, finite, and deviations above zero.
 
-    With ``layout``, the file's feature layout must equal it.  Nothing is allocated that the file does not hold.  Raises
-    WeightsError if the file is missing, truncated, damaged, foreign, of a newer format or of another layout.
+    With ``layout``, the file's feature layout must equal it, and its features must mean what they mean here, if it tells what
+    they do.  Nothing is allocated that the file does not hold.  Raises WeightsError if the file is missing, truncated, damaged,
+    foreign, of a newer format, of another layout or of features of another meaning.
     """
     path = Path(path)
     entries = _read(path)
@@ -120,6 +125,8 @@ def load_weights(path: str | Path, layout: Layout | None = None) -> Weights:
     if layout is not None and metadata.get("layout") != plain_layout(layout):
         difference = _difference(metadata.get("layout"), layout)
         raise WeightsError(f"{path} was trained on another feature layout ({difference}); train it again.")
+    if layout is not None and (other := differences(metadata.get("meaning"), "features")):
+        raise WeightsError(f"{path} was trained with {sentence_part(other)}; train it again.")
     groups: dict[str, dict[str, Array]] = {"parameters": {}, "statistics": {}}
     for key, values in entries.items():
         group, _, name = key.partition("/")
@@ -182,6 +189,8 @@ def _metadata(path: Path, stored: Array | None) -> dict[str, Any]:
         for key in ("credits", "actions"):
             for line in listed(metadata.get(key, []), key, WeightsError):
                 text(line, f"an entry of {key}", WeightsError)
+        if "meaning" in metadata and meaning_hash(table(metadata["meaning"], "meaning", WeightsError)) != metadata.get("meaning_hash"):
+            raise WeightsError("meaning is not what its meaning_hash was made of.")
         if (stance := metadata.get("stance")) is not None:
             _check_stance(stance)
     except WeightsError as error:
