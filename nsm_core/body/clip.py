@@ -21,13 +21,15 @@ MIRRORED = "~"  # ends the name of a mirror image
 class Clip:
     """Hips positions (T, 3), metres, world, and parent-relative rotations (T, J, 4) at 30 Hz.
 
-    ``notes`` are sentences on what its file says other than it was read.
+    ``notes`` are sentences on what its file says other than it was read.  ``phase`` (T, 2): cycles of the clip and of its mirror
+    image, where somebody says them; None where they follow from the motion.
     """
 
     name: str
     hips_position: Array
     local_rotations: Array
     notes: tuple[str, ...] = field(default=(), compare=False)
+    phase: Array | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         """Check shapes and numbers; CaptureError says what is wrong."""
@@ -53,10 +55,11 @@ class Clip:
     def mirrored(self) -> Clip:
         """Return the clip reflected left to right."""
         hips, rotations = mirror(self.hips_position, self.local_rotations)
-        return Clip(self.name + MIRRORED, hips, rotations)
+        return Clip(self.name + MIRRORED, hips, rotations, phase=None if self.phase is None else self.phase[:, ::-1])
 
     def __getitem__(self, frames: slice) -> Clip:
-        return replace(self, hips_position=self.hips_position[frames], local_rotations=self.local_rotations[frames])
+        phase = None if self.phase is None else self.phase[frames]
+        return replace(self, hips_position=self.hips_position[frames], local_rotations=self.local_rotations[frames], phase=phase)
 
 
 def transform(hips_position: Array, local_rotations: Array, position: Array, heading: Array) -> tuple[Array, Array]:

@@ -40,7 +40,7 @@ def with_phase(sheet: Sheet, measured: dict[str, list], kept: list[str]) -> Shee
     """The sheet with measured phases in place of those by rule, except where a person's own stand."""
     for name, keys in measured.items():
         if name not in kept:
-            sheet = replace(sheet.with_section(name, keys), proposal=sheet.proposal | {name: fingerprint(keys)})
+            sheet = replace(sheet.with_section(name, keys), proposal=sheet.proposal | {name: fingerprint(keys), f"{name}.by": "pae"})
     return sheet
 
 
@@ -85,8 +85,8 @@ def main(arguments: list[str]) -> int:
         mine = f"; kept your {', '.join(kept)}" if kept else ""
         for note in clip.notes:
             print(f"{path.relative_to(options.folder)}: note: {note}")
-        goals = ", ".join(dict.fromkeys(g.action for g in sheet.goals))
-        print(f"{path.relative_to(options.folder)}: {len(clip) / FPS:.1f} s, goals {goals}{mine}")
+        held = [name for k, name in enumerate(STYLES) if annotation.style[:, k].max() > 0.5]
+        print(f"{path.relative_to(options.folder)}: {len(clip) / FPS:.1f} s, {', '.join(held)}{mine}")
     share = ", ".join(f"{name} {seconds[name] / 60:.2f}" for name in STYLES)
     print(f"{len(done)} clips annotated, {failed} not read; minutes: {share}")
     return 1 if failed else 0

@@ -7,7 +7,7 @@ import struct
 
 import numpy as np
 import pytest
-from captures import walk
+from captures import sit, walk
 from fuzzing import survives
 
 from nsm_core.body.clip import Clip
@@ -63,7 +63,7 @@ def test_mappings(tmp_path):
 
 @pytest.fixture(scope="module")
 def sheet_text(tmp_path_factory):
-    clip = Clip("walk", *(a.astype(np.float32) for a in walk(2.0, 0.0, 2.2)))
+    clip = Clip("walk", *(a.astype(np.float32) for a in sit()))
     path = tmp_path_factory.mktemp("sheets") / "walk.nsm.toml"
     sidecar.write(path, *propose(clip))
     return path.read_bytes()
@@ -79,10 +79,9 @@ def test_sidecars(tmp_path, sheet_text):
         if sheet.frames > 10_000:  # who computes holds it against the clip first
             return
         a = arrays_of(sheet)
-        for name in ("style", "contact", "phase", "phase_mirrored", "goal_action", "goal_heading", "goal_ahead"):
+        for name in ("style", "contact", "phase", "phase_mirrored"):
             assert np.isfinite(getattr(a, name)).all(), name
-        assert np.isfinite(a.goal_place[a.goal_static]).all() and (np.abs(a.goal_heading) < 100).all()
-        assert (a.goal_action.sum(1) > 0).all()
+        assert all(g.place is None or np.isfinite(g.place).all() for g in a.goals)
         again = tmp_path / "again.nsm.toml"
         sidecar.write(again, sheet)
         assert [g.action for g in sidecar.read(again).goals] == [g.action for g in sheet.goals]

@@ -175,8 +175,8 @@ def test_sits_that_begin_or_end_seated_or_walk_are_left_out():
         return sit_downs(Labelled(clip, sidecar.Sheet("made", len(clip), {"sit": keys}, {}, [], [], [])))
 
     keys = [(30, 0.0), (72, 1.0), (132, 1.0), (174, 0.0)]
-    ((cut, down, up),) = sits(clip, keys)
-    assert (cut.name, down, up, len(cut)) == ("made@30", 42, 102, 145)
+    (found,) = sits(clip, keys)
+    assert (found.clip.name, found.down, found.up, len(found.clip)) == ("made@30", 42, 102, 145)
     assert not sits(clip, [(0, 1.0), *keys[2:]]) and not sits(clip, keys[:3])
     assert not sits(clip, [(60, 0.0), *keys[1:]])  # not upright before
     drift = np.linspace(0, 0.6, len(clip), dtype=np.float32)[:, None] * (1, 0, 0)

@@ -8,7 +8,7 @@ import numpy as np
 
 from nsm_core.body.clip import Clip, smoothed_root
 from nsm_core.body.skeleton import HIPS, INDEX, JOINTS, PARENTS
-from nsm_core.conventions import CONTACTS, FPS, GOAL_ACTIONS, STYLES
+from nsm_core.conventions import CONTACTS, FPS, STYLES
 from nsm_core.errors import OutputError
 from nsm_core.files import output
 from nsm_core.rotations import Array, rotate_planar
@@ -92,14 +92,11 @@ def _stick_figures(row, clip: Clip) -> None:
 
 
 def _goals(row, annotation: Annotation) -> None:
-    """Bars of the goals in force, with their places."""
-    count = len(annotation)
-    state = np.concatenate((annotation.goal_action, annotation.goal_static[:, None], np.nan_to_num(annotation.goal_place)), axis=1)
-    edges = [0, *(np.flatnonzero(np.abs(np.diff(state, axis=0)).max(1) > 1e-6) + 1), count]
-    for n, (a, b) in enumerate(zip(edges, edges[1:], strict=False)):
-        names = [name for k, name in enumerate(GOAL_ACTIONS) if annotation.goal_action[a, k] > 0.5]
-        row.barh(0, b - a, left=a, height=0.8, color=COLOURS[names[-1]] if names else "#eee", alpha=0.45, edgecolor="white")
-        where = "ahead" if not annotation.goal_static[a] else "({:.1f}, {:.1f}, {:.2f})".format(*annotation.goal_place[a])
-        row.text(a + 1, 0.24 - 0.24 * (n % 3), f"{'+'.join(names)} {where}", fontsize=7.5, va="center", clip_on=True)
+    """Bars of the goals in force, from their frame to the next one's, with their places."""
+    goals = annotation.goals
+    for n, (goal, end) in enumerate(zip(goals, [*(g.frame for g in goals[1:]), len(annotation)], strict=True)):
+        row.barh(0, end - goal.frame, left=goal.frame, height=0.8, color=COLOURS[goal.action.split("+")[-1]], alpha=0.45, edgecolor="white")
+        where = "" if goal.place is None else " ({:.1f}, {:.1f}, {:.2f})".format(*goal.place)
+        row.text(goal.frame + 1, 0.24 - 0.24 * (n % 3), goal.action + where, fontsize=7.5, va="center", clip_on=True)
     row.set_yticks([])
     row.set_ylabel("goal")

@@ -35,10 +35,11 @@ _HEADER = """\
 #           bends where both hands take a box; where other is on, or nothing is, the clip is not used.
 # contacts  0 or 1, kept until the next key frame.
 # phase     1 where a cycle ends (the left foot lands, a transition is over), even growth in between; phase_mirrored is for the clip
-#           mirrored left to right, where the right foot's landings count.
-# goals     what is asked for from `frame` on.  dynamic: to be where the root is `ahead` seconds later.  static: `place` in metres
-#           (x, y, z; for sit the hips, for carry the box's centre, for open the grip) and `facing` in degrees
-#           (0 faces -Y, counter-clockwise).  Actions of goals: {actions}, or two joined by +.
+#           mirrored left to right, where the right foot's landings count.  Changed, or measured (--phase pae), it is the phase of
+#           these frames wherever they are played on; else the rule finds it anew in what was composed.
+# goals     of sit-downs.  sit: `place` in metres (x, y, z) is where the seat asks for the hips, `facing` in degrees (0 faces -Y,
+#           counter-clockwise) which way; the seat is put there.  The goal after it, at its `frame`: from when on one is asked to
+#           rise.  Other actions' goals are drawn with the objects and ways that takes are composed of.
 """
 
 
@@ -81,6 +82,10 @@ class Sheet:
         """Names of the sections that a person changed, added or wrote since they were proposed."""
         return [n for n in SECTIONS if self.proposal.get(n) != fingerprint(self.section(n)) and (n in self.proposal or n in self.present)]
 
+    def says(self, name: str) -> bool:
+        """Whether a section says what the rules would not: a person's, or measured."""
+        return f"{name}.by" in self.proposal or name in self.edited()
+
 
 LABELS = (*STYLES, "other")  # of [actions]
 SECTIONS = (*(f"actions.{s}" for s in LABELS), *(f"contacts.{c}" for c in CONTACTS), "phase", "phase_mirrored", "goals")
@@ -101,7 +106,7 @@ def sidecar_of(clip: str | Path) -> Path:
 def write(path: Path, sheet: Sheet, comments: dict[int, str] | None = None) -> None:
     """Write a sidecar, whole or not at all; ``comments`` explain goals by their index.  OutputError where that cannot be done."""
     clip = _quoted(sheet.clip)
-    lines = [_HEADER.format(clip=clip[1:-1], frames=sheet.frames, actions=", ".join(GOAL_ACTIONS))]
+    lines = [_HEADER.format(clip=clip[1:-1], frames=sheet.frames)]
     lines += [f"clip = {clip}", f"frames = {sheet.frames}"]
     for name in SECTIONS[:-1]:
         lines += ["", f"[{name}]", *(f"{frame} = {_number(value)}" for frame, value in sheet.section(name))]
@@ -109,7 +114,7 @@ def write(path: Path, sheet: Sheet, comments: dict[int, str] | None = None) -> N
         remark = f"  # {_quoted(comments[n])[1:-1]}" if comments and n in comments else ""
         lines += ["", "[[goals]]", f"frame = {goal.frame}{remark}", f"action = {_quoted(goal.action)}"]
         if goal.place is None:
-            lines += ['kind = "dynamic"', f"ahead = {_number(goal.ahead)}"]
+            lines += ['kind = "dynamic"', *([f"ahead = {_number(goal.ahead)}"] if goal.ahead != 1 else [])]
         else:
             lines += ['kind = "static"', f"place = [{', '.join(map(_number, goal.place))}]", f"facing = {_number(goal.facing)}"]
     lines += ["", "[proposal]", *(f"{_quoted(name)} = {_quoted(mark)}" for name, mark in sheet.proposal.items()), ""]

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from nsm_core.body.clip import Clip
+from nsm_core.body.clip import Clip, smoothed_root
 from nsm_core.body.contacts import TOES
 from nsm_core.body.skeleton import HIPS
 from nsm_core.conventions import CONTACTS, FPS, HAND_CONTACTS
+from nsm_core.data.annotation.phases import phase_of_keys
 from nsm_core.data.captures.folder import Labelled
-from nsm_core.rotations import Array
+from nsm_core.data.captures.sidecar import SUFFIX
+from nsm_core.errors import CaptureError
+from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.signals import intervals
+
+from .segment import SitDown
 
 SHORTEST = 30  # frames of a stretch
 ABOUT_RUN = round(1.5 * FPS)  # frames before and after running that belong to a run
 UPRIGHT, RUNNING = 0.8, 0.6  # metres that the hips keep above the floor in walks, and in runs
 LEVEL = 0.09  # metres: height of the lower toe joint, at its lowest within a quarter of a second, on level ground
+AWAY = 0.3  # metres that a goal written by hand may lie from the hips that sit there
 SHUFFLE = 0.15  # metres that a foot moves at most during a sit
 _OTHERS = ("carry", "open", "sit", "climb", "other")
 
@@ -24,6 +32,18 @@ def lines(labelled: Labelled, name: str) -> Array:
     """Values (T,) of a label as the sidecar has them, without the shares that labels take from one another."""
     keys, frames = labelled.sheet.actions.get(name, []), np.arange(labelled.sheet.frames)
     return np.interp(frames, *zip(*keys, strict=True)) if keys else np.zeros(len(frames))
+
+
+def with_phase(labelled: Labelled) -> Labelled:
+    """The clip with the phase that its sidecar says; a proposal by rule is left to the rule, which sees the composed motion."""
+    sheet, count = labelled.sheet, len(labelled.clip)
+    told = [name for name in ("phase", "phase_mirrored") if sheet.section(name) and sheet.says(name)]
+    if not told:
+        return labelled
+    phase = np.full((count, 2), np.nan)
+    for name in told:
+        phase[:, int(name != "phase")] = phase_of_keys(sheet.section(name), count)  # type: ignore[arg-type]
+    return replace(labelled, clip=replace(labelled.clip, phase=phase))
 
 
 def _around(flags: Array, reach: int) -> Array:
@@ -53,13 +73,13 @@ def _cut(clip: Clip, flags: Array) -> list[Clip]:
 
 def part(clip: Clip, first: int, end: int) -> Clip:
     """Frames of a clip under a name that tells where they begin."""
-    return Clip(f"{clip.name}@{first}", clip.hips_position[first:end], clip.local_rotations[first:end])
+    return replace(clip[first:end], name=f"{clip.name}@{first}")
 
 
-def sit_downs(labelled: Labelled) -> list[tuple[Clip, int, int]]:
+def sit_downs(labelled: Labelled) -> list[SitDown]:
     """Cut out where the sit label rises from 0 to 1 and falls to 0, upright before and after, the feet in place.
 
-    Returns clips with the frames at which the label reaches and leaves 1.
+    Goals that a person wrote say where the seat is and when rising is asked for; CaptureError where the hips sit elsewhere.
     """
     clip, value, found = labelled.clip, lines(labelled, "sit"), []
     height = clip.hips_position[:, 2]
@@ -70,8 +90,34 @@ def sit_downs(labelled: Labelled) -> list[tuple[Clip, int, int]]:
         cut, down, up = part(clip, a - 1, b + 1), int(full[0]) - a + 1, int(full[-1]) - a + 1
         ends = min(height[a - 1], height[b])
         if ends > max(UPRIGHT, float(np.median(height[full])) + 0.15) and len(cut) >= SHORTEST and _stays(cut):
-            found.append((cut, down, up))
+            found.append(SitDown(cut, down, up, *_goal(labelled, a - 1, int(full[0]), int(full[-1]))))
     return found
+
+
+def _goal(labelled: Labelled, first: int, full: int, leave: int) -> tuple[Array | None, int | None]:
+    """What the goals of a sidecar, if they are a person's, say of the sit from ``full`` to ``leave``: see ``SitDown``."""
+    goals = labelled.sheet.goals if labelled.sheet.says("goals") else []
+    n = max((k for k, g in enumerate(goals) if g.frame <= full), default=-1)
+    if n < 0 or "sit" not in goals[n].action.split("+") or goals[n].place is None:
+        return None, None
+    hips, heading = sitting(labelled.clip, full, leave)
+    goal = goals[n]
+    off = np.asarray(goal.place) - hips
+    if np.linalg.norm(off) > AWAY:
+        raise CaptureError(
+            f"{labelled.clip.name}{SUFFIX}: the sit goal of frame {goal.frame} lies {np.linalg.norm(off):.1f} m from the hips that sit, "
+            f"at [{', '.join(f'{v:.2f}' for v in hips)}]; put it within {AWAY:g} m of them."
+        )
+    off[:2] = rotate_planar(off[:2], np.float64(-heading))
+    asked = next((g.frame for g in goals[n + 1 :] if full < g.frame), leave)
+    return np.append(off, wrap_angle(np.radians(goal.facing) - heading)), min(asked, leave) - first
+
+
+def sitting(clip: Clip, full: int, leave: int) -> tuple[Array, float]:
+    """Hips (3,), metres, and heading, radians, amid a sit that is complete from frame ``full`` to ``leave``."""
+    middle = (full + leave) // 2
+    positions = clip.world()[0]
+    return positions[middle, HIPS].astype(np.float64), float(smoothed_root(positions)[1][middle])
 
 
 def _stays(clip: Clip) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +12,13 @@ from nsm_core.body.contacts import detect_foot_contacts
 from nsm_core.body.ik.two_bone import place_wrists
 from nsm_core.body.skeleton import ARMS, FEET, HIPS, INDEX, forward_kinematics
 from nsm_core.conventions import FPS
-from nsm_core.data.captures.folder import labelled, name_in, read_capture, unlabelled
+from nsm_core.data.captures.folder import Labelled, labelled, name_in, read_capture, unlabelled
 from nsm_core.errors import CaptureError
 from nsm_core.rotations import Array, quat_normalize, rotate_planar
 from nsm_core.signals import align_quaternions, gaussian_smooth, intervals
 
-from .labelled import grasps, sit_downs, walks_and_runs
-from .segment import Segment
+from .labelled import grasps, sit_downs, walks_and_runs, with_phase
+from .segment import Segment, SitDown
 
 # Clips whose names hold one of these words are left out of level walking: they hop, skip, crouch or carry.
 _LEFT_OUT = tuple("hop skip leap jump crouch box run swing sway dribble pickup pick_up use_item talk interact push squat lift".split())
@@ -35,12 +35,16 @@ def _is_level_walk(clip: Clip) -> bool:
     return bool(hips[:, 2].min() > 0.8 and speed < 2.0)
 
 
+def _pieces(folder: str | Path) -> list[Labelled]:
+    return [with_phase(piece) for piece in labelled(folder)]
+
+
 def load_walks(folder: str | Path) -> list[Clip]:
     """Read the level idle and walking clips below the capture folder: by labels where there are sidecars, else by name and measure."""
     other = ("cmu_02_04", "cmu_02_05", "cmu_02_06", "cmu_02_07", "cmu_02_08", "cmu_02_09", "cmu_02_10", "cmu_06", "cmu_01_", "cmu_03_")
     paths = [p for p in unlabelled(folder, *_WALK_SOURCES) if not (p.parent.name == "cmu" and f"{name_in(p)}_".startswith(other))]
     named = [read_capture(p, folder) for p in paths]
-    return [c for c in named if _is_level_walk(c)] + [c for piece in labelled(folder) for c in walks_and_runs(piece)[0]]
+    return [c for c in named if _is_level_walk(c)] + [c for piece in _pieces(folder) for c in walks_and_runs(piece)[0]]
 
 
 _RUN_LEFT_OUT = tuple("hop skip leap jump crouch box side hop2 jump2 quick".split())
@@ -52,16 +56,7 @@ def load_runs(folder: str | Path) -> list[Clip]:
     paths = [p for p in unlabelled(folder, *_WALK_SOURCES) if any(r in p.stem for r in runs)]
     clips = [read_capture(p, folder) for p in paths if not any(word in p.stem for word in _RUN_LEFT_OUT)]
     clips = [c for c in clips if c.hips_position[:, 2].min() > 0.6]
-    return clips + [c for piece in labelled(folder) for c in walks_and_runs(piece)[1]]
-
-
-@dataclass(frozen=True)
-class SitDown:
-    """One captured sit-down and rise: stand at 0, seat reached at ``down``, left at ``up``, stand at the end."""
-
-    clip: Clip
-    down: int
-    up: int
+    return clips + [c for piece in _pieces(folder) for c in walks_and_runs(piece)[1]]
 
 
 # Frame of a quiet stand whose arms the sitters get: the chair captures have no hand markers and hold the arms folded.
@@ -117,13 +112,13 @@ def rest_hands_on_thighs(clip: Clip, arms: Array) -> Clip:
         rotations = place_wrists(clip.hips_position, rotations, side, (wrist + w * (thigh - wrist)).astype(np.float32))
     smooth = gaussian_smooth(align_quaternions(rotations[:, _ARM_JOINTS]), 2.0)
     rotations[:, _ARM_JOINTS] = quat_normalize(smooth)
-    return Clip(clip.name, clip.hips_position, rotations.astype(np.float32))
+    return replace(clip, local_rotations=rotations.astype(np.float32))
 
 
 def load_sits(folder: str | Path) -> list[SitDown]:
     """Cut out sit-downs that start and end standing: by labels where there are sidecars, else by name and height; may be empty."""
     sits: list[SitDown] = []
-    labels = [cut for piece in labelled(folder) for cut in sit_downs(piece)]
+    labels = [cut for piece in _pieces(folder) for cut in sit_downs(piece)]
     paths = [p for p in unlabelled(folder) if name_in(p) in _SIT_CLIPS]
     if not paths and not labels:
         return sits
@@ -145,7 +140,7 @@ def load_sits(folder: str | Path) -> list[SitDown]:
             start, end = int(before[-1]), int(up + after[0])
             cut = Clip(f"{clip.name}@{start}", clip.hips_position[start : end + 1], clip.local_rotations[start : end + 1])
             sits.append(SitDown(rest_hands_on_thighs(cut, arms), int(down - start), int(up - start)))
-    return sits + [SitDown(rest_hands_on_thighs(cut, arms), down, up) for cut, down, up in labels]
+    return sits + [replace(sit, clip=rest_hands_on_thighs(sit.clip, arms)) for sit in labels]
 
 
 _WORDS = ("pickupbox", "pick_up_box", "lift_box", "putdownbox", "put_down_box")
@@ -160,7 +155,7 @@ def load_bends(folder: str | Path) -> list[Segment]:
     """
     paths = [p for p in unlabelled(folder) if any(w in p.stem for w in _WORDS) and "run" not in p.stem]
     found = [(read_capture(p, folder), None) for p in paths]
-    found += [(piece.clip, frame) for piece in labelled(folder) for frame in grasps(piece)]
+    found += [(piece.clip, frame) for piece in _pieces(folder) for frame in grasps(piece)]
     halves: dict[str, Segment] = {}
     if not found:
         return []
@@ -179,7 +174,7 @@ def load_bends(folder: str | Path) -> list[Segment]:
             end = low + int(after[0])
             spans.append((int(bottom[bottom < end][-1]), end, -1))
         for first, last, way in spans:
-            half = Clip(f"{clip.name}@{first}", clip.hips_position[first : last + 1][::way], clip.local_rotations[first : last + 1][::way])
+            half = replace(clip[first : last + 1][::way], name=f"{clip.name}@{first}")
             if len(half) >= 20 and np.ptp(height[first : last + 1]) > _LEAST and _stands(half) and half.name not in halves:
                 halves[half.name] = Segment(hang_arms(half, arms), {})
     return list(halves.values())
@@ -202,4 +197,4 @@ def hang_arms(clip: Clip, neutral: Clip) -> Clip:
         wrist = (positions[:, arm[0]] + rotate_planar(offset[side], heading)).astype(np.float32)
         hand = np.repeat(world[:1, arm[2]], len(clip), axis=0)
         rotations = place_wrists(clip.hips_position, rotations, side, wrist, hand)
-    return Clip(clip.name, clip.hips_position, rotations.astype(np.float32))
+    return replace(clip, local_rotations=rotations.astype(np.float32))

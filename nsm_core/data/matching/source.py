@@ -48,7 +48,7 @@ def gather(folder: str | Path, segments: dict[str, list[Segment]]) -> Source:
     for name, pieces in segments.items():
         laid[name] = []
         for piece in [*pieces, *(p.mirrored() for p in pieces)]:
-            laid[name].append(LaidSegment(at, at + len(piece.clip), {k: at + v for k, v in piece.marks.items()}))
+            laid[name].append(LaidSegment(at, at + len(piece.clip), {k: at + v for k, v in piece.marks.items()}, piece.goal))
             clips.append(piece.clip)
             at += len(piece.clip)
     library = build_library(clips)

@@ -18,6 +18,7 @@ from nsm_core.conventions import FOOT_CONTACTS, FPS
 from nsm_core.data.matching.inertialization import place, soften_seam
 from nsm_core.data.matching.source import Source, gather
 from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul, quat_normalize, quat_to_rotvec
+from nsm_core.signals import intervals
 from nsm_core.world.assets.pool import Pool
 
 from . import single_clips
@@ -36,6 +37,8 @@ EPISODES: dict[str, ModuleType] = {"sit": sit_episode, "climb": climb_episode, "
 SHARES = {"sit": 0.38, "carry": 0.18, "open": 0.22, "climb": 0.14, "walk": 0.1, "run": 0.07}
 RESTING = 0.3  # m/s of a toe that still counts as standing
 SHORTEST = 90  # frames of a take
+SEAM = 4  # frames before and after a seam in which the phase of the one clip goes over into that of the next
+_SLOWEST, _FASTEST = 0.5, 2.0  # of the captured pace
 ATTEMPTS = 4  # draws for each part that is wanted
 
 
@@ -124,6 +127,7 @@ def _finish(session: Session, shortest: int) -> ComposedTake | None:
         motion.obstacles,
         motion.phase_keys,
         _provenance(session, frames),
+        _told_phase(session),
     )
     fixed = len(take.obstacles)
     furnish(take, motion.roots, session, rng)
@@ -150,6 +154,25 @@ def _played(session: Session) -> tuple[Array, Array, Array, Array]:
     heading = lib.heading[i] + w * (lib.heading[i + 1] - lib.heading[i])
     hips, rotations = place(hips, rotations, root, heading, np.array(tape.roots), np.array(tape.headings))
     return hips, rotations, lib.contacts[i].copy(), i
+
+
+def _told_phase(session: Session) -> Array | None:
+    """Phase (T,), cycles, as sidecars say it of the frames that are played on as captured; NaN elsewhere, None if nowhere.
+
+    About seams, and where a frame is held or played slowly or backward, the rule leads from one to the next.
+    """
+    lib, f = session.lib, np.array(session.tape.frames)
+    i = np.minimum(f.astype(int), len(lib) - 2)
+    phase = lib.phase[i] + (f - i) * (lib.phase[i + 1] - lib.phase[i])
+    if not np.isfinite(phase).any():
+        return None
+    step = np.diff(f)
+    played = (step > _SLOWEST) & (step < _FASTEST) & (np.diff(lib.clip_of[i]) == 0) & (np.diff(phase) > 0)
+    told = np.full(len(f), np.nan)
+    for a, b in intervals(played):
+        first, end = a + SEAM * (a > 0), b + 1 - SEAM * (b < len(played))
+        told[first:end] = phase[first:end]
+    return told
 
 
 def _ordered(commands: list[TimedCommand], session: Session) -> list[TimedCommand]:

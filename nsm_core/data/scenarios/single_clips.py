@@ -12,7 +12,7 @@ import numpy as np
 
 from nsm_core.conventions import FPS, IDLE, RUN, STYLES, WALK
 from nsm_core.data.matching.segment import LaidSegment
-from nsm_core.rotations import Array, heading_to_direction, rotate_planar
+from nsm_core.rotations import Array, heading_to_direction
 from nsm_core.world.scene.furniture import Furniture
 
 from .carry import episode as carry_episode
@@ -153,13 +153,12 @@ def _sit_on(session: Session, piece: Furniture, pieces: list[LaidSegment]) -> Si
     tape.hold(segment.first, session.lead(), 1, seam=False)
     episode = SitEpisode(piece, tape.roots[-1], mark)
     sit_episode.play(session, episode, segment, seam=False)
-    seat = piece.seat
-    episode.heading = tape.headings[episode.leaving - 1] - seat.heading
-    episode.position = tape.roots[episode.leaving - 1] - rotate_planar(seat.point[:2], np.float64(episode.heading))
+    episode.estimate(tape.roots[episode.leaving - 1], tape.headings[episode.leaving - 1])
     # Room to stand in before the seat, which nobody walks to here.
     ahead = heading_to_direction(np.array(tape.headings[episode.leaving - 1]))
     episode.places.append((tape.roots[episode.leaving - 1] + 0.5 * ahead, 1.0))
-    rising = session.command("idle", session.lead() + episode.rise - episode.leaving)
+    lead = session.lead() + episode.rise - episode.leaving
+    rising = session.command("idle", sit_episode.rise_asked(segment, lead))
     tape.run_on(np.arange(up, segment.last - 1, 1 / rng.uniform(0.85, 1.2)), seam=False)
     episode.risen = len(tape)
     _stand(session, rising, segment.last - 2)

@@ -97,6 +97,7 @@ class ComposedTake:
 
     ``hips`` (T, 3), ``rotations`` (T, J, 4), ``contacts`` (T, 5); ``labels`` (T, 7): ramps 0..1 of the actions with an object
     (``conventions.INTERACTIONS``), the other columns are filled by rule; ``things`` are sensed, ``obstacles`` only in the way.
+    ``phase`` (T,), cycles, where the captures' sidecars say it, NaN where it goes by rule; None: nowhere.
     """
 
     hips: Array
@@ -108,9 +109,13 @@ class ComposedTake:
     obstacles: list[Placed] = field(default_factory=list)
     phase_keys: list[int] = field(default_factory=list)
     provenance: list[Piece] = field(default_factory=list)
+    phase: Array | None = None
 
     def __len__(self) -> int:
         return len(self.hips)
+
+
+_SHORTEST_CYCLE = 10  # frames
 
 
 def styles_of(root: Array, labels: Array) -> Array:
@@ -125,26 +130,35 @@ def styles_of(root: Array, labels: Array) -> Array:
     return styles
 
 
-def phase_of(contacts: Array, walking: Array, transition_keys: list[int], count: int) -> Array:
+def phase_of(contacts: Array, walking: Array, transition_keys: list[int], count: int, told: Array | None = None) -> Array:
     """Unwrapped phase (T,) in cycles (section 5.1).
 
     A cycle ends at every left landing while walking and at the ends of acyclic transitions; in between the idle
-    phase runs at about 1 Hz.  ``contacts`` (T, 2) right and left foot, ``walking`` (T,) label.
+    phase runs at about 1 Hz.  ``contacts`` (T, 2) right and left foot, ``walking`` (T,) label.  Where a sidecar has ``told`` the
+    phase (T,), NaN elsewhere, that is it, and the rule fills what is left.
     """
+    known = np.zeros(count, bool) if told is None else np.isfinite(told)
+    near = np.convolve(known, np.ones(2 * _SHORTEST_CYCLE - 1), mode="same") > 0.5
     left = contacts[:, 1].astype(int)
     landings = [int(f) + 1 for f in np.flatnonzero(np.diff(left) > 0) if walking[f + 1] > 0.3]
-    keys = sorted({k for k in transition_keys if 0 <= k < count} | set(landings))
+    keys = sorted(k for k in {k for k in transition_keys if 0 <= k < count} | set(landings) if not near[k])
     merged: list[int] = []
     for k in keys:
         # Two landings within a third of a second are one stumble of the label, not two steps.
-        if merged and k - merged[-1] < 10:
+        if merged and k - merged[-1] < _SHORTEST_CYCLE:
             continue
         merged.append(k)
-    filled: list[int] = []
-    for a, b in zip([-FPS, *merged], [*merged, count + FPS], strict=True):
-        filled += list(np.round(np.linspace(a, b, max(1, round((b - a) / FPS / 1.25)) + 1)).astype(int)[:-1])
-    filled.append(count + FPS)
-    return np.interp(np.arange(count), filled, np.arange(len(filled))).astype(np.float32)
+    anchors = [(k, 0.0) for k in merged] + [(int(k), float(told[k] % 1)) for k in np.flatnonzero(known)]  # type: ignore[index]
+    at, phase = [-FPS], [0.0]
+    for frame, value in [*sorted(anchors), (count + FPS, 0.0)]:
+        # From value to value, and as many whole cycles more as the time between them holds.
+        part = (value - phase[-1]) % 1.0
+        whole = max(0 if part else 1, round((frame - at[-1]) / FPS / 1.25 - part))
+        pieces = max(whole, 1) + 1
+        frames, values = np.linspace(at[-1], frame, pieces), np.linspace(phase[-1], phase[-1] + part + whole, pieces)
+        at += list(np.round(frames).astype(int)[1:])
+        phase += list(values[1:])
+    return np.interp(np.arange(count), at, phase).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -172,7 +186,7 @@ def annotate(take: ComposedTake) -> Annotated:
     root, heading = smoothed_root(positions)
     style = styles_of(root, take.labels)
     feet = take.contacts[:, FOOT_CONTACTS]
-    phase = phase_of(feet, style[:, [WALK, RUN, CLIMB]].sum(axis=1), take.phase_keys, len(take))
+    phase = phase_of(feet, style[:, [WALK, RUN, CLIMB]].sum(axis=1), take.phase_keys, len(take), take.phase)
     command = np.searchsorted([c.frame for c in take.commands], np.arange(len(take)), side="right") - 1
     return Annotated(
         positions.astype(np.float32),

@@ -40,8 +40,15 @@ _AT_TABLE = ("chair", "chair", "stool")
 
 
 def segments(folder: str | Path) -> list[Segment]:
-    """Captured sit-downs: stand at 0, seat reached at "down", left at "up", stand at the end; without any, nobody sits."""
-    return [Segment(s.clip, {"down": s.down, "up": s.up}) for s in load_sits(folder)]
+    """Captured sit-downs: stand at 0, seat reached at "down", left at "up", stand at the end; without any, nobody sits.
+
+    "asked" is where a sidecar lets rising be asked for.
+    """
+    found = []
+    for s in load_sits(folder):
+        asked = {} if s.asked is None else {"asked": s.asked}
+        found.append(Segment(s.clip, {"down": s.down, "up": s.up, **asked}, s.goal))
+    return found
 
 
 @dataclass
@@ -65,6 +72,7 @@ class SitEpisode:
     back: int = 0  # frames in which one turns back before rising
     still: int = 0  # from here to ``leaving`` one rests
     goal: Array = field(default_factory=lambda: np.zeros(3))
+    aim: Array = field(default_factory=lambda: np.zeros(4))  # where the goal lies from the hips and their heading, see ``Segment``
     facing: float = 0.0
     solid: Cuboids | None = None  # the seat in the world
 
@@ -106,6 +114,8 @@ class SitEpisode:
             settled = self._turn_on_the_seat(motion)
         goal = motion.hips[settled].mean(axis=0).astype(np.float32)
         heading = self._heading(motion, settled)
+        goal += self._aimed(heading)
+        heading += float(self.aim[3])
         frame = motion.commands[self.mark].frame
         motion.commands[self.mark] = TimedCommand(frame, "sit", goal, heading, len(motion.things))
         thing = self._stand(goal, heading, motion.rng.normal(0, 0.01, 2))
@@ -123,6 +133,16 @@ class SitEpisode:
         keep_hands_off(motion, near, self.solid)
         if self.table is not None:
             motion.obstacles.append(self._push_table(motion))
+
+    def _aimed(self, heading: float) -> Array:
+        """From the hips that face ``heading`` to the goal, (3,) metres, world."""
+        return np.append(rotate_planar(self.aim[:2], np.float64(heading)), self.aim[2]).astype(np.float32)
+
+    def estimate(self, root: Array, heading: float) -> None:
+        """Where the seat will stand, before anything is fitted, under a body whose ``root`` (2,) faces ``heading``."""
+        seat = self.piece.seat
+        self.heading = heading + self.aim[3] - seat.heading
+        self.position = root + self._aimed(heading)[:2] - rotate_planar(seat.point[:2], np.float64(self.heading))
 
     def _stand(self, goal: Array, heading: float, off: Array) -> Thing:
         """The seat under hips at ``goal`` (3,) that face ``heading``, ``off`` (2,) metres from where they should be on it."""
@@ -185,7 +205,7 @@ class SitEpisode:
         positions, world = forward_kinematics(motion.hips, motion.rotations)
         ankles = [leg[2] for leg in FEET]
         seated = motion.hips[self.still : self.leaving].mean(axis=0)
-        rise_by = self.piece.seat.height + HIP_OVER_SEAT - seated[2]
+        rise_by = self.piece.seat.height + HIP_OVER_SEAT - seated[2] - float(self.aim[2])
         forward = heading_to_direction(np.array(motion.headings[self.leaving - 1]))
         shift = np.append(forward * motion.rng.uniform(-0.06, 0.05), rise_by).astype(np.float32)
         span = slice(self.start, self.risen)
@@ -230,7 +250,7 @@ def lay(session: Session) -> SitEpisode | None:
 
 
 def _lay(session: Session, piece: Furniture, sideways: bool) -> SitEpisode | None:
-    rng, tape, seat, size = session.rng, session.tape, piece.seat, piece.size
+    rng, tape, size = session.rng, session.tape, piece.size
     hips = session.free_place(0.9, 4.5, 0.5 + 0.5 * float(max(size[:2])))
     if hips is None:
         return None
@@ -256,8 +276,7 @@ def _lay(session: Session, piece: Furniture, sideways: bool) -> SitEpisode | Non
         sit.table = Placed(table, tape.roots[sit.leaving - 1], 0.0)
         sit.table = Placed(*sit._table_at(tape.roots[sit.leaving - 1], tape.headings[sit.leaving - 1] + sit.turn, sit.edge))
         sit.places.append((sit.table.position, 1.2))
-    sit.heading = tape.headings[sit.leaving - 1] + sit.turn - seat.heading
-    sit.position = tape.roots[sit.leaving - 1] - rotate_planar(seat.point[:2], sit.heading)
+    sit.estimate(tape.roots[sit.leaving - 1], tape.headings[sit.leaving - 1] + sit.turn)
     _rise(session, sit, segment)
     return sit
 
@@ -266,6 +285,7 @@ def play(session: Session, sit: SitEpisode, segment: LaidSegment, seam: bool, lo
     """Lay a captured sit-down, a rest on the seat, ``longer`` by so many seconds, and the way up to where the seat is left."""
     rng, lib, tape = session.rng, session.lib, session.tape
     down, up = segment.marks["down"], segment.marks["up"]
+    sit.aim = np.zeros(4) if segment.goal is None else segment.goal
     sit.start = len(tape)
     tape.run_on(np.arange(segment.first, down, 1 / rng.uniform(0.85, 1.25)), seam=seam)
     sit.reached = len(tape)
@@ -278,10 +298,15 @@ def play(session: Session, sit: SitEpisode, segment: LaidSegment, seam: bool, lo
     sit.rise = len(tape)
 
 
+def rise_asked(segment: LaidSegment, drawn: int) -> int:
+    """Frames before a seat is left at which rising is asked for: as a sidecar says it, else as ``drawn``."""
+    return max(segment.marks["up"] - segment.marks["asked"], 0) if "asked" in segment.marks else drawn
+
+
 def _rise(session: Session, sit: SitEpisode, segment: LaidSegment) -> None:
     rng, tape = session.rng, session.tape
     # Turning back to rise answers to the command that ends the sit.
-    mark = session.command("idle", int(rng.integers(3, 9)) + (sit.rise - sit.leaving + sit.back if sit.back else 0))
+    mark = session.command("idle", rise_asked(segment, int(rng.integers(3, 9))) + (sit.rise - sit.leaving + sit.back if sit.back else 0))
     tape.run_on(np.arange(segment.marks["up"], segment.last - 1, 1 / rng.uniform(0.85, 1.2)), seam=False)
     sit.risen = len(tape)
     if rng.random() < 0.5:
