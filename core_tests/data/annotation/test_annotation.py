@@ -214,9 +214,9 @@ def test_a_deleted_section_stays_deleted(folder):
         ("[actions.walk]", "[actions.walk]\n9999 = 1", "'9999' is no frame of this clip"),
         ("[actions.walk]", "[actions.walk]\n3 = 7", "frame 3 has the value 7"),
         ("[actions.walk]", "[actions.walk]\n3 = = 1", r"not valid TOML: .*line \d+"),
-        ("[proposal]", "[[goals]]\nframe = 3\naction = 'fly'\n[proposal]", "'fly' is no action of a goal"),
-        ("[proposal]", "[[goals]]\nframe = 3\naction = 'sit'\nkind = 'fixed'\n[proposal]", "kind must be static or dynamic"),
-        ("[proposal]", "[[goals]]\nframe = 3\naction = 'sit'\nkind = 'static'\n[proposal]", r"needs `place = \[x, y, z\]`"),
+        ("\n[proposal]", "\n[[goals]]\nframe = 3\naction = 'fly'\n[proposal]", "'fly' is no action of a goal"),
+        ("\n[proposal]", "\n[[goals]]\nframe = 3\naction = 'sit'\nkind = 'fixed'\n[proposal]", "kind must be static or dynamic"),
+        ("\n[proposal]", "\n[[goals]]\nframe = 3\naction = 'sit'\nkind = 'static'\n[proposal]", r"needs `place = \[x, y, z\]`"),
         ("frames = ", "frame = ", "must say how many frames"),
     ],
 )

@@ -94,7 +94,7 @@ def _stick_figures(row, clip: Clip) -> None:
 def _goals(row, annotation: Annotation) -> None:
     """Bars of the goals in force, from their frame to the next one's, with their places."""
     goals = annotation.goals
-    for n, (goal, end) in enumerate(zip(goals, [*(g.frame for g in goals[1:]), len(annotation)], strict=True)):
+    for n, (goal, end) in enumerate(zip(goals, [*(g.frame for g in goals), len(annotation)][1:], strict=True)):
         row.barh(0, end - goal.frame, left=goal.frame, height=0.8, color=COLOURS[goal.action.split("+")[-1]], alpha=0.45, edgecolor="white")
         where = "" if goal.place is None else " ({:.1f}, {:.1f}, {:.2f})".format(*goal.place)
         row.text(goal.frame + 1, 0.24 - 0.24 * (n % 3), goal.action + where, fontsize=7.5, va="center", clip_on=True)
