@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from nsm_core.__main__ import main
+from nsm_core.commands.annotate import with_phase
 from nsm_core.conventions import SIT
 from nsm_core.data.captures import bvh_writer, sidecar
 from nsm_core.data.scenarios.composer import Composer, load
@@ -72,7 +73,7 @@ def test_a_measured_phase_counts_and_a_proposal_leaves_the_rule_in_force(studio,
     measured = [(0, 1.0), (90, 0.5)]
 
     def change(sheet):
-        return replace(sheet.with_section("phase", measured), proposal=sheet.proposal | {"phase": sidecar.fingerprint(measured), "phase.by": "pae"})
+        return with_phase(sheet, {"phase": measured}, [])
 
     folder = edited(studio, tmp_path, "walk", change)
     assert sidecar.read(folder / "walk.nsm.toml").edited() == []
@@ -97,10 +98,9 @@ def moved(sheet: sidecar.Sheet, by: tuple[float, float, float], turned: float = 
     return sheet.with_section("goals", [replace(sit, place=place, facing=sit.facing + turned), replace(rise, frame=rise.frame - sooner)])
 
 
-@pytest.mark.parametrize("stitch", [False, True])
-def test_an_edited_goal_moves_the_seat_and_the_goal(studio, tmp_path, stitch):
+def test_an_edited_goal_moves_the_seat_and_when_rising_is_asked_for(studio, tmp_path):
     changed = edited(studio, tmp_path, "sit", lambda s: moved(s, (0.03, 0.06, -0.04), 10.0, 20))
-    one, other = (Composer(load(str(f)), {"sit": 1}, stitch=stitch) for f in (studio, changed))
+    one, other = (Composer(load(str(f)), {"sit": 1}, stitch=False) for f in (studio, changed))
     pairs = ((one.compose(seed), other.compose(seed)) for seed in range(20))
     before, after = next((a, b) for a, b in pairs if a is not None and b is not None and a.things and b.things)
     asked, (hips, heading) = [], ([], [])
@@ -122,12 +122,12 @@ def test_an_edited_goal_moves_the_seat_and_the_goal(studio, tmp_path, stitch):
     seats = [t.things[0] for t in (before, after)]
     assert seats[0].furniture.seat.height == pytest.approx(seats[1].furniture.seat.height)
     leaves = [np.flatnonzero(t.labels[:, SIT] == 1)[-1] for t in (before, after)]
-    assert leaves[1] - asked[1][1].frame > 18 > leaves[0] - asked[0][1].frame or not stitch
+    assert leaves[1] - asked[1][1].frame in (19, 20, 21) and leaves[0] - asked[0][1].frame > 25
 
 
 def test_a_goal_far_from_the_hips_is_told(studio, tmp_path):
     changed = edited(studio, tmp_path, "sit", lambda s: moved(s, (0.0, 2.0, 0.0)))
-    with pytest.raises(CaptureError, match=r"^sit\.nsm\.toml: the sit goal of frame \d+ lies 2\.0 m from the hips that sit, at \[.*0\.3 m of them\.$"):
+    with pytest.raises(CaptureError, match=r"^sit\.nsm\.toml: the sit goal of frame \d+ lies 2\.0 m from the hips .*0\.3 m of them\.$"):
         load(str(changed))
 
 
