@@ -21,6 +21,7 @@ KEY_STEP = FPS // 6  # frames between keys
 WINDOW = PIVOT * KEY_STEP  # 30 frames
 FUTURE = KEYS - PIVOT - 1
 KEY_OFFSETS = np.arange(-PIVOT, FUTURE + 1) * KEY_STEP  # frames of the keys relative to now
+KEY_TIMES = KEY_OFFSETS / FPS  # seconds
 
 
 @dataclass
