@@ -25,9 +25,10 @@ CORE = """
 import numpy as np
 from nsm_core.data.captures import bvh_writer
 from nsm_core.model.inference.weights_file import save_weights
+from nsm_core.model.networks.nsm_config import NsmConfig
 
 def write(folder, n):
-    save_weights(folder / "w.npz", {"a": np.full((4000, 1000), n)}, {"n": np.full(3, n)}, config={}, layout={})
+    save_weights(folder / "w.npz", {"a": np.full((4000, 1000), n)}, {"n": np.full(3, n)}, config=NsmConfig(), layout={})
     rotations = np.zeros((600, 23, 4)); rotations[..., 0] = 1
     bvh_writer.write(folder / "a.bvh", np.tile((0.1 * n, 0, 0.95), (600, 1)), rotations)
 """

@@ -13,9 +13,8 @@ if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
 from nsm_core.model.features.layout import layout_description
-from nsm_core.model.inference.sizes import expected_shapes
 from nsm_core.model.inference.weights_file import save_weights
-from nsm_core.model.networks.config import NsmConfig
+from nsm_core.model.networks.nsm_config import NsmConfig
 
 LAYOUT = layout_description()
 SHARING = ("test_composer", "test_codec", "test_fresh_takes", "test_swap_objects", "test_training", "test_single_clips")
@@ -34,7 +33,7 @@ def random_arrays(config: NsmConfig, seed: int = 0) -> tuple[dict[str, np.ndarra
     """Parameters and statistics of a network whose signals neither vanish nor explode."""
     rng = np.random.default_rng(seed)
     parameters, statistics = {}, {}
-    for name, shape in expected_shapes(config).items():
+    for name, shape in config.shapes().items():
         if name.endswith("_std"):
             statistics[name] = rng.uniform(0.1, 2, shape).astype(np.float32)
         elif name.endswith("_mean"):
@@ -51,7 +50,7 @@ def full_weights(tmp_path_factory) -> Path:
     """Weights file of a network of the shipped size, random values."""
     config = NsmConfig()
     path = tmp_path_factory.mktemp("weights") / "full.npz"
-    return save_weights(path, *random_arrays(config), config=config.to_dict(), layout=LAYOUT, credits=["nobody"], seeds={"init": 0})
+    return save_weights(path, *random_arrays(config), config=config, layout=LAYOUT, credits=["nobody"], seeds={"init": 0})
 
 
 @pytest.fixture

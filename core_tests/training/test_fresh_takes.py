@@ -14,7 +14,7 @@ from nsm_core.data.export import take_arrays
 from nsm_core.data.scenarios.composer import Composer
 from nsm_core.data.storage import OBJECT_FIELDS
 from nsm_core.errors import CaptureError
-from nsm_core.model.networks.config import NsmConfig
+from nsm_core.model.networks.nsm_config import NsmConfig
 from nsm_core.training.batches import Batches, RolloutSettings
 from nsm_core.training.fresh_takes import LONGEST, THINGS, FreshSettings, FreshTakes, Ring, both
 from nsm_core.training.trainer import Trainer, TrainingSettings

@@ -15,12 +15,12 @@ from nsm_core.body.skeleton import FEET, INDEX
 from nsm_core.conventions import STYLES
 from nsm_core.data.storage import Dataset, require_meaning
 from nsm_core.model.features.codec import build_targets, read_outputs
-from nsm_core.model.features.layout import GATING, INPUT, OUTPUT
+from nsm_core.model.features.layout import GATING, INPUT, OUTPUT, Inputs
 from nsm_core.model.features.meaning import meaning
 from nsm_core.model.features.rollout_step import advance
 from nsm_core.model.features.state import State
 from nsm_core.model.inference.model import load_model
-from nsm_core.model.networks.config import NsmConfig
+from nsm_core.model.networks.nsm_config import NsmConfig
 from nsm_core.rotations import rotate_planar, wrap_angle
 from nsm_core.training.batches import Batches, RolloutSettings, loss_weights, statistics
 from nsm_core.training.schedule import FLOOR, WARM_UP, cosine_restarts
@@ -62,7 +62,7 @@ def trained(data, tmp_path_factory) -> tuple[Trainer, list[float], np.ndarray]:
 def loss_of(trainer: Trainer, batch: tuple[np.ndarray, ...]) -> float:
     """Mean squared error of the averaged network in normalised units."""
     with torch.no_grad():
-        out, _ = trainer.average.predict(*(torch.from_numpy(b) for b in batch[:2]))
+        out = trainer.average.step(Inputs(*(torch.from_numpy(b) for b in batch[:2])), {})[0]
     return float((((out - torch.from_numpy(batch[2])) / trainer.net.output_std) ** 2).mean())
 
 
@@ -101,15 +101,15 @@ def test_exported_weights_load_without_torch_and_predict_the_same(trained, tmp_p
     path = trainer.export(tmp_path / "nsm.npz")
     model = load_model(path, backend="numpy")
     x, g, _ = trainer.batches.from_data(16)
-    y, experts = model.predict(x, g)
+    y, _, info = model.step(Inputs(x, g), model.start(16))
     with torch.no_grad():
-        expected, coefficients = trainer.average.predict(torch.from_numpy(x), torch.from_numpy(g))
+        expected, _, tensors = trainer.average.step(Inputs(torch.from_numpy(x), torch.from_numpy(g)), {})
     scale = trainer.net.output_std.numpy()
     # Half precision on disk costs some digits.
     np.testing.assert_allclose(y / scale, expected.numpy() / scale, atol=0.05)
-    np.testing.assert_allclose(experts, coefficients.numpy(), atol=0.01)
+    np.testing.assert_allclose(info["experts"], tensors["experts"].numpy(), atol=0.01)
     m = model.metadata
-    assert m["config"]["hidden"] == 48 and m["training"]["steps_done"] == STEPS and m["training"]["seed"] == 4
+    assert m["network"] == "nsm" and m["config"]["hidden"] == 48 and m["training"]["steps_done"] == STEPS and m["training"]["seed"] == 4
     assert m["seeds"] == {"data": 4, "training": 4} and {"idle", "walk"} <= set(m["actions"]) and m["credits"]
     assert m["actions"] == [name for name in STYLES if name in m["actions"]]
     assert np.shape(m["stance"]["local_rotations"]) == (23, 4) and 0.8 < m["stance"]["hips_height"] < 1.1

@@ -14,11 +14,15 @@ from typing import Any
 import numpy as np
 
 from nsm_core.conventions import DT
+from nsm_core.model.features.layout import Inputs
 from nsm_core.model.inference.model import BUNDLED, Model, model_of
-from nsm_core.model.inference.numpy_nsm import NumpyModel
-from nsm_core.model.inference.sizes import expected_shapes
-from nsm_core.model.inference.weights_file import Weights, load_weights
-from nsm_core.model.networks.config import NsmConfig
+from nsm_core.model.inference.weights_file import load_weights
+from nsm_core.model.networks.config import NetworkConfig
+from nsm_core.model.networks.nsm_config import NsmConfig
+from nsm_core.model.networks.nsm_numpy import NumpyNsm
+from nsm_core.model.networks.protocol import Weights
+from nsm_core.model.networks.registry import kind_of
+from nsm_core.rotations import Array
 
 THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 BATCHES = (1, 8, 64, 256)
@@ -41,7 +45,7 @@ def main(arguments: list[str]) -> int:
     path = options.weights or (BUNDLED if BUNDLED.exists() else None)
     weights = load_weights(path) if path else random_weights(NsmConfig())
     print(f"weights {path or 'random, of the default size'}; {options.threads} thread(s); median of {options.frames} frames")
-    ours = NumpyModel(weights)
+    ours = model_of(weights, "numpy")
     theirs = model_of(weights, "torch") if importlib.util.find_spec("torch") else None
     if theirs:
         import torch
@@ -56,16 +60,22 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def random_weights(config: NsmConfig) -> Weights:
+def random_weights(config: NetworkConfig) -> Weights:
     """Weights of the given size with random values, to measure speed before anything is trained."""
     rng = np.random.default_rng(0)
     parameters, statistics = {}, {}
-    for name, shape in expected_shapes(config).items():
+    for name, shape in config.shapes().items():
         if name.endswith(("_mean", "_std")):
             statistics[name] = np.full(shape, float(name.endswith("_std")), dtype=np.float32)
         else:
             parameters[name] = (rng.standard_normal(shape) / np.sqrt(shape[-1])).astype(np.float32)
-    return Weights(parameters, statistics, {"config": config.to_dict()})
+    return Weights(parameters, statistics, {"network": config.network, "config": config.to_dict()})
+
+
+def random_inputs(config: NetworkConfig, batch: int) -> Inputs[Array]:
+    """Inputs of ``batch`` characters, standard normal."""
+    rng = np.random.default_rng(batch)
+    return Inputs(rng.standard_normal((batch, config.inputs), np.float32), rng.standard_normal((batch, config.gating), np.float32))
 
 
 def median_ms(call: Callable[[], Any], count: int) -> float:
@@ -86,31 +96,32 @@ def memory_bandwidth() -> float:
     return matrix.nbytes / (median_ms(lambda: matrix @ vector, 5) / 1e3)
 
 
-def report_frame(ours: NumpyModel, theirs: Model | None, frames: int) -> None:
+def report_frame(ours: Model, theirs: Model | None, frames: int) -> None:
     """One character, one frame: stages and ratios."""
-    rng, c = np.random.default_rng(1), ours.config
-    x, gating = rng.standard_normal((1, c.inputs), np.float32), rng.standard_normal((1, c.gating), np.float32)
-    coefficients, encoded = ours.gate(gating), ours.encode(x)
-    total = median_ms(lambda: ours.predict(x, gating), frames)
-    stages = {
-        "gating network": median_ms(lambda: ours.gate(gating), frames),
-        "encoders": median_ms(lambda: ours.encode(x), frames),
-        "blended experts": median_ms(lambda: ours.mix(encoded, coefficients), frames),
-    }
+    inputs, memory = random_inputs(ours.config, 1), ours.start()
+    total = median_ms(lambda: ours.step(inputs, memory), frames)
+    stages = {}
+    if isinstance(ours, NumpyNsm):
+        coefficients, encoded = ours.gate(inputs.gating), ours.encode(inputs.features)
+        stages = {
+            "gating network": median_ms(lambda: ours.gate(inputs.gating), frames),
+            "encoders": median_ms(lambda: ours.encode(inputs.features), frames),
+            "blended experts": median_ms(lambda: ours.mix(encoded, coefficients), frames),
+        }
     print("\none character, one frame        ms")
     for name, value in stages.items():
         print(f"  {name:26s}{value:8.3f}")
     print(f"  {'whole, with normalisation':26s}{total:8.3f}")
-    size = 4 * sum(int(np.prod(shape)) for shape in expected_shapes(c).values())
+    size = 4 * sum(int(np.prod(shape)) for shape in ours.config.shapes().values())
     bandwidth = memory_bandwidth()
     ideal = size / bandwidth * 1e3
     print("\nratios, same run")
     print(f"  weights {size / 1e6:.1f} MB read at {bandwidth / 1e9:.1f} GB/s from memory: {ideal:.2f} ms", end="; ")
     print(f"ours takes {total / ideal:.2f} x that (under 1 where caches keep the weights)")
     if theirs:
-        eager = median_ms(lambda: theirs.predict(x, gating), frames)
+        eager = median_ms(lambda: theirs.step(inputs, memory), frames)
         print(f"  eager torch module {eager:.3f} ms: ours takes {total / eager:.2f} x that")
-        y, other = ours.predict(x, gating)[0], theirs.predict(x, gating)[0]
+        y, other = ours.step(inputs, memory)[0], theirs.step(inputs, memory)[0]
         print(f"  largest difference of the two {np.abs(y - other).max():.1e}")
     print(f"  real time {DT * 1e3:.1f} ms: {DT * 1e3 / total:.1f} x faster")
 
@@ -146,28 +157,27 @@ def report_takes(model: Model) -> None:
 def report_batches(models: list[Model], count: int) -> None:
     """Characters stepped per second, by back end."""
     print("\ncharacters per second " + "".join(f"{m.backend:>10s}" for m in models))
-    rng, c = np.random.default_rng(2), models[0].config
     for size in BATCHES:
-        x, gating = rng.standard_normal((size, c.inputs), np.float32), rng.standard_normal((size, c.gating), np.float32)
-        rates = [size / median_ms(lambda m=m, x=x, g=gating: m.predict(x, g), count) * 1e3 for m in models]
+        inputs, memory = random_inputs(models[0].config, size), models[0].start(size)
+        rates = [size / median_ms(lambda m=m, x=inputs, h=memory: m.step(x, h), count) * 1e3 for m in models]
         print(f"  {size:4d} at once        " + "".join(f"{rate:10.0f}" for rate in rates))
 
 
-def report_training(config: NsmConfig, threads: int, batch: int = 512) -> None:
+def report_training(config: NetworkConfig, threads: int, batch: int = 512) -> None:
     """Training samples per second in bfloat16: forward, backward and AdamW."""
     import torch
 
-    from nsm_core.model.networks.memory import keep_freed_memory
-    from nsm_core.model.networks.nsm import NSM
+    from nsm_core.model.networks.allocator import keep_freed_memory
 
     keep_freed_memory()
-    net = NSM(config)
+    net = kind_of(config.network).module(config)
     optimiser = torch.optim.AdamW(net.parameters(), lr=1e-4, fused=True)
     x, gating, target = (torch.randn(batch, n) for n in (config.inputs, config.gating, config.outputs))
+    memory = net.start(batch)
 
     def step() -> None:
         with torch.autocast("cpu", torch.bfloat16):
-            loss = torch.nn.functional.mse_loss(net(x, gating)[0], target)
+            loss = torch.nn.functional.mse_loss(net(Inputs(x, gating), memory)[0], target)
         loss.backward()
         optimiser.step()
         optimiser.zero_grad(set_to_none=True)

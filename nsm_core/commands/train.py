@@ -11,13 +11,13 @@ import torch
 
 from nsm_core.data.export import export
 from nsm_core.data.storage import Dataset, require_meaning
-from nsm_core.model.networks.config import NsmConfig
-from nsm_core.model.networks.memory import keep_freed_memory
+from nsm_core.model.networks.allocator import keep_freed_memory
+from nsm_core.model.networks.registry import KINDS
 from nsm_core.training.batches import RolloutSettings
 from nsm_core.training.fresh_takes import SEEDS_APART, FreshSettings, FreshTakes
 from nsm_core.training.log import Log
 from nsm_core.training.loop import run_training
-from nsm_core.training.trainer import Trainer, TrainingSettings, read_checkpoint
+from nsm_core.training.trainer import Trainer, TrainingSettings, device_of, read_checkpoint
 from nsm_core.training.warm_start import start_from
 
 
@@ -44,6 +44,8 @@ def main(arguments: list[str]) -> int:
         "--fresh", type=float, default=defaults.fresh.share, help="share of takes composed meanwhile and put on other objects (0 for none)"
     )
     parser.add_argument("--no-stitching", action="store_true", help="train on captured pieces by themselves, to compare")
+    parser.add_argument("--network", choices=list(KINDS), default="nsm", help="network to train (default: nsm)")
+    parser.add_argument("--device", default=defaults.device, help="where it is trained: cpu, cuda, cuda:1 ... (default: cpu)")
     parser.add_argument("--threads", type=int, default=2, help="processor threads (default: 2)")
     parser.add_argument("--start-from", default=None, help="checkpoint or weights file whose network to start from")
     a = parser.parse_args(arguments)
@@ -55,7 +57,9 @@ def main(arguments: list[str]) -> int:
         rollout=RolloutSettings(length=a.rollout, root_rate=a.root_rate),
         fresh=FreshSettings(share=a.fresh),
         stitched=not a.no_stitching,
+        device=a.device,
     )
+    device_of(a.device)  # refused before anything is composed
     run = Path(a.run)
     folder = run / "data"
     if not (folder / "data.json").exists():
@@ -82,7 +86,7 @@ def main(arguments: list[str]) -> int:
         print("Composing the first fresh takes ...", flush=True)
         first = settings.seed + SEEDS_APART + done  # fewer than one take a step, so that no take comes twice
         fresh = FreshTakes(a.captures, a.objects, str(folder / "objects.npz"), first, settings.fresh.slots, settings.stitched)
-    trainer = Trainer(Dataset.open(folder), settings, NsmConfig(), seed_offset=done, fresh=fresh)
+    trainer = Trainer(Dataset.open(folder), settings, KINDS[a.network].config(), seed_offset=done, fresh=fresh)
     about = (folder / "data.json").read_bytes()
     trainer.stance, trainer.meaning = json.loads(about)["stance"], meaning
     started_from = Path(a.start_from).name if a.start_from else ""

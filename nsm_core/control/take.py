@@ -65,8 +65,8 @@ class TakeResult:
 
     ``hips_position`` (T, 3) and ``local_rotations`` (T, 23, 4) as they are keyed, ``network_hips`` and
     ``network_rotations`` the same before contact IK; ``contacts`` (T, 5), ``root`` (T, 3), ``action`` labels (T, 7),
-    ``experts`` (T, K) gating coefficients; ``stage_ms`` mean milliseconds per frame by stage; ``props`` poses (T, 4) of
-    every prop of the goals by its name: x, y, z and heading.
+    ``experts`` (T, K) gating coefficients, K 0 for a network that blends none; ``stage_ms`` mean milliseconds per frame by stage;
+    ``props`` poses (T, 4) of every prop of the goals by its name: x, y, z and heading.
     """
 
     hips_position: Array
@@ -110,7 +110,8 @@ class TakeRunner:
         self._mended, self._mending = 0, None  # frames that are as they stay, and the work on those that follow
         contact = np.zeros(len(CONTACTS), np.float32)
         contact[FOOT_CONTACTS] = 1
-        self._keep(contact, np.zeros(int(model.metadata.get("config", {}).get("experts", 8)), np.float32))
+        self._memory = model.start()
+        self._keep(contact, np.zeros(model.config.info_sizes.get("experts", 0), np.float32))
 
     @property
     def frames(self) -> int:
@@ -159,15 +160,15 @@ class TakeRunner:
         if sensed is not None:
             cells, occupancy = relief.sensed(sensed).cells_world()[None], sensed.occupancy[None]
         t2 = time.perf_counter()
-        x, gating = build_inputs(state, SensorReading(environment[None], cells, occupancy))
+        inputs = build_inputs(state, SensorReading(environment[None], cells, occupancy))
         t3 = time.perf_counter()
-        y, experts = self.model.predict(x, gating)
+        y, self._memory, info = self.model.step(inputs, self._memory)
         t4 = time.perf_counter()
         predicted = read_outputs(y, state)
         self.state = advance(state, predicted, self.request.blending)
         relief.follow(self.state.root[0, :2])
         t5 = time.perf_counter()
-        self._keep(predicted.contact[0], experts[0])
+        self._keep(predicted.contact[0], info["experts"][0] if "experts" in info else np.zeros(0, np.float32))
         t6 = time.perf_counter()
         spent = (t1 - t0, t2 - t1, t4 - t3, (t3 - t2) + (t5 - t4), t6 - t5)
         for stage, seconds in zip(STAGES, spent, strict=True):

@@ -14,9 +14,11 @@ from typing import Any
 
 from nsm_core.conventions import STYLES
 from nsm_core.files import output
-from nsm_core.model.features.layout import INPUT
+from nsm_core.model.features.layout import INPUT, Inputs
 from nsm_core.model.features.rollout_step import Blending
 from nsm_core.model.inference.model import Model, load_model
+from nsm_core.model.networks.config import Memory
+from nsm_core.model.networks.protocol import Info
 from nsm_core.rotations import Array
 from nsm_core.world.assets.pool import Pool
 
@@ -37,11 +39,15 @@ class Blind:
         self.model, self.backend, self.config, self.metadata = model, model.backend, model.config, model.metadata
         self.slice = INPUT.slices[sensor]
 
-    def predict(self, x: Array, gating: Array) -> tuple[Array, Array]:
-        """Predict as ``model.Model`` says, the sensor's part of the input at zero."""
-        x = x.copy()
+    def start(self, batch: int = 1) -> Memory:
+        """As the network starts."""
+        return self.model.start(batch)
+
+    def step(self, inputs: Inputs[Array], memory: Memory) -> tuple[Array, Memory, Info]:
+        """Predict as ``Model.step`` says, the sensor's part of the input at zero."""
+        x = inputs.features.copy()
         x[:, self.slice] = 0
-        return self.model.predict(x, gating)
+        return self.model.step(inputs._replace(features=x), memory)
 
 
 def without(model: Model, ablation: str | None) -> tuple[Model, dict[str, object]]:

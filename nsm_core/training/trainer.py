@@ -13,11 +13,12 @@ from nsm_core.conventions import STYLES
 from nsm_core.data.storage import Dataset
 from nsm_core.errors import WeightsError
 from nsm_core.files import output
-from nsm_core.model.features.layout import layout_description
+from nsm_core.model.features.layout import Inputs, layout_description
 from nsm_core.model.features.meaning import Meaning
 from nsm_core.model.inference.weights_file import save_weights
-from nsm_core.model.networks.config import NsmConfig
-from nsm_core.model.networks.nsm import NSM, STATISTICS
+from nsm_core.model.networks.config import STATISTICS, NetworkConfig
+from nsm_core.model.networks.registry import kind_of
+from nsm_core.model.networks.trainable import Tensors
 from nsm_core.rotations import Array
 
 from .batches import Batches, RolloutSettings, loss_weights, statistics
@@ -29,7 +30,7 @@ CREDITS = Path(__file__).parent.parent / "weights" / "CREDITS.md"
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """Everything a run depends on; stored in the weights."""
+    """Everything a run depends on; stored in the weights.  ``device`` is where the network is trained, as torch names it."""
 
     steps: int = 40000
     data_batch: int = 192
@@ -43,6 +44,7 @@ class TrainingSettings:
     rollout: RolloutSettings = RolloutSettings()
     fresh: FreshSettings = FreshSettings()
     stitched: bool = True
+    device: str = "cpu"
 
 
 def read_checkpoint(path: str | Path) -> dict[str, Any]:
@@ -63,6 +65,16 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
     return state
 
 
+def device_of(name: str) -> torch.device:
+    """The device that a setting names; WeightsError where torch does not know it or cannot use it here."""
+    try:
+        device = torch.device(name)
+        torch.zeros(1, device=device).cpu()
+    except (RuntimeError, AssertionError, NotImplementedError) as error:  # how torch says that it was built without, or finds none
+        raise WeightsError(f"PyTorch cannot train on {name!r} here; choose cpu, or cuda where there is such a device.") from error
+    return device
+
+
 def divide(data: Dataset) -> tuple[Array, Array]:
     """Frames to train on and frames to validate with: of captured clips that are kept for that, none of which is trained on."""
     kept = data.arrays["validates"]
@@ -74,7 +86,7 @@ class Trainer:
     """State of one run: network, average, optimiser, batches."""
 
     def __init__(
-        self, data: Dataset, settings: TrainingSettings, config: NsmConfig, seed_offset: int = 0, fresh: FreshTakes | None = None
+        self, data: Dataset, settings: TrainingSettings, config: NetworkConfig, seed_offset: int = 0, fresh: FreshTakes | None = None
     ) -> None:
         """``fresh`` takes fill their share of every batch, if there are any."""
         self.settings, self.config = settings, config
@@ -94,9 +106,11 @@ class Trainer:
         if fresh is not None and min(second) > 0:
             ring = fresh.ring.data
             self.sources.append((Batches(ring, divide(ring)[0], self.rng, second[1], settings.rollout), second[0]))
-        self.net, self.average = NSM(config), NSM(config)
+        self.device, module = device_of(settings.device), kind_of(config.network).module
+        self.net, self.average = module(config).to(self.device), module(config).to(self.device)
         self.optimiser = torch.optim.AdamW(self.net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay, fused=True)
-        self.weights = torch.from_numpy(loss_weights())
+        self.weights = self._tensor(loss_weights())
+        self._memory: Tensors = {}  # of the rows of the last step
         self.step = 0
         self.stance: dict[str, object] | None = None
         self.meaning: Meaning | None = None  # of the data, if they tell it
@@ -111,9 +125,20 @@ class Trainer:
         self.net.set_statistics(floor=1e-4, **stats)
         self.average.refresh(self.net)
 
-    def _normalised(self, x: np.ndarray, g: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
+    def _tensor(self, values: np.ndarray) -> torch.Tensor:
+        return torch.from_numpy(values).to(self.device)
+
+    def _normalised(self, x: np.ndarray, g: np.ndarray, y: np.ndarray) -> tuple[Inputs[torch.Tensor], torch.Tensor]:
+        """Inputs and targets of a batch in the network's units, where the network is."""
         n = self.net
-        return (torch.from_numpy(x) - n.input_mean) / n.input_std, (torch.from_numpy(g) - n.gating_mean) / n.gating_std
+        return n.normalised(Inputs(self._tensor(x), self._tensor(g))), (self._tensor(y) - n.output_mean) / n.output_std
+
+    def _recalled(self) -> Tensors:
+        """Memory of a step's rows: of roll-outs what their last step left; frames of the data and roll-outs that begin have none yet."""
+        begins = [np.ones(self.settings.data_batch, bool), *(b.pool_age == 0 for b, _ in self.sources)]
+        anew = self._tensor(np.concatenate(begins))[:, None]
+        start = self.net.start(len(anew))
+        return {k: torch.where(anew, v, self._memory[k]) if k in self._memory else v for k, v in start.items()}
 
     def train_step(self) -> tuple[float, float]:
         """One optimiser step on half data, half roll-out; returns the two losses."""
@@ -124,12 +149,12 @@ class Trainer:
         self._take_in()
         parts = [b.from_data(count) for b, count in self.sources] + [b.from_pool() for b, _ in self.sources]
         x, g, y = (np.concatenate([part[k] for part in parts]) for k in range(3))
-        x, g = self._normalised(x, g)
+        inputs, y = self._normalised(x, g, y)
         frame = self.config.frame + self.config.goal
-        x[:n, :frame] += s.noise * torch.randn(n, frame)
-        y = (torch.from_numpy(y) - net.output_mean) / net.output_std
-        with torch.autocast("cpu", torch.bfloat16):
-            out, _ = net(x, g)
+        inputs.features[:n, :frame] += s.noise * torch.randn(n, frame).to(self.device)  # drawn on the processor: alike on every device
+        with torch.autocast(self.device.type, torch.bfloat16):
+            out, memory, _ = net(inputs, self._recalled())
+        self._memory = {k: v.detach().float() for k, v in memory.items()}  # gradients go back one frame
         error = (((out - y) ** 2).clamp_max(100.0) * self.weights).mean(dim=1)
         loss = error.mean()
         self.optimiser.zero_grad(set_to_none=True)
@@ -139,7 +164,7 @@ class Trainer:
         with torch.no_grad():
             rate = min(s.averaging, (self.step + 1) / (self.step + 10))
             torch._foreach_lerp_(list(self.average.parameters()), list(net.parameters()), 1 - rate)
-            stepped, at = (out.detach()[n:] * net.output_std + net.output_mean).numpy(), 0
+            stepped, at = (out.detach()[n:] * net.output_std + net.output_mean).cpu().numpy(), 0
             for batches, _ in self.sources:
                 batches.step_pool(stepped[at : at + len(batches.pool_frames)])
                 at += len(batches.pool_frames)
@@ -156,11 +181,10 @@ class Trainer:
     @torch.no_grad()
     def validate(self, count: int = 1024) -> float:
         """One-step loss of the averaged network on held-back clips."""
-        x, g, y = self.validation.from_data(count)
-        x, g = self._normalised(x, g)
-        with torch.autocast("cpu", torch.bfloat16):
-            out, _ = self.average(x, g)
-        return float(((out - (torch.from_numpy(y) - self.net.output_mean) / self.net.output_std) ** 2).mean())
+        inputs, y = self._normalised(*self.validation.from_data(count))
+        with torch.autocast(self.device.type, torch.bfloat16):
+            out, _, _ = self.average(inputs, self.average.start(count))
+        return float(((out - y) ** 2).mean())
 
     def save(self, path: Path) -> None:
         """Write everything needed to go on, whole or not at all."""
@@ -191,13 +215,13 @@ class Trainer:
 
     def export(self, path: Path) -> Path:
         """Write the averaged network as a weights file with its settings and the credits of its data."""
-        stats = {k: getattr(self.average, k).numpy() for k in STATISTICS}
-        parameters = {k: v.detach().numpy() for k, v in self.average.named_parameters()}
+        stats = {k: getattr(self.average, k).cpu().numpy() for k in STATISTICS}
+        parameters = {k: v.detach().cpu().numpy() for k, v in self.average.named_parameters()}
         return save_weights(
             path,
             parameters,
             stats,
-            config=self.config.to_dict(),
+            config=self.config,
             layout=layout_description(),
             credits=[line for line in CREDITS.read_text().splitlines() if line.strip()] if CREDITS.exists() else [],
             data=f"{'stitched' if self.settings.stitched else 'unstitched'} performances, {self.settings.data_minutes:g} minutes, "

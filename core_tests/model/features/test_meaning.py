@@ -25,7 +25,7 @@ def saved(tmp_path, small_config):
 
     def save(told=None):
         return save_weights(
-            tmp_path / "w.npz", *random_arrays(small_config), config=small_config.to_dict(), layout=LAYOUT, meaning=told or meaning()
+            tmp_path / "w.npz", *random_arrays(small_config), config=small_config, layout=LAYOUT, meaning=told or meaning()
         )
 
     return save

@@ -17,7 +17,7 @@ from nsm_core.errors import WeightsError
 from nsm_core.model.features.layout import layout_description
 from nsm_core.model.inference.model import load_model
 from nsm_core.model.inference.weights_file import load_weights, save_weights
-from nsm_core.model.networks.config import NsmConfig
+from nsm_core.model.networks.nsm_config import NsmConfig
 
 ARRAY = "parameters/gating.0.bias.npy"
 METADATA = "metadata.npy"
@@ -30,7 +30,7 @@ def whole(tmp_path_factory):
     config = NsmConfig(**sizes, experts=2)
     parameters, statistics = random_arrays(config)
     path = tmp_path_factory.mktemp("weights") / "whole.npz"
-    save_weights(path, parameters, statistics, config=config.to_dict(), layout=layout_description())
+    save_weights(path, parameters, statistics, config=config, layout=layout_description())
     load_model(path, "numpy")
     return path, path.read_bytes()
 

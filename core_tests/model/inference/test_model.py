@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from nsm_core.errors import WeightsError
+from nsm_core.model.features.layout import Inputs
 from nsm_core.model.inference.model import BUNDLED, load_model, model_of
-from nsm_core.model.inference.numpy_nsm import NEGLIGIBLE
 from nsm_core.model.inference.weights_file import load_weights
+from nsm_core.model.networks.nsm_numpy import NEGLIGIBLE
 
 # A sum of n products in single precision rounds by about sqrt(n) units in the last place, in an order that processor and
 # library choose: 1e-5 of the largest value for the 4,018 inputs (four times what was met, and more).  What the gating network
@@ -62,6 +63,13 @@ def reference(weights, x, gating):
     return np.array(h) * s["output_std"] + s["output_mean"], np.array(coefficients)
 
 
+def predict(model, x, gating):
+    """Outputs and coefficients of a first step."""
+    y, memory, info = model.step(Inputs(x, gating), model.start(len(x)))
+    assert memory == {}
+    return y, info["experts"]
+
+
 def features(config, count, seed=1, gating_scale=1.0):
     rng = np.random.default_rng(seed)
     gating = rng.normal(size=(count, config.gating)) * gating_scale
@@ -75,7 +83,7 @@ def test_equals_the_written_out_formulas_at_full_size(full_weights, backend):
     weights = load_weights(full_weights)
     model = model_of(weights, backend)
     x, gating = features(model.config, 2)
-    y, coefficients = model.predict(x, gating)
+    y, coefficients = predict(model, x, gating)
     for row in range(2):
         expected, expected_coefficients = reference(weights, x[row], gating[row])
         assert_same(y[row], expected)
@@ -89,7 +97,7 @@ def test_back_ends_agree(full_weights, count, gating_scale):
     pytest.importorskip("torch")
     ours, theirs = load_model(full_weights, "numpy"), load_model(full_weights, "torch")
     x, gating = features(ours.config, count, gating_scale=gating_scale)
-    (y, c), (y_torch, c_torch) = ours.predict(x, gating), theirs.predict(x, gating)
+    (y, c), (y_torch, c_torch) = predict(ours, x, gating), predict(theirs, x, gating)
     assert y.dtype == c.dtype == y_torch.dtype == np.float32
     assert_same(y, y_torch, gating_scale)
     assert_same(c, c_torch, gating_scale)
@@ -100,14 +108,14 @@ def test_back_ends_agree(full_weights, count, gating_scale):
 def test_one_by_one_equals_the_batch(full_weights):
     model = load_model(full_weights, "numpy")
     x, gating = features(model.config, 5, gating_scale=10)
-    batch, _ = model.predict(x, gating)
-    single = np.concatenate([model.predict(x[i : i + 1], gating[i : i + 1])[0] for i in range(5)])
+    batch, _ = predict(model, x, gating)
+    single = np.concatenate([predict(model, x[i : i + 1], gating[i : i + 1])[0] for i in range(5)])
     assert_same(batch, single, 10)
 
 
 def test_coefficients_are_a_mixture(full_weights):
     model = load_model(full_weights, "numpy")
-    _, c = model.predict(*features(model.config, 9))
+    _, c = predict(model, *features(model.config, 9))
     assert c.shape == (9, 8) and np.all(c >= 0)
     np.testing.assert_allclose(c.sum(axis=1), 1, atol=1e-5)
 
@@ -116,7 +124,7 @@ def test_predict_keeps_its_inputs(full_weights):
     model = load_model(full_weights, "numpy")
     x, gating = features(model.config, 1)
     before = x.copy(), gating.copy()
-    model.predict(x, gating)
+    predict(model, x, gating)
     assert np.array_equal(x, before[0]) and np.array_equal(gating, before[1])
 
 
@@ -124,11 +132,11 @@ def test_other_widths_are_refused(full_weights):
     model = load_model(full_weights, "numpy")
     x, gating = features(model.config, 1)
     with pytest.raises(ValueError, match="4018"):
-        model.predict(x[:, :-1], gating)
+        predict(model, x[:, :-1], gating)
     with pytest.raises(ValueError, match="650"):
-        model.predict(x, gating[:, :-1])
-    with pytest.raises(ValueError, match="predict needs"):
-        model.predict(x[0], gating[0])
+        predict(model, x, gating[:, :-1])
+    with pytest.raises(ValueError, match="step needs"):
+        predict(model, x[0], gating[0])
 
 
 def test_auto_steps_in_numpy(full_weights):
@@ -152,4 +160,4 @@ def test_bundled_weights_load_and_name_their_data():
     assert BUNDLED.stat().st_size < 40e6
     assert any("mocap.cs.cmu.edu" in line for line in model.metadata["credits"])
     x, gating = features(model.config, 1)
-    assert np.all(np.isfinite(model.predict(x, gating)[0]))
+    assert np.all(np.isfinite(predict(model, x, gating)[0]))

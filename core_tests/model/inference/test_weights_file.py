@@ -22,7 +22,7 @@ def small(tmp_path, small_config):
     """Path, parameters and statistics of a small network."""
     parameters, statistics = random_arrays(small_config)
     path = save_weights(
-        tmp_path / "small.npz", parameters, statistics, config=small_config.to_dict(), layout=LAYOUT,
+        tmp_path / "small.npz", parameters, statistics, config=small_config, layout=LAYOUT,
         credits=["CMU"], data="captures 1", seeds={"init": 4, "data": 5}, epochs=12,
     )  # fmt: skip
     return path, parameters, statistics
@@ -72,7 +72,7 @@ def test_nothing_in_the_file_is_pickled_and_it_is_small(full_weights):
 def test_same_content_gives_same_bytes(small, tmp_path, small_config):
     path, parameters, statistics = small
     again = save_weights(
-        tmp_path / "again.npz", parameters, statistics, config=small_config.to_dict(), layout=LAYOUT,
+        tmp_path / "again.npz", parameters, statistics, config=small_config, layout=LAYOUT,
         credits=["CMU"], data="captures 1", seeds={"init": 4, "data": 5}, epochs=12,
     )  # fmt: skip
     assert load_weights(again).metadata == load_weights(path).metadata
@@ -190,20 +190,20 @@ def test_diverged_parameters_are_not_saved(tmp_path, small_config, value):
     parameters, statistics = random_arrays(small_config)
     parameters["gating.0.bias"][2] = value
     with pytest.raises(WeightsError, match=r"gating\.0\.bias"):
-        save_weights(tmp_path / "w.npz", parameters, statistics, config=small_config.to_dict(), layout=LAYOUT)
+        save_weights(tmp_path / "w.npz", parameters, statistics, config=small_config, layout=LAYOUT)
     assert not list(tmp_path.iterdir())
 
 
 def test_unwritable_target(tmp_path, small_config):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(OutputError) as caught:
-        save_weights(tmp_path / "file" / "w.npz", *random_arrays(small_config), config=small_config.to_dict(), layout=LAYOUT)
+        save_weights(tmp_path / "file" / "w.npz", *random_arrays(small_config), config=small_config, layout=LAYOUT)
     one_sentence(caught)
 
 
 def test_only_the_programs_own_layout_is_stepped(tmp_path, small_config):
     other = {**LAYOUT, "output": {"everything": (605,)}}
-    path = save_weights(tmp_path / "w.npz", *random_arrays(small_config), config=small_config.to_dict(), layout=other)
+    path = save_weights(tmp_path / "w.npz", *random_arrays(small_config), config=small_config, layout=other)
     with pytest.raises(WeightsError) as caught:
         load_model(path, "numpy")
     assert "everything of 605" in one_sentence(caught)

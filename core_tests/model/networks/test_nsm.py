@@ -1,4 +1,4 @@
-"""The torch module: gradients of the hand-written layer, statistics, roll-out copies, and that it learns."""
+"""The torch module: gradients of the hand-written layer, statistics, and that it learns."""
 
 from __future__ import annotations
 
@@ -9,18 +9,25 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from nsm_core.model.features.layout import GATING, INPUT, OUTPUT
+from nsm_core.model.features.layout import GATING, INPUT, OUTPUT, Inputs
 from nsm_core.model.inference.model import model_of
-from nsm_core.model.inference.sizes import expected_shapes
 from nsm_core.model.inference.weights_file import load_weights, save_weights
-from nsm_core.model.networks.config import NsmConfig
-from nsm_core.model.networks.nsm import NSM, STATISTICS, ExpertLinear
+from nsm_core.model.networks.config import STATISTICS
+from nsm_core.model.networks.nsm import NSM, ExpertLinear
+from nsm_core.model.networks.nsm_config import NsmConfig
 
 
 @pytest.fixture
 def net(small_config):
     torch.manual_seed(0)
     return NSM(small_config)
+
+
+def forward(net, x, g):
+    """Normalised outputs and coefficients of normalised inputs."""
+    y, memory, info = net(Inputs(x, g), net.start(len(x)))
+    assert memory == {}
+    return y, info["experts"]
 
 
 def test_defaults_are_the_sizes_of_the_features():
@@ -59,22 +66,22 @@ def test_expert_layer_blends_weights_and_biases():
 
 def test_state_names_and_shapes_are_those_of_the_weights_file(net, small_config):
     state = {name: tuple(values.shape) for name, values in net.state_dict().items()}
-    assert state == expected_shapes(small_config)
+    assert state == small_config.shapes()
 
 
 def test_signal_neither_vanishes_nor_explodes_at_the_start():
     torch.manual_seed(0)
     net = NSM()
-    y, c = net(torch.randn(64, net.config.inputs), torch.randn(64, net.config.gating))
+    y, c = forward(net, torch.randn(64, net.config.inputs), torch.randn(64, net.config.gating))
     assert 0.05 < y.std() < 2
     assert c.max() < 0.5  # every expert takes part
 
 
 def test_bfloat16_stays_near_single_precision(net, small_config):
     x, g = torch.randn(32, small_config.inputs), torch.randn(32, small_config.gating)
-    exact, coefficients = net(x, g)
+    exact, coefficients = forward(net, x, g)
     with torch.autocast("cpu", torch.bfloat16):
-        y, c = net(x, g)
+        y, c = forward(net, x, g)
     assert y.dtype == c.dtype == torch.float32
     assert (y - exact).abs().max() < 0.03 * exact.abs().max() + 0.02
     assert (c - coefficients).abs().max() < 0.02
@@ -86,7 +93,7 @@ def test_bfloat16_gradients_point_the_same_way(net, small_config):
     def gradient(half):
         net.zero_grad()
         with torch.autocast("cpu", torch.bfloat16, enabled=half):
-            loss = torch.nn.functional.mse_loss(net(x, g)[0], t)
+            loss = torch.nn.functional.mse_loss(forward(net, x, g)[0], t)
         loss.backward()
         assert all(p.grad.dtype == torch.float32 for p in net.parameters())
         return torch.cat([p.grad.flatten() for p in net.parameters()])
@@ -95,7 +102,7 @@ def test_bfloat16_gradients_point_the_same_way(net, small_config):
 
 
 def test_every_parameter_learns(net, small_config):
-    y, _ = net(torch.randn(16, small_config.inputs), torch.randn(16, small_config.gating))
+    y, _ = forward(net, torch.randn(16, small_config.inputs), torch.randn(16, small_config.gating))
     y.square().sum().backward()
     assert all(p.grad is not None and p.grad.abs().max() > 0 for p in net.parameters())
 
@@ -103,9 +110,9 @@ def test_every_parameter_learns(net, small_config):
 def test_dropout_only_while_training(small_config):
     net = NSM(NsmConfig.from_dict(small_config.to_dict() | {"dropout": 0.5}))
     x, g = torch.randn(8, small_config.inputs), torch.randn(8, small_config.gating)
-    assert not torch.equal(net(x, g)[0], net(x, g)[0])
+    assert not torch.equal(forward(net, x, g)[0], forward(net, x, g)[0])
     net.eval()
-    assert torch.equal(net(x, g)[0], net(x, g)[0])
+    assert torch.equal(forward(net, x, g)[0], forward(net, x, g)[0])
 
 
 def test_statistics_are_floored_and_applied(net, small_config):
@@ -116,7 +123,7 @@ def test_statistics_are_floored_and_applied(net, small_config):
     x, g = torch.randn(4, small_config.inputs), torch.randn(4, small_config.gating)
     scaled = x.clone()
     scaled[:, 3] *= 20
-    torch.testing.assert_close(net.predict(x, g)[0], net(scaled, g)[0] + 7)
+    torch.testing.assert_close(net.step(Inputs(x, g), {})[0], forward(net, scaled, g)[0] + 7)
     with pytest.raises(ValueError, match="output_std"):
         net.set_statistics(outputs_std=std)
 
@@ -128,9 +135,9 @@ def test_a_copy_follows_its_source(net, small_config):
     with torch.no_grad():
         for p in net.parameters():
             p.add_(0.1)
-        assert (net.predict(x, g)[0] - twin.predict(x, g)[0]).abs().max() > 0.05
+        assert (net.step(Inputs(x, g), {})[0] - twin.step(Inputs(x, g), {})[0]).abs().max() > 0.05
         twin.refresh(net)
-        torch.testing.assert_close(net.predict(x, g), twin.predict(x, g))
+        torch.testing.assert_close(net.step(Inputs(x, g), {})[0], twin.step(Inputs(x, g), {})[0])
 
 
 def test_it_learns_a_function_of_the_gating(net, small_config):
@@ -143,7 +150,7 @@ def test_it_learns_a_function_of_the_gating(net, small_config):
     losses = []
     for _ in range(250):
         with torch.autocast("cpu", torch.bfloat16):
-            loss = torch.nn.functional.mse_loss(net(x, g)[0], target)
+            loss = torch.nn.functional.mse_loss(forward(net, x, g)[0], target)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
@@ -156,12 +163,12 @@ def test_saved_and_loaded_it_predicts_the_same(net, small_config, tmp_path):
     state = {name: values.numpy() for name, values in net.state_dict().items()}
     save_weights(
         tmp_path / "w.npz", {k: v for k, v in state.items() if k not in STATISTICS}, {k: state[k] for k in STATISTICS},
-        config=small_config.to_dict(), layout={},
+        config=small_config, layout={},
     )  # fmt: skip
     x = np.random.default_rng(0).normal(size=(3, small_config.inputs)).astype(np.float32)
     g = np.random.default_rng(1).normal(size=(3, small_config.gating)).astype(np.float32)
-    y, _ = model_of(load_weights(tmp_path / "w.npz"), "numpy").predict(x, g)
+    y, _, _ = model_of(load_weights(tmp_path / "w.npz"), "numpy").step(Inputs(x, g), {})
     with torch.no_grad():
-        expected = net.predict(torch.from_numpy(x), torch.from_numpy(g))[0].numpy()
+        expected = net.step(Inputs(torch.from_numpy(x), torch.from_numpy(g)), {})[0].numpy()
     # Half precision on disk keeps 11 bits of a parameter: 0.05 % each, and three layers of them.
     assert np.abs(y - expected).max() < 0.005 * np.abs(expected).max()

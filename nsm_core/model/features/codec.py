@@ -14,7 +14,7 @@ import numpy as np
 from nsm_core.conventions import DT
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_angle
 
-from .layout import CELLS, FRAME, GATING, GOAL, INPUT, INTERACTION, OUTPUT
+from .layout import CELLS, FRAME, GATING, GOAL, INPUT, INTERACTION, OUTPUT, Inputs
 from .state import PIVOT, State
 
 
@@ -80,7 +80,7 @@ def build_gating(state: State) -> Array:
     return GATING.pack(per_key=features[..., None] * wave[:, :, None])
 
 
-def build_inputs(state: State, around: SensorReading) -> tuple[Array, Array]:
+def build_inputs(state: State, around: SensorReading) -> Inputs[Array]:
     """Network input (B, 4018) and gating input (B, 650) of a state (section 3.1, Inputs), physical units."""
     root, keys = state.root, state.root_keys()
     frame = FRAME.pack(
@@ -98,7 +98,8 @@ def build_inputs(state: State, around: SensorReading) -> tuple[Array, Array]:
         goal_action=state.goal_action,
     )
     interaction = INTERACTION.pack(cell_position=_to_root(around.cells, root), cell_occupancy=around.occupancy)
-    return INPUT.pack(frame=frame, goal=goal, environment=around.environment, interaction=interaction), build_gating(state)
+    features = INPUT.pack(frame=frame, goal=goal, environment=around.environment, interaction=interaction)
+    return Inputs(features, build_gating(state))
 
 
 def build_targets(state: State, following: State, contacts: Array) -> Array:

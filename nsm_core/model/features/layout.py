@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Generic, NamedTuple, TypeVar
+
 import numpy as np
 
 from nsm_core.body.skeleton import J
@@ -13,6 +15,14 @@ from .state import FUTURE, KEYS
 ENVIRONMENT = 1408
 CELLS = 512
 _S, _A = len(STYLES), len(GOAL_ACTIONS)
+T = TypeVar("T")
+
+
+class Inputs(NamedTuple, Generic[T]):
+    """What a network is given of a frame, as arrays or tensors: ``INPUT`` (B, 4018), and ``GATING`` (B, 650) for networks that gate."""
+
+    features: T
+    gating: T
 
 
 class Layout:
@@ -27,6 +37,10 @@ class Layout:
             self.slices[name] = slice(start, start + size)
             start += size
         self.size = start
+
+    def width(self, name: str) -> int:
+        """Numbers that block ``name`` has in the vector."""
+        return self.slices[name].stop - self.slices[name].start
 
     def pack(self, **blocks: Array) -> Array:
         """Put blocks (B, *shape) into one vector (B, size), float32."""

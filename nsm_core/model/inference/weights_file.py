@@ -1,8 +1,9 @@
 """Trained weights as one .npz: no pickle, half-precision parameters, metadata as JSON.
 
 Entries: ``metadata`` (UTF-8 JSON bytes), ``parameters/<name>`` in float16 and ``statistics/<name>`` in
-float32, named as in the torch module's state.  The metadata carries the feature layout, so that a network
-can never be fed with, or read by, another layout than the one it was trained on, and what its data meant (``features.meaning``).
+float32, named as in the torch module's state.  The metadata says which network of the registry it is (the NSM where
+it says nothing) and carries the feature layout, so that a network can never be fed with, or read by, another layout than the
+one it was trained on, and what its data meant (``features.meaning``).
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ import errno
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,9 @@ from nsm_core.body.skeleton import JOINTS
 from nsm_core.errors import WeightsError
 from nsm_core.files import output
 from nsm_core.model.features.meaning import Meaning, differences, meaning_hash, sentence_part
+from nsm_core.model.networks.config import NetworkConfig
+from nsm_core.model.networks.protocol import Weights
+from nsm_core.model.networks.registry import kind_of
 from nsm_core.rotations import Array
 from nsm_core.validate import is_number, listed, number, shown, table, text
 
@@ -32,20 +35,6 @@ VERSION = 1
 MOST_BYTES = 1 << 28  # of all entries, unpacked: six times the network of the paper
 MOST_METADATA = 1 << 20  # bytes
 LEAST_DEVIATION = 1e-9  # training keeps 1e-4; what is divided by less than this is no longer a number
-
-
-@dataclass(frozen=True)
-class Weights:
-    """What a weights file holds: parameters and statistics as float32 arrays by name, and its metadata."""
-
-    parameters: dict[str, Array]
-    statistics: dict[str, Array]
-    metadata: dict[str, Any] = field(default_factory=dict)
-
-    @property
-    def config(self) -> dict[str, Any]:
-        """Sizes of the network, as ``NsmConfig.to_dict`` gives them."""
-        return self.metadata["config"]
 
 
 def plain_layout(layout: Layout) -> dict[str, list[list[Any]]]:
@@ -64,7 +53,7 @@ def save_weights(
     parameters: Mapping[str, Array],
     statistics: Mapping[str, Array],
     *,
-    config: Mapping[str, Any],
+    config: NetworkConfig,
     layout: Layout,
     credits: Sequence[str] = (),
     data: str = "",
@@ -74,10 +63,10 @@ def save_weights(
 ) -> Path:
     """Write a weights file, whole or not at all.
 
-    ``parameters`` are stored in half precision, ``statistics`` in single; ``credits`` name the captures the network learned from,
-    ``data`` their version and ``meaning`` what they meant, if that is known; ``more`` joins the metadata and must suit JSON.
-    Raises WeightsError on values that are not numbers or too large for half precision, OutputError if the
-    file cannot be written.
+    ``config`` tells which network it is and its sizes; ``parameters`` are stored in half precision, ``statistics`` in single;
+    ``credits`` name the captures the network learned from, ``data`` their version and ``meaning`` what they meant, if that is
+    known; ``more`` joins the metadata and must suit JSON.  Raises WeightsError on values that are not numbers or too large for
+    half precision, OutputError if the file cannot be written.
     """
     path = Path(path)
     entries: dict[str, Array] = {}
@@ -97,7 +86,8 @@ def save_weights(
         **more,
         "format": FORMAT,
         "version": VERSION,
-        "config": dict(config),
+        "network": config.network,
+        "config": config.to_dict(),
         "layout": plain_layout(layout),
         "layout_hash": layout_hash(layout),
         "credits": list(credits),
@@ -117,24 +107,26 @@ def load_weights(path: str | Path, layout: Layout | None = None) -> Weights:
 
     With ``layout``, the file's feature layout must equal it, and its features must mean what they mean here, if it tells what
     they do.  Nothing is allocated that the file does not hold.  Raises WeightsError if the file is missing, truncated, damaged,
-    foreign, of a newer format, of another layout or of features of another meaning.
+    foreign, of a newer format, of an unknown network, of another layout or of features of another meaning.
     """
     path = Path(path)
     entries = _read(path)
     metadata = _metadata(path, entries.pop("metadata", None))
+    weights = Weights({}, {}, metadata)
+    kind_of(weights.network, path)
     if layout is not None and metadata.get("layout") != plain_layout(layout):
         difference = _difference(metadata.get("layout"), layout)
         raise WeightsError(f"{path} was trained on another feature layout ({difference}); train it again.")
     if layout is not None and (other := differences(metadata.get("meaning"), "features")):
         raise WeightsError(f"{path} was trained with {sentence_part(other)}; train it again.")
-    groups: dict[str, dict[str, Array]] = {"parameters": {}, "statistics": {}}
+    groups = {"parameters": weights.parameters, "statistics": weights.statistics}
     for key, values in entries.items():
         group, _, name = key.partition("/")
         with np.errstate(over="ignore", invalid="ignore"):
             groups[group][name] = np.ascontiguousarray(values, dtype=np.float32)
         if bad := _unusable(name, groups[group][name]):
             raise WeightsError(f"{path} is damaged or its training diverged: {name} {bad}; copy it again or take another one.")
-    return Weights(groups["parameters"], groups["statistics"], metadata)
+    return weights
 
 
 def _unusable(name: str, values: Array) -> str:

@@ -1,1 +1,1 @@
-"""Networks as torch modules; nothing else in this package needs torch to be stepped."""
+"""Networks: one protocol, one registry, and what each network is; only the modules that train need torch."""

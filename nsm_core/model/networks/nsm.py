@@ -13,9 +13,13 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from .config import NsmConfig
+from nsm_core.model.features.layout import Inputs
 
-STATISTICS = ("input_mean", "input_std", "gating_mean", "gating_std", "output_mean", "output_std")
+from .nsm_config import NsmConfig
+from .trainable import Tensors, Trainable
+
+# A feature whose deviation grows by more than this was not alive in the old data; its weights mean nothing and are kept as drawn.
+_UNKNOWN = 4.0
 
 
 class _MixExperts(torch.autograd.Function):
@@ -89,15 +93,14 @@ class Encoder(nn.Module):
         return x
 
 
-class NSM(nn.Module):
-    """Neural State Machine: encoders, gating network and blended prediction network.
+class NSM(Trainable):
+    """Neural State Machine: encoders, gating network and blended prediction network."""
 
-    Normalisation statistics travel with the module as float32 buffers, so that a snapshot is complete.
-    """
+    config: NsmConfig
 
     def __init__(self, config: NsmConfig | None = None) -> None:
-        super().__init__()
-        c = self.config = config or NsmConfig()
+        c = config or NsmConfig()
+        super().__init__(c)
         self.encoders = nn.ModuleList(Encoder(i, o, c.dropout) for i, o in zip(c.parts, c.encoded, strict=True))
         widths = (c.gating, c.gating_hidden, c.gating_hidden, c.experts)
         self.gating = nn.ModuleList(_dense(i, o) for i, o in zip(widths[:-1], widths[1:], strict=True))
@@ -105,20 +108,6 @@ class NSM(nn.Module):
         self.gating[-1].weight.data.mul_(0.1)
         widths = (sum(c.encoded), c.hidden, c.hidden, c.outputs)
         self.experts = nn.ModuleList(ExpertLinear(c.experts, i, o) for i, o in zip(widths[:-1], widths[1:], strict=True))
-        for name, size in zip(("input", "gating", "output"), (c.inputs, c.gating, c.outputs), strict=True):
-            self.register_buffer(f"{name}_mean", torch.zeros(size))
-            self.register_buffer(f"{name}_std", torch.ones(size))
-
-    def set_statistics(self, floor: float = 0.01, **statistics: Any) -> None:
-        """Set any of STATISTICS from arrays; deviations under ``floor`` are raised to it.
-
-        A feature that hardly moves in training would otherwise be blown up when it moves later.
-        """
-        for name, values in statistics.items():
-            if name not in STATISTICS:
-                raise ValueError(f"unknown statistic {name}; known are {', '.join(STATISTICS)}")
-            values = torch.as_tensor(values, dtype=torch.float32)
-            getattr(self, name).copy_(values.clamp_min(floor) if name.endswith("_std") else values)
 
     def coefficients(self, gating: Tensor) -> Tensor:
         """Blending coefficients (B, K), float32, of normalised gating features (B, gating)."""
@@ -127,31 +116,40 @@ class NSM(nn.Module):
             h = F.dropout(F.elu(layer(h)), self.config.dropout, self.training)
         return torch.softmax(self.gating[-1](h).float(), dim=-1)
 
-    def forward(self, x: Tensor, gating: Tensor) -> tuple[Tensor, Tensor]:
-        """Predict normalised outputs (B, outputs) and coefficients (B, K) from normalised inputs.
-
-        ``x`` is (B, inputs), ``gating`` (B, gating).
-        """
-        coefficients = self.coefficients(gating)
-        parts = x.split(self.config.parts, dim=-1)
+    def forward(self, inputs: Inputs[Tensor], memory: Tensors) -> tuple[Tensor, Tensors, Tensors]:
+        """As ``Trainable.forward``; there is no memory, and the info "experts" are the coefficients (B, K)."""
+        coefficients = self.coefficients(inputs.gating)
+        parts = inputs.features.split(self.config.parts, dim=-1)
         h = torch.cat([encoder(part) for encoder, part in zip(self.encoders, parts, strict=True)], dim=-1)
         for i, layer in enumerate(self.experts):
             h = layer(F.dropout(h, self.config.dropout, self.training), coefficients)
             h = F.elu(h) if i < len(self.experts) - 1 else h
-        return h.float(), coefficients
-
-    def predict(self, x: Tensor, gating: Tensor) -> tuple[Tensor, Tensor]:
-        """Predict in physical units: as ``forward``, with normalisation before and after."""
-        y, coefficients = self((x - self.input_mean) / self.input_std, (gating - self.gating_mean) / self.gating_std)
-        return y * self.output_std + self.output_mean, coefficients
+        return h.float(), {}, {"experts": coefficients}
 
     @torch.no_grad()
-    def refresh(self, source: NSM) -> None:
-        """Take over the parameters and statistics of ``source``, cast to this module's types."""
-        for mine, other in zip(self.parameters(), source.parameters(), strict=True):
-            mine.copy_(other)
-        for mine, other in zip(self.buffers(), source.buffers(), strict=True):
-            mine.copy_(other)
+    def renormalise(self, old: dict[str, Tensor]) -> None:
+        """First and last layers take up the change of means and deviations; features that the old data did not have start as drawn."""
+        ratio, shift = self._change(old, "input")
+        at = 0
+        for encoder, width in zip(self.encoders, self.config.parts, strict=True):
+            _into(encoder.layers[0].weight, encoder.layers[0].bias, ratio[at : at + width], shift[at : at + width])
+            at += width
+        _into(self.gating[0].weight, self.gating[0].bias, *self._change(old, "gating"))
+        last, scale = self.experts[-1], old["output_std"] / self.output_std
+        last.weight.mul_(scale[None, :, None])
+        last.bias.mul_(scale).add_((old["output_mean"] - self.output_mean) / self.output_std)
+
+    def _change(self, old: dict[str, Tensor], name: str) -> tuple[Tensor, Tensor]:
+        """Old normalised value = new one times ratio plus shift, (size,) each."""
+        ratio = getattr(self, f"{name}_std") / old[f"{name}_std"]
+        shift = (getattr(self, f"{name}_mean") - old[f"{name}_mean"]) / old[f"{name}_std"]
+        unknown = ratio > _UNKNOWN
+        return torch.where(unknown, 1.0, ratio), torch.where(unknown, 0.0, shift)
+
+
+def _into(weight: Tensor, bias: Tensor, ratio: Tensor, shift: Tensor) -> None:
+    bias.add_(weight @ shift)
+    weight.mul_(ratio)
 
 
 def _dense(inputs: int, outputs: int) -> nn.Linear:

@@ -1,27 +1,30 @@
-"""The network stepped in numpy alone."""
+"""The Neural State Machine stepped in numpy alone."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from nsm_core.model.features.layout import Inputs
 from nsm_core.rotations import Array
 from nsm_core.threads import one_thread
 
-from .sizes import checked_inputs, config_of
-from .weights_file import Weights
+from .config import Memory
+from .nsm_config import NsmConfig
+from .protocol import Info, Weights
 
 # Experts with a smaller coefficient are not read for a single character: their share of the output stays
 # below the rounding of single precision by which the back ends differ, and reading weights is what a step costs.
 NEGLIGIBLE = 1e-6
 
 
-class NumpyModel:
-    """The network in numpy alone, single precision."""
+class NumpyNsm:
+    """The network in numpy alone, single precision; a ``Model`` without memory."""
 
     backend = "numpy"
 
-    def __init__(self, weights: Weights) -> None:
-        self.config, self.metadata = config_of(weights), weights.metadata
+    def __init__(self, config: NsmConfig, weights: Weights) -> None:
+        """``weights`` hold every array of ``config.shapes()``."""
+        self.config, self.metadata = config, weights.metadata
         p = {name: np.ascontiguousarray(values) for name, values in weights.parameters.items()}
         self._statistics = weights.statistics
         self._encoders = [[(p[f"encoders.{e}.layers.{i}.weight"], p[f"encoders.{e}.layers.{i}.bias"]) for i in range(2)] for e in range(4)]
@@ -29,13 +32,19 @@ class NumpyModel:
         self._experts = [(p[f"experts.{i}.weight"], p[f"experts.{i}.bias"]) for i in range(3)]
         self._bounds = np.cumsum(self.config.parts)[:-1]
 
-    def predict(self, x: Array, gating: Array) -> tuple[Array, Array]:
-        """Predict as ``Model.predict`` says."""
-        x, gating = checked_inputs(x, gating, self.config)
+    def start(self, batch: int = 1) -> Memory:
+        """Remember nothing."""
+        return self.config.start(batch)
+
+    def step(self, inputs: Inputs[Array], memory: Memory) -> tuple[Array, Memory, Info]:
+        """Predict as ``Model.step`` says; the info "experts" are the blending coefficients (B, K)."""
+        x, gating = self.config.checked(inputs, memory)
         if len(x) > 8:
-            return self._predict(x, gating)
-        with one_thread():
-            return self._predict(x, gating)
+            y, coefficients = self._predict(x, gating)
+        else:
+            with one_thread():
+                y, coefficients = self._predict(x, gating)
+        return y, {}, {"experts": coefficients}
 
     def _predict(self, x: Array, gating: Array) -> tuple[Array, Array]:
         s = self._statistics

@@ -1,0 +1,44 @@
+"""Which network a weights file holds, and whether its arrays are that network's."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+from nsm_core.errors import WeightsError
+from nsm_core.model.networks.config import NetworkConfig
+from nsm_core.model.networks.protocol import Weights
+from nsm_core.model.networks.registry import NetworkKind, kind_of
+from nsm_core.validate import number, whole
+
+MOST_WIDE = 100_000  # a layer's width; the paper's widest has 2,048
+
+
+def network_of(weights: Weights) -> tuple[NetworkKind, NetworkConfig]:
+    """Kind and sizes of the network; WeightsError unless the kind is known and every array is there and fits."""
+    kind = kind_of(weights.network)
+    config = _sizes(kind, weights)
+    expected = config.shapes()
+    found = {**weights.parameters, **weights.statistics}
+    for name, shape in expected.items():
+        if name not in found or found[name].shape != shape:
+            has = "is missing" if name not in found else f"has shape {found[name].shape}"
+            raise WeightsError(f"The weights file is incomplete: {name} {has} where {shape} is needed; copy or train it again.")
+    if len(found) > len(expected):
+        odd = next(name for name in found if name not in expected)
+        raise WeightsError(f"The weights file holds {odd}, which a network of its sizes has not; copy or train it again.")
+    return kind, config
+
+
+def _sizes(kind: NetworkKind, weights: Weights) -> NetworkConfig:
+    """Sizes that a weights file tells of its network, each one that a network can have."""
+    told = weights.config
+    try:
+        for size in fields(kind.config):
+            what = f"'{size.name}' of the network's sizes"
+            if isinstance(size.default, float):
+                number(told.get(size.name, size.default), what, WeightsError, 0, 1)
+            elif size.name in told:
+                whole(told[size.name], what, WeightsError, 1, MOST_WIDE)
+    except WeightsError as error:
+        raise WeightsError(f"In the weights file, {str(error).removesuffix('.')}; copy or train it again.") from error
+    return kind.config.from_dict(told)
