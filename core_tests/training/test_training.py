@@ -8,12 +8,15 @@ from dataclasses import replace
 import captures
 import numpy as np
 import pytest
+from fuzzing import one_sentence
+from recurrent import ELMAN, ElmanConfig
 
 torch = pytest.importorskip("torch", reason="training needs PyTorch")
 
 from nsm_core.body.skeleton import FEET, INDEX
 from nsm_core.conventions import STYLES
 from nsm_core.data.storage import Dataset, require_meaning
+from nsm_core.errors import WeightsError
 from nsm_core.model.features.codec import build_targets, read_outputs
 from nsm_core.model.features.layout import GATING, INPUT, OUTPUT, Inputs
 from nsm_core.model.features.meaning import meaning
@@ -21,10 +24,11 @@ from nsm_core.model.features.rollout_step import advance
 from nsm_core.model.features.state import State
 from nsm_core.model.inference.model import load_model
 from nsm_core.model.networks.nsm_config import NsmConfig
+from nsm_core.model.networks.registry import KINDS
 from nsm_core.rotations import rotate_planar, wrap_angle
 from nsm_core.training.batches import Batches, RolloutSettings, loss_weights, statistics
 from nsm_core.training.schedule import FLOOR, WARM_UP, cosine_restarts
-from nsm_core.training.trainer import Trainer, TrainingSettings
+from nsm_core.training.trainer import Trainer, TrainingSettings, device_of
 
 CONFIG = NsmConfig(
     encoder_frame=48, encoder_goal=16, encoder_environment=24, encoder_interaction=16, gating_hidden=16, hidden=48, experts=3
@@ -114,6 +118,38 @@ def test_exported_weights_load_without_torch_and_predict_the_same(trained, tmp_p
     assert m["actions"] == [name for name in STYLES if name in m["actions"]]
     assert np.shape(m["stance"]["local_rotations"]) == (23, 4) and 0.8 < m["stance"]["hips_height"] < 1.1
     assert "1.5 minutes" in m["data"] and m["meaning"] == meaning()
+
+
+CUDA = pytest.param("cuda", marks=pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device"))
+
+
+@pytest.mark.parametrize("device", ["cpu", CUDA])
+def test_a_network_with_memory_trains_and_remembers_each_roll_out(data, tmp_path, monkeypatch, device):
+    monkeypatch.setitem(KINDS, "elman", ELMAN)
+    settings = replace(SETTINGS, device=device, rollout=RolloutSettings(length=5))
+    trainer = Trainer(data, settings, ElmanConfig())
+    assert {p.device.type for p in trainer.net.parameters()} == {trainer.weights.device.type} == {device}
+    trainer.net.set_statistics(floor=1e-4, **statistics(trainer.batches, 1000))
+    trainer.average.refresh(trainer.net)
+    remembered, losses, began = np.zeros(settings.pool), [], 0
+    for _ in range(12):
+        begins = trainer.batches.pool_age == 0
+        losses.append(trainer.train_step())
+        remembered, began = np.where(begins, 1, remembered + 1), began + begins.sum()
+        frames = trainer._memory["frames"][:, 0].cpu().numpy()
+        np.testing.assert_array_equal(frames, np.append(np.ones(settings.data_batch), remembered))
+    assert began > settings.pool and remembered.max() > 2
+    assert np.isfinite(losses).all() and np.isfinite(trainer.validate(50))
+    trainer.save(tmp_path / "checkpoint.pt")
+    trainer.load(tmp_path / "checkpoint.pt")
+    assert load_model(trainer.export(tmp_path / "elman.npz")).config == ElmanConfig()
+
+
+@pytest.mark.parametrize("device", ["abacus", "cuda:99", "meta"])
+def test_a_device_that_cannot_be_used_is_refused_in_one_sentence(device):
+    with pytest.raises(WeightsError, match=f"train on '{device}' here; choose cpu") as caught:
+        device_of(device)
+    one_sentence(caught)
 
 
 def batches_of(data, pool: int = 64, **settings) -> Batches:
