@@ -19,7 +19,7 @@ from nsm_core.evaluation.trials import carry, interrupt, locomotion, rollout, st
 from nsm_core.evaluation.trials import open as doors
 from nsm_core.evaluation.trials import sit as trials_sit
 from nsm_core.evaluation.trials.suite import ABLATIONS, PARTS, Figures
-from nsm_core.model.features.layout import INPUT
+from nsm_core.model.features.layout import INPUT, Inputs
 from nsm_core.model.inference.model import Model, load_model
 from nsm_core.rotations import heading_to_direction
 from nsm_core.world.affordances.passage import passage
@@ -122,14 +122,14 @@ def test_a_blind_network_reads_nothing_of_one_sensor(model):
     class Eye:
         backend, config, metadata = "numpy", model.config, model.metadata
 
-        def predict(self, x, gating):
-            seen.append(x)
-            return x, gating
+        def step(self, inputs, memory):
+            seen.append(inputs.features)
+            return inputs.features, memory, {}
 
     x = np.ones((1, INPUT.size), np.float32)
     for ablation in ABLATIONS:
         network, options = evaluation_report.without(Eye(), ablation)
-        network.predict(x, x)
+        network.step(Inputs(x, x), {})
         assert bool(options) == ablation.startswith("no ")
     assert (x == 1).all() and (seen[0] == 1).all()
     for given, sensor in zip(seen[1:], ("interaction", "environment"), strict=True):
