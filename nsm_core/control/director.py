@@ -21,8 +21,8 @@ from nsm_core.world.scene.solids import Scene
 from nsm_core.world.sensors.interaction import InteractionVolume
 
 from .actions.approach import Command, Ground
-from .actions.base import Stage
-from .actions.registry import Grasp, begin, check_reachable
+from .actions.base import Grasp, Stage
+from .actions.registry import begin, check_reachable
 from .goals import Goal, GoalResult, Moment
 
 SETTLE = 12  # frames of rest after which a transition has ended
@@ -125,7 +125,7 @@ class Director:
         following = self.goals[index] if index < len(self.goals) else None
         if self.stage is not None:
             result = self.results[self.index]
-            again = following is not None and following.action == "carry" and following.prop is self.stage.goal.prop
+            again = following is not None and following.prop is not None and following.prop is self.stage.goal.prop
             self.stage.end(result.reached, again)
         if following is None:
             self.done = True

@@ -20,8 +20,8 @@ from nsm_core.world.geometry.distance import Union
 from nsm_core.world.scene.solids import Scene
 from nsm_core.world.scene.terrain import Floor, Terrain
 
+from .actions.base import Grasp
 from .actions.box_grasp import Carrying
-from .actions.registry import Grasp
 from .goals import Moment
 
 

@@ -19,6 +19,7 @@ from nsm_core.model.features.codec import SensorReading, build_inputs, no_object
 from nsm_core.model.features.rollout_step import Blending, advance
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, wrap_angle
+from nsm_core.world.actions import BY_KEY
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene.props import Box, Prop
@@ -303,7 +304,7 @@ def own_props(goals: list[Goal]) -> tuple[list[Goal], dict[str, Prop]]:
 
 def ground_of(goals: list[Goal], environment: DistanceQuery) -> Terrain:
     """The ground that climbs of these goals lead onto, as given or felt in the scene."""
-    climbs = [g for g in goals if g.action == "climb"]
+    climbs = [g for g in goals if BY_KEY[g.action].raises]
     return merged(g.terrain or Terrain.probe(environment, g.interaction or around(g.position)) for g in climbs)
 
 

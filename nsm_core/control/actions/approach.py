@@ -171,7 +171,7 @@ class Approach:
             if not self.anyway:
                 raise
             way = np.stack((moment.root[:2], self.stand)).astype(np.float64)
-        gait = WALKING if self.gait.action == "run" and path_length(way) < LEAST_RUN else self.gait
+        gait = WALKING if self.gait is RUNNING and path_length(way) < LEAST_RUN else self.gait
         speed = float(self.ground.rng.uniform(*gait.speeds))
         course = Course(way, self.heading, speed, gait.turn_distance, gait.acceleration, gait.deceleration)
         return Command(gait.action, course=course, thing=self.thing)
@@ -184,5 +184,5 @@ class Approach:
         if self._stall >= STALL and distance > 0.25:
             self._stall, self._led = 0, LED
             path = np.stack((moment.root[:2], self.stand)).astype(np.float64)
-            action = "walk" if self.gait.action == "run" else self.gait.action
+            action = (WALKING if self.gait is RUNNING else self.gait).action
             self.command = Command(action, course=Course(path, self.heading, speed=1.0, turn_distance=0.4), thing=self.thing)

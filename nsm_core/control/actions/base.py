@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
 from nsm_core.body.ik.foot_plant import SeatTarget
+from nsm_core.body.ik.reaching import Pose
 from nsm_core.control.goals import Goal, Moment
 from nsm_core.rotations import Array
+from nsm_core.world.geometry.distance import DistanceQuery
+from nsm_core.world.planning.floor_plan import FloorPlan
+from nsm_core.world.scene.props import Prop
+from nsm_core.world.scene.solids import Scene
 
-from .approach import Command
+from .approach import Command, Ground
 
 EXECUTED = 0.9  # a label over this counts as executed (design of the response times)
 
@@ -40,4 +51,69 @@ class Stage:
         return None
 
     def end(self, reached: bool, again: bool = False) -> None:
-        """Give way to the next goal; ``again`` tells that it carries the same box."""
+        """Give way to the next goal; ``again`` tells that it has the same prop."""
+
+
+class Grasp(Protocol):
+    """Hands that a stage puts to work on something; one call of ``apply`` a frame while it is ``active``."""
+
+    prop: Prop | None
+    errors: dict[str, Any]
+
+    @property
+    def active(self) -> bool:
+        """Whether it still has to be called."""
+
+    def apply(self, pose: Pose, root: Array, contacts: Array) -> None:
+        """Go on by one frame and correct ``pose`` in place; ``root`` (3,), network ``contacts`` (5,)."""
+
+    def holds(self, hand: int) -> float:
+        """How far a hand is led by it, 0..1."""
+
+    def touches(self, hand: int) -> bool:
+        """Whether a hand is meant to touch the prop, and so is not kept off it."""
+
+    def let_go(self) -> None:
+        """End it at any time; hands return."""
+
+    def give_way(self) -> None:
+        """Leave the prop to another hold of it: these hands only return."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """What a stage begins with: the character's ``moment``, the ``ground`` it goes on, and the ``grasps`` that are still at work.
+
+    ``scene`` is what a box may rest on and a leaf may meet; without ``ik`` the body is left as the network has it.
+    """
+
+    ground: Ground
+    moment: Moment
+    grasps: Sequence[Grasp]
+    scene: Scene
+    ik: bool = True
+
+
+@dataclass(frozen=True)
+class Way:
+    """What ways are looked for with: ``here`` (2,) one comes from, the free floor, and what stands still.
+
+    ``poses`` (4,) of boxes that earlier goals have moved, by name, are read and kept up to date.
+    """
+
+    here: Array
+    plan: FloorPlan | None
+    poses: dict[str, Array]
+    solids: DistanceQuery | None = None
+
+
+def _its_place(goal: Goal, way: Way) -> list[Array | None]:
+    return [goal.position[:2].astype(np.float64)]
+
+
+@dataclass(frozen=True)
+class Performer:
+    """How an action is performed: ``begin`` makes the stage of a goal; ``places`` are as ``registry.standing_places`` says."""
+
+    begin: Callable[[Goal, Start], Stage]
+    places: Callable[[Goal, Way], list[Array | None]] = _its_place

@@ -7,11 +7,12 @@ import numpy as np
 from nsm_core.control.goals import Goal, Moment
 from nsm_core.conventions import IDLE
 from nsm_core.rotations import Array, heading_to_direction, wrap_angle
-from nsm_core.world.affordances.standing import TOES_CLEAR, choose_side, further_off, standing_place
+from nsm_core.world.affordances.standing import TOES_CLEAR, choose_side, further_off, require_room, standing_place
 from nsm_core.world.geometry.distance import DistanceQuery
+from nsm_core.world.scene.props import Box
 
 from .approach import CARRYING, Approach, Command, Ground
-from .base import EXECUTED, Stage
+from .base import EXECUTED, Performer, Stage, Start, Way
 from .box_grasp import Carrying
 
 FETCH, BRING = 2.5, 2.2  # metres from which the box, and its place, are commanded themselves
@@ -94,6 +95,27 @@ class Carry(Stage):
     def end(self, reached: bool, again: bool = False) -> None:
         if not reached and not (again and self.grasp.state == "held"):
             self.grasp.let_go()
+
+
+def _begin(goal: Goal, start: Start) -> Carry:
+    """Fetch the box, or bring it where hands that are still at work hold it."""
+    held = next((g for g in start.grasps if isinstance(g, Carrying) and g.prop is goal.prop and g.state == "held"), None)
+    return Carry(goal, start.ground, start.moment, start.scene.but(goal.prop), held, start.ik)
+
+
+def _places(goal: Goal, way: Way) -> list[Array | None]:
+    """To the box, and to where it is set down."""
+    box = goal.prop
+    assert isinstance(box, Box)
+    facing, stand, _ = choose_side(box, way.plan, way.here, way.poses.get(box.name, box.pose), way.solids)
+    where = f"The place of {box.name}"
+    require_room(box, np.append(goal.position, goal.heading - facing), way.solids, where)
+    further = further_off(box, facing, goal.position, goal.heading, way.solids, where)
+    way.poses[box.name] = np.append(goal.position, wrap_angle(goal.heading - facing))
+    return [stand, standing_place(box, facing, goal.position, goal.heading, further)]
+
+
+PERFORMER = Performer(_begin, _places)
 
 
 __all__ = ["Carry"]

@@ -10,7 +10,7 @@ from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_
 from nsm_core.world.scene.terrain import edge_before
 
 from .approach import Approach, Command, Ground
-from .base import Stage
+from .base import Performer, Stage
 
 BEFORE = 0.6  # metres from the near edge of the object to where one stands before it
 UNKNOWN = 0.3  # metres from the goal to the edge where the object is not known
@@ -63,3 +63,8 @@ def foot_of(goal: Goal) -> Array:
     """Where (2,) one stands before the object of a climb."""
     back = UNKNOWN if goal.interaction is None else edge_before(goal.interaction, goal.position[:2], goal.heading)
     return goal.position[:2].astype(np.float64) - (back + BEFORE) * heading_to_direction(np.array(goal.heading))
+
+
+PERFORMER = Performer(
+    lambda goal, start: Climb(goal, start.ground), lambda goal, way: [foot_of(goal), None, goal.position[:2].astype(np.float64)]
+)

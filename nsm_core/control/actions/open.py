@@ -11,7 +11,7 @@ from nsm_core.world.affordances.passage import Passage, passage
 from nsm_core.world.geometry.distance import DistanceQuery
 
 from .approach import REACH, Approach, Command, Ground
-from .base import Stage
+from .base import Performer, Stage, Way
 from .door_grasp import Opening
 
 HANDLE = 2.5  # metres from which the handle itself is commanded
@@ -101,7 +101,10 @@ class Pass(Stage):
         self.grasp.let_go()
 
 
-def beyond(goal: Goal, coming_from: Array) -> tuple[Array, Array]:
-    """Where (2,) one stands to take the handle and where one ends, coming from (2,)."""
-    way = passage(goal.prop, coming_from)  # type: ignore[arg-type]
-    return way.reach, way.beyond
+def _places(goal: Goal, way: Way) -> list[Array | None]:
+    """To the handle, and beyond the opening."""
+    through = passage(goal.prop, way.here)  # type: ignore[arg-type]
+    return [through.reach, None, through.beyond]
+
+
+PERFORMER = Performer(lambda goal, start: Pass(goal, start.ground, start.moment, start.scene.environment, start.ik), _places)

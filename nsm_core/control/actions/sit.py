@@ -12,7 +12,7 @@ from nsm_core.rotations import Array, heading_to_direction, wrap_angle
 from nsm_core.world.planning.floor_plan import FloorPlan
 
 from .approach import Approach, Command, Ground
-from .base import EXECUTED, Stage
+from .base import EXECUTED, Performer, Stage
 
 BLOCKED = 0.14  # metres of room: an open front has 0.17, and a thin board between two looked at heights seems this far off
 BESIDE = 0.1  # metres of room that standing beside a seat needs
@@ -101,5 +101,10 @@ class Sit(Stage):
         return self.goal.position, None if self._side and not self._seated else self.goal.heading
 
     def leave(self, following: Goal) -> Command | None:
-        stays = following.action == "sit" and float(np.linalg.norm(following.position - self.goal.position)) < SEATED_WITHIN
+        stays = following.action == self.goal.action and float(np.linalg.norm(following.position - self.goal.position)) < SEATED_WITHIN
         return self._back if self._side and self._seated and not stays else None
+
+
+PERFORMER = Performer(
+    lambda goal, start: Sit(goal, start.ground, start.moment), lambda goal, way: [before_seat(goal, way.plan, way.here)[0]]
+)

@@ -9,8 +9,10 @@ from nsm_core.conventions import IDLE, SIT
 from nsm_core.distances import STAND_AHEAD
 from nsm_core.rotations import Array, heading_to_direction
 
-from .approach import REACH, RUNNING, WALKING, Approach, Command, Ground
-from .base import EXECUTED, Stage
+from .approach import REACH, RUNNING, WALKING, Approach, Command, Gait, Ground
+from .base import EXECUTED, Performer, Stage
+
+LED_RUN = 1.0  # metres from its end up to which a run is led, as in the training data
 
 
 class Stay(Stage):
@@ -35,12 +37,10 @@ class Stay(Stage):
 class Go(Stage):
     """Walk or run to a place and stand there."""
 
-    def __init__(self, goal: Goal, ground: Ground) -> None:
+    def __init__(self, goal: Goal, ground: Ground, reach: float = REACH, gait: Gait = WALKING) -> None:
+        """``reach``: metres from the place at which it is commanded itself."""
         super().__init__(goal)
         final = Command("idle", goal.position, goal.heading)
-        runs = goal.action == "run"
-        # A run is led to its end, as in the training data.
-        reach, gait = (1.0, RUNNING) if runs else (REACH, WALKING)
         self.approach = Approach(ground, goal.position[:2].astype(np.float64), goal.heading, final, reach, gait)
 
     def update(self, moment: Moment) -> Command:
@@ -48,3 +48,8 @@ class Go(Stage):
 
     def arrived(self, moment: Moment) -> bool:
         return float(np.linalg.norm(moment.root[:2] - self.goal.position[:2])) < 0.3 and moment.speed < 0.15
+
+
+STAY = Performer(lambda goal, start: Stay(goal, start.moment), lambda goal, way: [])
+WALK = Performer(lambda goal, start: Go(goal, start.ground))
+RUN = Performer(lambda goal, start: Go(goal, start.ground, LED_RUN, RUNNING))
