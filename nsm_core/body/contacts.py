@@ -12,15 +12,16 @@ from .skeleton import ANKLE_HEIGHT, FEET, OFFSETS
 ANKLES, TOES = [foot[2] for foot in FEET], [foot[3] for foot in FEET]
 # The toe joint is never lower than this over the floor, metres (the reference code's clamp).
 TOE_CLEARANCE = 0.02
+RESTING = 0.3  # m/s of a toe joint that still counts as standing
 LEGS = (FEET[0][:3], FEET[1][:3])
 TOE_OFFSET = OFFSETS[TOES[0]].astype(np.float64)
 # Underside of the heel in the foot's rest frame, from the ankle joint, and seen from the toe joint.
 HEEL_FROM_ANKLE = np.array((0, 0.05, -ANKLE_HEIGHT))
-_HEEL_FROM_TOE = HEEL_FROM_ANKLE - TOE_OFFSET
+HEEL_FROM_TOE = HEEL_FROM_ANKLE - TOE_OFFSET
 _AHEAD = np.array((0.0, -1.0, 0.0))
 
 
-def detect_foot_contacts(positions: Array, height: float = 0.07, speed: float = 0.3, window: int = 5, fps: float = FPS) -> Array:
+def detect_foot_contacts(positions: Array, height: float = 0.07, speed: float = RESTING, window: int = 5, fps: float = FPS) -> Array:
     """Tell which feet stand: (T, 2) bool, right and left, from world joint positions (T, 23, 3), metres.
 
     A foot stands where its toe joint is lower than ``height`` metres and horizontally slower than ``speed`` metres a second,
@@ -43,7 +44,7 @@ def sole_depth(toes: Array, feet: Array, ground: Array | float = 0.0, heel_groun
 
     ``ground`` is its height (...) under the foot, ``heel_ground`` that under the heel where it differs.
     """
-    heel = quat_rotate(feet, _HEEL_FROM_TOE)[..., 2]
+    heel = quat_rotate(feet, HEEL_FROM_TOE)[..., 2]
     under = ground if heel_ground is None else heel_ground
     return np.maximum(0, np.maximum(TOE_CLEARANCE - (toes[..., 2] - ground), -(toes[..., 2] - under + heel)))
 

@@ -54,6 +54,11 @@ ARMS = ((INDEX["RightShoulder"], INDEX["RightElbow"], INDEX["RightWrist"]),
         (INDEX["LeftShoulder"], INDEX["LeftElbow"], INDEX["LeftWrist"]))  # fmt: skip
 
 
+ARM_LENGTH = float(np.linalg.norm(OFFSETS[list(ARMS[0][1:])], axis=-1).sum())  # from shoulder to wrist, metres
+# From the spine to the skin of the back, and how far over the pivot of a lean it moves with it, metres.
+BACK_RADIUS, BACK_FROM = 0.1, 0.15
+
+
 def _levels() -> list[tuple[Array, Array]]:
     """Joints as many steps from the hips as each other, and their parents: computed together, since each step costs by the call."""
     depth = [0] * J

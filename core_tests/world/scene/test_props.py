@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nsm_core.body.ik.reaching import ARM
-from nsm_core.body.skeleton import ARMS, INDEX, J, forward_kinematics
+from nsm_core.body.skeleton import ARM_LENGTH, ARMS, INDEX, J, forward_kinematics
 from nsm_core.distances import BODY_TO_BOX, WRIST_BEHIND, WRIST_BELOW, WRIST_OFF_HANDLE, WRIST_OFF_SIDE
 from nsm_core.errors import GoalError
 from nsm_core.rotations import heading_to_direction, rotate_planar
@@ -111,7 +110,7 @@ def test_passage_leads_through_the_opening(swing, side):
     local[0] = (np.cos(way.heading / 2), 0, 0, np.sin(way.heading / 2))
     joints, _ = forward_kinematics(np.append(way.reach, 0.93), local)
     gap = np.linalg.norm(joints[ARMS[way.hand][0]] - leaf.grip(way.side, 0.0))
-    assert gap < ARM + 0.12 and joints[INDEX["Hips"], 2] == pytest.approx(0.93)
+    assert gap < ARM_LENGTH + 0.12 and joints[INDEX["Hips"], 2] == pytest.approx(0.93)
 
 
 def test_an_open_box_reads_as_a_full_one():

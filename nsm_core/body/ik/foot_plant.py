@@ -11,7 +11,7 @@ from nsm_core.rotations import Array, heading_quat, heading_to_direction, quat_m
 from nsm_core.signals import smooth_step
 from nsm_core.world.scene.terrain import Terrain
 
-from .foot_lock import lock_feet
+from .foot_lock import MAX_PELVIS_DROP, lock_feet
 from .footing import Footing
 from .planted_foot import BEARS, EDGE_UP, GATHER, LOCK, UNLOCK, Foot
 from .two_bone import leg_reach, limb_frames, place_limbs
@@ -26,7 +26,7 @@ STEP_FROM = 0.06  # that the pose is off a foot that stands, until it is set ane
 NEXT_SEAT = 0.05  # between goals of one and the same seat
 MAX_DRAW, MAX_DRAW_TURN, HIP_PLAY, HIP_PLAY_TURN = 0.3, np.radians(45), 0.008, np.radians(0.4)
 ASKEW = np.radians(20)  # from here to MAX_DRAW_TURN the draw fades: who still turns on the seat is not twisted round
-PELVIS_SPEED_DOWN, PELVIS_SPEED_UP, MAX_PELVIS_DROP = 0.5, 0.25, 0.08
+PELVIS_SPEED_DOWN, PELVIS_SPEED_UP = 0.5, 0.25
 STEP_DROP = 0.3  # of the pelvis per metre between the feet on top of things
 _HIP_OFFSETS = OFFSETS[[leg[0] for leg in LEGS]].astype(np.float64)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.skeleton import ARMS, FEET, HIPS, INDEX, OFFSETS, PARENTS, forward_kinematics
+from nsm_core.body.skeleton import ARM_LENGTH, ARMS, FEET, HIPS, INDEX, PARENTS, forward_kinematics
 from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul, quat_rotate
 from nsm_core.signals import gaussian_smooth
 
@@ -13,7 +13,6 @@ from .two_bone import chain_frames, place_limbs
 # Joints that share a lean, from below, and their shares: of a trunk over a pelvis that stays, and of one that bends with it.
 SPINE = tuple((INDEX[name], 0.25) for name in ("Chest", "Chest2", "Chest3", "Chest4"))
 BEND = ((HIPS, 0.2), (INDEX["Chest"], 0.3), (INDEX["Chest2"], 0.25), (INDEX["Chest3"], 0.25))
-ARM_LENGTH = float(np.linalg.norm(OFFSETS[[ARMS[0][1], ARMS[0][2]]], axis=-1).sum())
 COMFORT = 0.95 * ARM_LENGTH  # an arm that holds is at least a little bent
 LEAN, SHIFT = np.radians(50), np.array((0.0, -0.04, -0.16))  # the most the trunk leans more, and the hips move, to reach down
 _MOST = 1.3  # times that where the captured pose needs it

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsm_core.body.skeleton import ARMS, FEET, INDEX, OFFSETS
+from nsm_core.body.skeleton import ARM_LENGTH, ARMS, FEET, INDEX
 from nsm_core.conventions import DT
 from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul, quat_rotate
 from nsm_core.signals import smooth_step
@@ -15,7 +15,6 @@ from nsm_core.world.geometry.distance import DistanceQuery
 from .hand_ways import HandWays
 from .two_bone import SOFT_REACH, chain_frames, limb_frames, place_limbs
 
-ARM = float(np.linalg.norm(OFFSETS[list(ARMS[0][1:])], axis=-1).sum())  # from shoulder to wrist, metres
 TAKE_TIME, LET_GO_TIME = 0.3, 0.4  # seconds in which a hand is drawn onto its place, and given back
 SWIFT, CLOSING = 3.0, 0.003  # times faster where it says that it holds; metres a frame by which a hand on its way comes nearer
 # A hand may be drawn from this near, metres: where it has stayed this near for DWELL frames or is at its place, or says it holds.
@@ -121,7 +120,7 @@ class Hold:
         targets = now + self._added + self._ways.off_the_line(pose.hips, pose.local, now, to, share, places, solids, back)
         shoulders = self._reach_out(pose, shoulders, targets)
         pose.local = place_limbs(pose.hips, pose.local, tuple(ARMS[h] for h in self.hands), targets)
-        self._missing = float(np.linalg.norm(targets - shoulders, axis=1).max()) - ARM if self.weight >= 1 else np.inf
+        self._missing = float(np.linalg.norm(targets - shoulders, axis=1).max()) - ARM_LENGTH if self.weight >= 1 else np.inf
 
     def _reach_out(self, pose: Pose, shoulders: Array, targets: Array) -> Array:
         """Lean the trunk and then shift the hips, smoothly and a little, towards what the arms do not reach.
@@ -166,7 +165,7 @@ def _lack(ways: Array, stretched: float) -> Array:
     """What the longest of the ways (n, 3) from shoulder to target goes beyond an arm stretched to a share of its length, (3,)."""
     length = np.linalg.norm(ways, axis=1)
     worst = int(length.argmax())
-    return ways[worst] * (max(0.0, length[worst] - stretched * ARM) / max(length[worst], 1e-9))
+    return ways[worst] * (max(0.0, length[worst] - stretched * ARM_LENGTH) / max(length[worst], 1e-9))
 
 
 def _move_hips(pose: Pose, shift: Array) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.skeleton import INDEX, OFFSETS
+from nsm_core.body.skeleton import BACK_FROM, BACK_RADIUS, INDEX, OFFSETS
 from nsm_core.rotations import Array, quat_from_axis_angle, quat_mul, quat_rotate
 from nsm_core.world.geometry.distance import DistanceQuery
 
@@ -13,9 +13,7 @@ from .two_bone import chain_frames
 _CHEST = INDEX["Chest"]
 _SPINE = (INDEX["Chest2"], INDEX["Chest3"], INDEX["Chest4"])
 _SHARES = np.linspace(0, 1, 4)
-RADIUS = 0.1  # metres from the spine to the skin of the back
 MOST_LEAN, EASE, SPEED = np.radians(22), 0.25, np.radians(1.2)  # lean at most; share and angle per frame by which it changes
-LOWEST = 0.15  # metres over the pivot from where on leaning moves the back
 _STEP = 0.02  # metres between the samples of the distance's slope
 
 
@@ -49,14 +47,14 @@ class TrunkClearance:
             points.append(points[-1] + quat_rotate(rotation, OFFSETS[[joint]].astype(np.float64))[0])
         spine = np.concatenate([points[k] + _SHARES[:, None] * (points[k + 1] - points[k]) for k in range(2)])
         levers = np.linalg.norm(spine - pivot, axis=1)
-        spine, levers = spine[levers > LOWEST], levers[levers > LOWEST]
-        distance = self.query.signed_distance(spine.astype(np.float32), RADIUS + 0.05).astype(np.float64)
-        depth = RADIUS - distance
+        spine, levers = spine[levers > BACK_FROM], levers[levers > BACK_FROM]
+        distance = self.query.signed_distance(spine.astype(np.float32), BACK_RADIUS + 0.05).astype(np.float64)
+        depth = BACK_RADIUS - distance
         deepest = int(depth.argmax())
         if depth[deepest] > 0:
             forward = quat_rotate(pelvis[None], np.array(((0.0, -1.0, 0.0),)))[0]
             ends = np.stack((spine[deepest] + _STEP * forward, spine[deepest] - _STEP * forward)).astype(np.float32)
-            ahead, behind = self.query.signed_distance(ends, RADIUS + 0.05)
+            ahead, behind = self.query.signed_distance(ends, BACK_RADIUS + 0.05)
             if ahead <= behind:  # what it touches stands before the body or at its side: leaning would not help
                 return -self.lean
         return float(depth[deepest] / levers[deepest])

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from nsm_core.body.contacts import RESTING
 from nsm_core.body.skeleton import ARMS, FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
 from nsm_core.body.thin_capsules import thin_spheres
 from nsm_core.conventions import CLIMB, FOOT_CONTACTS, FPS, HAND_CONTACTS, HIP_CONTACT, SIT
@@ -31,7 +32,7 @@ SHARES = (1.0, 0.8, 0.6, 0.4, 0.25)
 SEATS = (0.35, 0.6)  # heights of seats that people are put on, metres
 MOST_BACK = 0.12  # metres that a seat stands further back at most
 KEEP_OFF = 0.15  # metres that the hips keep from an object which they only pass
-RESTING, OVER_EDGE = 0.3, 0.03  # m/s of a toe that stands; metres by which it may stick out over an edge
+OVER_EDGE = 0.03  # metres by which a toe that stands may stick out over an edge
 _LABELS = {"sit": SIT, "idle+walk": CLIMB}  # of the commands whose objects are switched
 _AROUND = FPS + 5  # frames on either side of an interaction that a transfer changes
 _ON_REST = 0.03  # metres from an arm rest at which a wrist still rests on it

@@ -12,6 +12,7 @@ from types import ModuleType
 
 import numpy as np
 
+from nsm_core.body.contacts import RESTING
 from nsm_core.body.ik.fitting import lift_swinging_feet
 from nsm_core.body.ik.foot_lock import lock_feet
 from nsm_core.body.skeleton import FEET, forward_kinematics
@@ -37,7 +38,6 @@ from .walk import ways as walk_ways
 # Episodes with objects by name, and how often each is drawn; "walk" and "run" have none.
 EPISODES: dict[str, ModuleType] = {"sit": sit_episode, "climb": climb_episode, "carry": carry_episode, "open": open_episode}
 SHARES = {"sit": 0.38, "carry": 0.18, "open": 0.22, "climb": 0.14, "walk": 0.1, "run": 0.07}
-RESTING = 0.3  # m/s of a toe that still counts as standing
 SHORTEST = 90  # frames of a take
 SEAM = 4  # frames before and after a seam in which the phase of the one clip goes over into that of the next
 _SLOWEST, _FASTEST = 0.5, 2.0  # of the captured pace

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nsm_core.control.actions.base import EXECUTED
 from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner, roll
 from nsm_core.conventions import FPS, RUN, SIT, WALK
@@ -23,7 +24,6 @@ from . import rollout
 from .rollout import SEED, Report
 from .sit import SEATS, sit_goal
 
-EXECUTED = 0.9  # the label over which an action counts as executed
 OBSTACLES = ("table", "desk", "cabinet", "box", "chair", "armchair", "sofa", "stool", "shelf")
 WAY, PIECES = 5.0, 9  # metres from start to goal, and pieces of furniture about the way
 _PATIENCE = 12.0  # seconds after which an order counts as not answered

@@ -8,8 +8,8 @@ import numpy as np
 
 from nsm_core.body.clip import smoothed_root
 from nsm_core.body.ik.grip import place_hands
-from nsm_core.body.ik.leaning import ARM_LENGTH, lean_into_reach
-from nsm_core.body.skeleton import ARMS, forward_kinematics
+from nsm_core.body.ik.leaning import lean_into_reach
+from nsm_core.body.skeleton import ARM_LENGTH, ARMS, forward_kinematics
 from nsm_core.conventions import CARRY, HAND_CONTACTS
 from nsm_core.data.scenarios.motion import Motion
 from nsm_core.data.scenarios.take import Placed, Thing, TimedCommand

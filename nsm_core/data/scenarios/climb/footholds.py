@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsm_core.body.contacts import ANKLES, TOES, foot_heading
+from nsm_core.body.contacts import ANKLES, HEEL_FROM_TOE, TOES, foot_heading
+from nsm_core.body.skeleton import END_SITES, JOINTS
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
 from nsm_core.signals import intervals
 
 # The sole from the toe joint, metres: back to the heel, ahead to the tips, and half its width.
-HEEL, TIPS, HALF_WIDTH = 0.18, 0.07, 0.045
+HEEL, TIPS, HALF_WIDTH = round(float(HEEL_FROM_TOE[1]), 6), -END_SITES[JOINTS[TOES[0]]][1], 0.045
 OFF_EDGE = 0.04  # metres that a foot on the floor keeps from the sides of the block
 OVER_EDGE = 0.03  # metres by which a foot on top may stick out
 TO_THE_EDGE = 0.12  # metres that the last foot on top comes nearer to the edge at most

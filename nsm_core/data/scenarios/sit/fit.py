@@ -7,7 +7,7 @@ import numpy as np
 from nsm_core.body.ik.hand_clearance import HandClearance
 from nsm_core.body.ik.heels import KNEE_OVER_SEAT, Heels
 from nsm_core.body.ik.two_bone import place_limbs
-from nsm_core.body.skeleton import ARMS, FEET, HIP_OVER_SEAT, INDEX, forward_kinematics, root_of
+from nsm_core.body.skeleton import ARMS, BACK_FROM, BACK_RADIUS, FEET, HIP_OVER_SEAT, INDEX, forward_kinematics, root_of
 from nsm_core.conventions import SIT
 from nsm_core.data.scenarios.motion import Motion
 from nsm_core.rotations import Array, heading_quat, quat_from_axis_angle, quat_mul, wrap_angle
@@ -17,7 +17,6 @@ from nsm_core.world.geometry.distance import DistanceQuery
 RESTLESS = 0.12  # share of its sway that a seated body keeps
 _EARLY, _LATE = 5, 6  # frames before and after the seat is reached between which the rest is found
 _LEANS = np.radians(np.arange(0, 29, 4.0))
-_BACK, _LOWEST = 0.1, 0.15  # metres from the spine to the skin of the back; over the pivot from where on leaning moves the back
 _SPINE = [INDEX[name] for name in ("Chest2", "Chest3", "Chest4", "Neck")]
 _ARM, _FADE = 0.22, 20  # metres from a joint of the arm to a solid that the arm may touch; frames in which what moved it fades
 _LEGS = tuple(leg[:3] for leg in FEET)
@@ -74,9 +73,9 @@ def _back_depth(hips: Array, local: Array, solid: DistanceQuery) -> Array:
     positions = forward_kinematics(hips, local)[0]
     joints = positions[:, _SPINE]
     spine = np.concatenate([joints[:, :-1] + s * np.diff(joints, axis=1) for s in (0.0, 0.5)] + [joints[:, -2:-1]], axis=1)
-    distance = solid.signed_distance(spine.reshape(-1, 3).astype(np.float32), _BACK + 0.05).reshape(spine.shape[:2])
-    counts = np.linalg.norm(spine - positions[:, [INDEX["Chest"]]], axis=-1) > _LOWEST
-    return np.where(counts, np.maximum(_BACK - distance, 0), 0).max(axis=1)
+    distance = solid.signed_distance(spine.reshape(-1, 3).astype(np.float32), BACK_RADIUS + 0.05).reshape(spine.shape[:2])
+    counts = np.linalg.norm(spine - positions[:, [INDEX["Chest"]]], axis=-1) > BACK_FROM
+    return np.where(counts, np.maximum(BACK_RADIUS - distance, 0), 0).max(axis=1)
 
 
 def lift_heels(motion: Motion, span: slice, goal: Array) -> None:
