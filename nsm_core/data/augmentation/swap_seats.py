@@ -15,7 +15,7 @@ from nsm_core.conventions import CONTACTS, FOOT_CONTACTS, HAND_CONTACTS, HIP_CON
 from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.matching.segment import SitDown
 from nsm_core.data.matching.selection import load_sits
-from nsm_core.data.scenarios.sit.episode import SEATS
+from nsm_core.data.scenarios.sit.draws import SITS
 from nsm_core.errors import CaptureError
 from nsm_core.rotations import Array
 from nsm_core.signals import gaussian_smooth
@@ -65,7 +65,7 @@ def switch_all(captures: str | Path, pool: Pool, count: int, seed: int) -> list[
     sits = load_sits(CaptureFolder(captures))
     if not sits:
         raise CaptureError(f"nobody sits down and rises again in {captures}; run `python -m nsm_core annotate` and look at its labels.")
-    kinds = sorted(set(SEATS))
+    kinds = sorted(set(SITS.kinds))
     return [switch_seat(sits[n % len(sits)], pool, kinds[n % len(kinds)], seed + n) for n in range(count)]
 
 

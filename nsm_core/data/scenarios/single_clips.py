@@ -20,6 +20,7 @@ from .carry.carried import CarryEpisode
 from .carry.supports import draw_support
 from .session import Session
 from .sit import episode as sit_episode
+from .sit.draws import SITS
 from .sit.episode import SitEpisode
 from .take import TimedCommand, styles_of
 
@@ -132,10 +133,10 @@ def sit(session: Session) -> bool:
     Legs of some captures stand where some seats would be: a seat is tried with several of them, lest wide ones get rare.
     """
     pieces = _from_both_feet(session, sit_episode.NAME)
-    piece = session.draw(str(session.rng.choice(sit_episode.SEATS)))
+    piece = session.draw(str(session.rng.choice(SITS.kinds)))
     if not pieces or piece.seat is None:
         return False
-    for _ in range(sit_episode.TRIES):
+    for _ in range(SITS.tries):
         saved = session.save()
         session.episodes.append(_sit_on(session, piece, pieces))
         if session.clear():

@@ -13,16 +13,13 @@ from nsm_core.rotations import heading_to_direction, rotate_planar
 from nsm_core.signals import gaussian_smooth
 from nsm_core.world.scene.furniture import Furniture
 
+from .draws import CLIMBS
 from .fit import ClimbEpisode
 from .footholds import HEEL, OFF_EDGE, OVER_EDGE, TIPS, Block, Crossing, Foothold, crossing_at, find_holds, shift_off_edges, short_of_edge
 
 NAME = "climb"
-WALLS = 0.25  # share of low walls
-FEWER_LOW = 0.4  # share of low pieces that are drawn again: what is high is harder to learn, and finds its place less often
 FARTHEST_SHIFT = 0.14  # metres that a foothold is moved at most
-BEHIND = (0.2, 0.95)  # metres behind a low wall where one stands
 SLACK = 0.12  # metres that the stride over a low wall is longer than it need be
-LEAVES = 6  # ways down that are tried
 SHORTEST_SWING = 6  # frames of a swing over an edge, as it was walked
 TOP_SPEED = 0.5  # m/s: mean speed at which hips rise or sink at most
 
@@ -35,18 +32,18 @@ def segments(folder: CaptureFolder) -> list[Segment]:
 def lay(session: Session) -> ClimbEpisode | None:
     """Walk up to and onto a step, stand and walk off it, or step over a low wall; the object is put where the feet allow it."""
     rng, tape = session.rng, session.tape
-    over = rng.random() < WALLS
+    over = rng.random() < CLIMBS.walls
     piece = session.draw("low_wall" if over else "step")
-    if piece.size[2] < 0.3 and rng.random() < FEWER_LOW:
+    if piece.size[2] < CLIMBS.low and rng.random() < CLIMBS.fewer_low:
         piece = session.draw("low_wall" if over else "step")
-    place = session.free_place(1.5, 3.6, 0.5 + 0.5 * float(piece.size[1]))
+    place = session.free_place(*CLIMBS.place, 0.5 + 0.5 * float(piece.size[1]))
     if place is None:
         return None
     way = place - tape.roots[-1]
-    heading = float(np.arctan2(way[0], -way[1]) + rng.normal(0, 0.6))
+    heading = float(np.arctan2(way[0], -way[1]) + rng.normal(0, CLIMBS.off_the_way))
     start, mark = len(tape), session.command("idle+walk", session.lead())
-    straight = min(rng.uniform(0.9, 1.5), 0.8 * float(np.linalg.norm(way)))
-    if not session.go(place, heading, straight_end=straight, speed=float(rng.uniform(0.7, 1.2))):
+    straight = min(rng.uniform(*CLIMBS.straight_end), 0.8 * float(np.linalg.norm(way)))
+    if not session.go(place, heading, straight_end=straight, speed=float(rng.uniform(*CLIMBS.speed))):
         return None
     holds = _holds(session, start)
     # One climbs the way one comes over the last step or two.
@@ -55,7 +52,7 @@ def lay(session: Session) -> ClimbEpisode | None:
     if not len(far):
         return None
     way = roots[-1] - roots[far[-1]]
-    facing = float(np.arctan2(way[0], -way[1]) + rng.normal(0, 0.05))
+    facing = float(np.arctan2(way[0], -way[1]) + rng.normal(0, CLIMBS.off_square))
     found = _put(session, piece, holds, facing, over)
     if found is None:
         return None
@@ -66,7 +63,7 @@ def lay(session: Session) -> ClimbEpisode | None:
     up = _slow(session, up, block.height, start)
     radius = 0.5 * float(np.linalg.norm(piece.size[:2])) + 0.5
     result = ClimbEpisode(piece, block, mark, start, up, places=[(block.position, radius)])
-    tape.stand(rng.uniform(0.3, 2.0))
+    tape.stand(rng.uniform(*CLIMBS.stands))
     result.stand = result.end = max(len(tape) - 9, up.both)
     if over:
         result.end = len(tape)
@@ -78,20 +75,20 @@ def _leave(session: Session, climb: ClimbEpisode) -> bool:
     """Walk off the top to a place on the floor; half the time led along."""
     rng, tape, block = session.rng, session.tape, climb.block
     saved = session.save()
-    for _ in range(LEAVES):
-        led = rng.random() < 0.5
+    for _ in range(CLIMBS.leaves):
+        led = rng.random() < CLIMBS.led
         mark, before = session.command("walk" if led else "idle", session.lead()), len(tape)
-        spread = 0.35 if min(block.half) < 0.35 else 1.3
+        spread = CLIMBS.off_ahead[int(min(block.half) >= CLIMBS.narrow)]
         angle = tape.headings[-1] + rng.normal(0, spread)
         out = float(np.abs(rotate_planar(heading_to_direction(np.array(angle)), np.float64(-block.heading))) @ block.half)
-        target = tape.roots[-1] + (out + rng.uniform(0.6, 1.8)) * heading_to_direction(np.array(angle))
-        if session.go(target, float(angle + rng.normal(0, 0.5)), speed=float(rng.uniform(0.7, 1.2))):
+        target = tape.roots[-1] + (out + rng.uniform(*CLIMBS.beyond)) * heading_to_direction(np.array(angle))
+        if session.go(target, float(angle + rng.normal(0, CLIMBS.off_the_way_down)), speed=float(rng.uniform(*CLIMBS.speed))):
             down = _way_down(session, climb, before)
             if down is not None:
                 climb.down = _slow(session, down, block.height, before, up=False)
                 if not led:
                     session.stand_here(mark)
-                tape.stand(rng.uniform(0.3, 1.2))
+                tape.stand(rng.uniform(*CLIMBS.stands_below))
                 climb.end = len(tape)
                 return True
         session.restore(saved)
@@ -143,7 +140,7 @@ def _put(session: Session, piece: Furniture, holds: list[Foothold], facing: floa
     depth, half = float(piece.size[1]), piece.size[:2].astype(np.float64) / 2
     ahead, heading = heading_to_direction(np.array(facing)), facing + np.pi
     at = np.array([(h.place - tape.roots[-1]) @ ahead for h in holds])
-    side = max(0.0, half[0] - 0.3)
+    side = max(0.0, half[0] - CLIMBS.from_sides)
     lateral = rng.uniform(-side, side)
     across = np.array((-ahead[1], ahead[0]))
     # The stance at the end is over the middle of the width, give or take.
@@ -157,13 +154,13 @@ def _put(session: Session, piece: Furniture, holds: list[Foothold], facing: floa
         floor, beyond = at[before].max() + TIPS, at[~before].min() - HEEL
         if over:
             low, high = floor + OFF_EDGE, beyond - OFF_EDGE - depth
-            if not BEHIND[0] < -(low + high) / 2 - depth < BEHIND[1]:
+            if not CLIMBS.behind_wall[0] < -(low + high) / 2 - depth < CLIMBS.behind_wall[1]:
                 continue
         else:
             # Edge between the feet; and the last of them short of the far edge.
             low, high = max(floor + OFF_EDGE, at.max() + TIPS - depth - OVER_EDGE), beyond + 0.01
         # The foot on the floor is the nearer one: its leg follows over the edge.
-        edge = (low + high) / 2 if low > high else low + (high - low) * rng.uniform(0.0, 0.5)
+        edge = (low + high) / 2 if low > high else low + (high - low) * rng.uniform(*CLIMBS.into_stride)
         middle = tape.roots[-1] + ahead * (edge + depth / 2) + across * (float((centre - tape.roots[-1]) @ across) + lateral)
         block = Block(middle, heading, half, float(piece.size[2]))
         shifts = np.linalg.norm(shift_off_edges(holds, ~before & (not over), block), axis=1)
@@ -182,7 +179,7 @@ def _slow(session: Session, c: Crossing, height: float, first: int, up: bool = T
     """Stretch the tape's frames from ``first`` on in time about a crossing, more for higher steps."""
     rng, tape, lib = session.rng, session.tape, session.lib
     count = len(tape) - first
-    slowest = float(np.interp(height, (0.15, 0.35, 0.6), (0.8, 0.62, 0.45)) * rng.uniform(0.9, 1.15))
+    slowest = float(np.interp(height, (0.15, 0.35, 0.6), (0.8, 0.62, 0.45)) * rng.uniform(*CLIMBS.slowness))
     rise = (c.both - c.landing + 6 if up else 0.8 * (c.landing - c.lift) + 4) / FPS
     slowest = float(np.clip(min(slowest, rise * TOP_SPEED / max(height, 0.05)), 0.3, 0.95))
     t = np.arange(first, first + count)

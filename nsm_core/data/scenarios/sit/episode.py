@@ -25,18 +25,15 @@ from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.scene import furniture
 from nsm_core.world.scene.furniture import Furniture
 
+from .draws import SITS
 from .fit import bring_to_rest, keep_hands_off, lean_off, lift_heels
 from .turn import swivel, turn_about_hips
 
-SEATS = ("chair", "chair", "armchair", "stool", "bench", "sofa")
 NAME = "sit"
-SIDEWAYS = 0.2  # share of the seats that stand partly under a table and are taken from the side; fewer of them work out
-TRIES, WIDE = 6, 0.65  # places and ways for one seat; metres from where on it is wide
 TUCKS = (0.0, 0.12, 0.24)  # shares by which feet may be drawn in while one turns on the seat
 SLIDES = (0.0, 0.05, 0.09)  # metres by which one may slide back on the seat in that turn
 IN_TABLE, BRUSH = 0.028, -0.012  # metres that the body may go into the table; of leg joints to the seat's surface
 _WALKERS = [INDEX[side + name] for side in ("Right", "Left") for name in ("Hip", "Knee", "Ankle", "Toe", "Wrist")]
-_AT_TABLE = ("chair", "chair", "stool")
 
 
 def segments(folder: CaptureFolder) -> list[Segment]:
@@ -118,7 +115,7 @@ class SitEpisode:
         heading += float(self.aim[3])
         frame = motion.commands[self.mark].frame
         motion.commands[self.mark] = TimedCommand(frame, "sit", goal, heading, len(motion.things))
-        thing = self._stand(goal, heading, motion.rng.normal(0, 0.01, 2))
+        thing = self._stand(goal, heading, motion.rng.normal(0, SITS.off_place, 2))
         motion.things.append(thing)
         self.goal, self.facing, self.solid = goal, heading, furniture.cuboids([(self.piece, thing.poses[:3], float(thing.poses[3]))])
         lean_off(motion, slice(self.start, self.risen), self.solid)
@@ -159,7 +156,7 @@ class SitEpisode:
         Before a back rest one sits down a little ahead, where it leaves room for the shoulder, and slides back with the turn.
         Returns the frames in between.
         """
-        there = (self.reached + 8, int(motion.rng.integers(34, 48)))
+        there = (self.reached + 8, int(motion.rng.integers(*SITS.turn_frames)))
         last = self.leaving - self.back
         span = slice(self.reached, self.risen)
         before = [a[span].copy() for a in (motion.hips, motion.rotations, motion.headings, motion.feet)]
@@ -236,12 +233,12 @@ def lay(session: Session) -> SitEpisode | None:
     rng = session.rng
     if not session.source.segments.get(NAME):
         return None
-    sideways = rng.random() < SIDEWAYS
-    piece = session.draw(str(rng.choice(_AT_TABLE if sideways else SEATS)))
+    sideways = rng.random() < SITS.sideways
+    piece = session.draw(str(rng.choice(SITS.kinds_at_table if sideways else SITS.kinds)))
     if piece.seat is None:
         return None
     saved = session.save()
-    for _ in range(TRIES):
+    for _ in range(SITS.tries):
         sit = _lay(session, piece, sideways)
         if sit is not None and sit.clear(session) and session.clear():
             return sit
@@ -251,28 +248,26 @@ def lay(session: Session) -> SitEpisode | None:
 
 def _lay(session: Session, piece: Furniture, sideways: bool) -> SitEpisode | None:
     rng, tape, size = session.rng, session.tape, piece.size
-    hips = session.free_place(0.9, 4.5, 0.5 + 0.5 * float(max(size[:2])))
+    hips = session.free_place(*SITS.place, 0.5 + 0.5 * float(max(size[:2])))
     if hips is None:
         return None
     heading = float(rng.uniform(-np.pi, np.pi))
     away, chance = hips - tape.roots[-1], rng.random()
-    if size[0] > WIDE and chance < 0.6:
-        # Ways to the ends of a wide seat lead over it; from the front there is room.
-        heading = float(np.arctan2(-away[0], away[1]) + rng.uniform(-1.0, 1.0))
-    elif chance < 0.3:
-        # From behind the seat the way is long and often fails; draw it more often.
-        heading = float(np.arctan2(away[0], -away[1]) + rng.uniform(-1.2, 1.2))
+    if size[0] > SITS.wide and chance < SITS.wide_from_the_front:
+        heading = float(np.arctan2(-away[0], away[1]) + rng.uniform(-SITS.off_the_front, SITS.off_the_front))
+    elif chance < SITS.from_behind:
+        heading = float(np.arctan2(away[0], -away[1]) + rng.uniform(-SITS.off_the_back, SITS.off_the_back))
     target = hips + STAND_AHEAD * heading_to_direction(np.array(heading))
     sit = SitEpisode(piece, target, session.command("sit", session.lead()), places=[(target, 1.5)])
     if not session.go(target, heading, (float(size[0]), float(size[1]))):
         return None
     segment = session.nearest_segment(NAME)
-    play(session, sit, segment, seam=True, longer=3.4 if sideways else 0.0)
+    play(session, sit, segment, seam=True, longer=SITS.rests_longer_at_table if sideways else 0.0)
     if sideways:
-        sit.back = int(rng.integers(34, 48))
-        sit.turn = float(rng.choice((-1, 1)) * rng.uniform(np.radians(75), np.radians(100)))
-        sit.edge = float(rng.uniform(0.24, 0.36))
-        table = furniture.make("table", rng, width=rng.uniform(0.9, 1.6), depth=rng.uniform(0.6, 0.8), legs="posts")
+        sit.back = int(rng.integers(*SITS.turn_frames))
+        sit.turn = float(rng.choice((-1, 1)) * rng.uniform(*SITS.turn))
+        sit.edge = float(rng.uniform(*SITS.table_edge))
+        table = furniture.make("table", rng, width=rng.uniform(*SITS.table_width), depth=rng.uniform(*SITS.table_depth), legs="posts")
         sit.table = Placed(table, tape.roots[sit.leaving - 1], 0.0)
         sit.table = Placed(*sit._table_at(tape.roots[sit.leaving - 1], tape.headings[sit.leaving - 1] + sit.turn, sit.edge))
         sit.places.append((sit.table.position, 1.2))
@@ -287,12 +282,12 @@ def play(session: Session, sit: SitEpisode, segment: LaidSegment, seam: bool, lo
     down, up = segment.marks["down"], segment.marks["up"]
     sit.aim = np.zeros(4) if segment.goal is None else segment.goal
     sit.start = len(tape)
-    tape.run_on(np.arange(segment.first, down, 1 / rng.uniform(0.85, 1.25)), seam=seam)
+    tape.run_on(np.arange(segment.first, down, 1 / rng.uniform(*SITS.down_rate)), seam=seam)
     sit.reached = len(tape)
     middle = down + int(np.argmin(np.linalg.norm(lib.velocity[down:up, HIPS], axis=1)))
     tape.run_on(np.linspace(down, middle, max(2, abs(middle - down))), seam=False)
     sit.still = len(tape)
-    tape.hold(middle, int((rng.uniform(0.6, 3.0) + longer) * FPS), 3, seam=False)
+    tape.hold(middle, int((rng.uniform(*SITS.rests) + longer) * FPS), 3, seam=False)
     sit.leaving = len(tape)
     tape.run_on(np.linspace(middle, up, max(2, abs(up - middle))), seam=False)
     sit.rise = len(tape)
@@ -306,11 +301,12 @@ def rise_asked(segment: LaidSegment, drawn: int) -> int:
 def _rise(session: Session, sit: SitEpisode, segment: LaidSegment) -> None:
     rng, tape = session.rng, session.tape
     # Turning back to rise answers to the command that ends the sit.
-    mark = session.command("idle", rise_asked(segment, int(rng.integers(3, 9))) + (sit.rise - sit.leaving + sit.back if sit.back else 0))
-    tape.run_on(np.arange(segment.marks["up"], segment.last - 1, 1 / rng.uniform(0.85, 1.2)), seam=False)
+    lead = rise_asked(segment, int(rng.integers(*SITS.rise_lead))) + (sit.rise - sit.leaving + sit.back if sit.back else 0)
+    mark = session.command("idle", lead)
+    tape.run_on(np.arange(segment.marks["up"], segment.last - 1, 1 / rng.uniform(*SITS.up_rate)), seam=False)
     sit.risen = len(tape)
-    if rng.random() < 0.5:
+    if rng.random() < SITS.stands:
         session.stand_here(mark)
-        tape.stand(rng.uniform(0.2, 1.2))
+        tape.stand(rng.uniform(*SITS.stands_for))
     else:
         session.leave_early(mark)
