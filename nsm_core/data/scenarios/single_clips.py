@@ -17,6 +17,7 @@ from nsm_core.world.scene.furniture import Furniture
 
 from .carry import episode as carry_episode
 from .carry.carried import CarryEpisode
+from .carry.draws import CARRIES
 from .carry.supports import draw_support
 from .session import Session
 from .sit import episode as sit_episode
@@ -160,7 +161,7 @@ def _sit_on(session: Session, piece: Furniture, pieces: list[LaidSegment]) -> Si
     episode.places.append((tape.roots[episode.leaving - 1] + 0.5 * ahead, 1.0))
     lead = session.lead() + episode.rise - episode.leaving
     rising = session.command("idle", sit_episode.rise_asked(segment, lead))
-    tape.run_on(np.arange(up, segment.last - 1, 1 / rng.uniform(0.85, 1.2)), seam=False)
+    tape.run_on(np.arange(up, segment.last - 1, 1 / rng.uniform(*SITS.up_rate)), seam=False)
     episode.risen = len(tape)
     _stand(session, rising, segment.last - 2)
     return episode
@@ -183,15 +184,15 @@ def carry(session: Session) -> bool:
     taken = carry_episode.bend_to(session, box, face, draw_support(session, box.across(face)))
     if taken is None:
         return False
-    session.command("walk+carry", len(tape) - taken.bend.touch - int(rng.integers(2, 7)))
-    tape.stay(rng.uniform(0.8, 3.0))
+    session.command("walk+carry", len(tape) - taken.bend.touch - int(rng.integers(*CARRIES.answer)))
+    tape.stay(rng.uniform(*CARRIES.held_for))
     bring = [session.command("idle+carry", session.lead())]
     put = carry_episode.bend_to(session, box, face, taken.support, taken.centre)
     if put is None:
         return False
     tape.seams.clear()  # between frames of one piece there is none
     episode = CarryEpisode(box, piece, face, taken, put, fetch, bring, [(taken.centre[:2], 0.9)])
-    _stand(session, session.command("idle", len(tape) - put.bend.touch - int(rng.integers(2, 7))), half.first)
+    _stand(session, session.command("idle", len(tape) - put.bend.touch - int(rng.integers(*CARRIES.answer))), half.first)
     session.episodes.append(episode)
     return session.clear()
 

@@ -15,11 +15,11 @@ from nsm_core.world.scene.furniture import Furniture, box_mesh, carried_box
 from nsm_core.world.scene.props import Box
 
 from .carried import CarryEpisode, Spot
+from .draws import CARRIES
 from .pick_up import choose, lay_bend
 from .supports import Support, draw_support
 
 NAME = "carry"
-_NEAR = (1.5, 2.2)  # metres from the end: a way with a box is asked for by its end from here on
 
 
 def segments(folder: CaptureFolder) -> list[Segment]:
@@ -41,7 +41,7 @@ def lay(session: Session) -> CarryEpisode | None:
     taken = bend_to(session, box, face, support)
     if taken is None:
         return None
-    if rng.random() < 0.12:
+    if rng.random() < CARRIES.put_back:
         put, bring = _put_back(session, box, face, taken)
     else:
         put, bring = _bring(session, box, face, taken)
@@ -76,16 +76,18 @@ def _way(session: Session, target: Array, heading: float, support: Support | Non
         course = session.course(target, heading + np.pi, size, speed=speed)
         course.final_heading = heading
         return course
-    straight = float(rng.uniform(0.15, 0.6)) if rng.random() < 0.5 else 0.0
+    straight = float(rng.uniform(*CARRIES.straight_end)) if rng.random() < CARRIES.straight else 0.0
     return session.course(target, heading, speed=speed, straight_end=straight)
 
 
-def _walk(session: Session, low: float, high: float, support: Support | None, box_ahead: float, avoid: Spot | None, speed: float) -> bool:
-    """Walk to a free place ``low`` to ``high`` metres from here where a box, and what is under it, has room ahead."""
+def _walk(
+    session: Session, away: tuple[float, float], support: Support | None, box_ahead: float, avoid: Spot | None, speed: float
+) -> bool:
+    """Walk to a free place so many metres ``away`` from here where a box, and what is under it, has room ahead."""
     rng = session.rng
     size = 0.3 if support is None else 0.25 + support.radius
     for _ in range(8):
-        target = session.free_place(low, high, 0.3)
+        target = session.free_place(*away, 0.3)
         if target is None:
             return False
         way = target - session.tape.roots[-1]
@@ -94,7 +96,7 @@ def _walk(session: Session, low: float, high: float, support: Support | None, bo
             # Not through what the box was taken from.
             if avoid.support is not None and abs(wrap_angle(along - avoid.facing)) < 1.1:
                 continue
-        heading = along + float(rng.uniform(-np.pi, np.pi) if rng.random() < 0.35 else rng.normal(0, 0.8))
+        heading = along + float(rng.uniform(-np.pi, np.pi) if rng.random() < CARRIES.any_heading else rng.normal(0, CARRIES.off_the_way))
         centre = target + (box_ahead + (0 if support is None else support.radius * 0.6)) * heading_to_direction(np.array(heading))
         walked = np.array(session.tape.roots)
         if np.linalg.norm(walked - centre, axis=1).min() < size or any(np.linalg.norm(p - centre) < r + size for p, r in _taken(session)):
@@ -114,11 +116,11 @@ def _approach(session: Session, support: Support | None, box_ahead: float) -> in
     rng, tape = session.rng, session.tape
     mark, before = session.command("carry", session.lead()), len(tape)
     here = tape.roots[-1]
-    if not _walk(session, 0.5, 4.6, support, box_ahead, None, float(rng.uniform(0.8, 1.35))):
+    if not _walk(session, CARRIES.fetch, support, box_ahead, None, float(rng.uniform(*CARRIES.fetch_speed))):
         return None
-    if np.linalg.norm(tape.roots[-1] - here) > 3.4:
+    if np.linalg.norm(tape.roots[-1] - here) > CARRIES.led_first:
         session.commands[mark] = type(session.commands[mark])(session.commands[mark].frame, "walk")
-        mark = _from(session, "carry", before, float(rng.uniform(1.2, 3.2)))
+        mark = _from(session, "carry", before, float(rng.uniform(*CARRIES.fetch_asked)))
     return mark
 
 
@@ -134,12 +136,12 @@ def _from(session: Session, action: str, since: int, distance: float) -> int:
 def bend_to(session: Session, box: Box, face: float, support: Support | None, centre: Array | None = None) -> Spot | None:
     """Bend to a box before the tape's end, or to its ``centre`` (3,) and back up; None where no captured bend reaches it."""
     rng, tape = session.rng, session.tape
-    root, facing = tape.roots[-1], tape.headings[-1] + float(rng.normal(0, 0.03))
+    root, facing = tape.roots[-1], tape.headings[-1] + float(rng.normal(0, CARRIES.off_square))
     width, depth = box.across(face)
     height = float(box.size[2])
     under = 0.0 if support is None else support.top
     if centre is None:
-        ahead = np.array((rng.normal(0, 0.012), -box.stand_off(face) - rng.uniform(-0.015, 0.03)))
+        ahead = np.array((rng.normal(0, CARRIES.aside), -box.stand_off(face) - rng.uniform(*CARRIES.nearer)))
         centre = np.append(root + rotate_planar(ahead, np.float64(facing)), under + height / 2)
     local = rotate_planar(np.append(centre[:2] - root, centre[2]), np.float64(-tape.headings[-1]))
     grasps = local + rotate_planar(box.learned_grasps(face), np.float64(-face + facing - tape.headings[-1]))
@@ -160,14 +162,14 @@ def _bring(session: Session, box: Box, face: float, taken: Spot) -> tuple[Spot |
     """Walk off with the box and put it down: near ways are asked for by their end, far ones are led at first."""
     rng, tape = session.rng, session.tape
     support = draw_support(session, box.across(face))
-    frame = taken.bend.touch + int(rng.integers(2, 7))
+    frame = taken.bend.touch + int(rng.integers(*CARRIES.answer))
     mark, before = session.command("idle+carry", len(tape) - frame), len(tape)
     bring = [mark]
-    speed = float(rng.uniform(0.7, 1.25))
+    speed = float(rng.uniform(*CARRIES.speed))
     stand_off = box.stand_off(face)
-    if rng.random() < 0.2:
+    if rng.random() < CARRIES.redirected:
         # Sent elsewhere on the way: only the beginning of the first way is walked.
-        if not _walk(session, 1.6, 4.0, None, stand_off, taken, speed):
+        if not _walk(session, CARRIES.first_way, None, stand_off, taken, speed):
             return None, bring
         cut = int(rng.integers(before + 22, max(len(tape) - 25, before + 23)))
         if cut >= len(tape):
@@ -176,21 +178,21 @@ def _bring(session: Session, box: Box, face: float, taken: Spot) -> tuple[Spot |
         tape.trim(cut)
         mark = session.command("idle+carry", session.lead())
         bring, before = [mark], len(tape)
-    if not _walk(session, 0.5, 5.0, support, stand_off, taken, speed):
+    if not _walk(session, CARRIES.bring, support, stand_off, taken, speed):
         return None, bring
-    if np.linalg.norm(tape.roots[-1] - tape.roots[before]) > 2.2:
+    if np.linalg.norm(tape.roots[-1] - tape.roots[before]) > CARRIES.bring_led:
         session.commands[mark] = type(session.commands[mark])(session.commands[mark].frame, "walk+carry")
-        bring = [_from(session, "idle+carry", before, float(rng.uniform(*_NEAR)))]
-    if rng.random() < 0.4:
-        tape.stand(rng.uniform(0.1, 0.6))
+        bring = [_from(session, "idle+carry", before, float(rng.uniform(*CARRIES.bring_asked)))]
+    if rng.random() < CARRIES.pauses:
+        tape.stand(rng.uniform(*CARRIES.pauses_for))
     return bend_to(session, box, face, support), bring
 
 
 def _put_back(session: Session, box: Box, face: float, taken: Spot) -> tuple[Spot | None, list[int]]:
     """Hold the box for a while and put it back where it was."""
     rng, tape = session.rng, session.tape
-    session.command("walk+carry", len(tape) - taken.bend.touch - int(rng.integers(2, 7)))
-    tape.stay(rng.uniform(0.8, 3.0))
+    session.command("walk+carry", len(tape) - taken.bend.touch - int(rng.integers(*CARRIES.answer)))
+    tape.stay(rng.uniform(*CARRIES.held_for))
     bring = [session.command("idle+carry", session.lead())]
     return bend_to(session, box, face, taken.support, taken.centre), bring
 
@@ -213,9 +215,9 @@ def _apart(session: Session, box: Box, taken: Spot, put: Spot) -> bool:
 def _leave(session: Session, put: Spot) -> None:
     """Ask to stand where the bend ends, once hands are off the box; or go on with what is asked next."""
     rng, tape = session.rng, session.tape
-    mark = session.command("idle", len(tape) - put.bend.touch - int(rng.integers(2, 7)))
-    if rng.random() < 0.55:
+    mark = session.command("idle", len(tape) - put.bend.touch - int(rng.integers(*CARRIES.answer)))
+    if rng.random() < CARRIES.stands:
         session.stand_here(mark)
-        tape.stay(rng.uniform(0.2, 1.0))
+        tape.stay(rng.uniform(*CARRIES.stands_for))
     else:
         session.leave_early(mark)

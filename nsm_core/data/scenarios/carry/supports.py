@@ -12,8 +12,9 @@ from nsm_core.rotations import Array, heading_to_direction, rotate_planar
 from nsm_core.world.scene import furniture
 from nsm_core.world.scene.furniture import Furniture, top_of
 
+from .draws import CARRIES
+
 _SIDES = (0.0, np.pi / 2, np.pi, -np.pi / 2)  # headings of the outward normals of a piece's sides
-_INSIDE, _OVER, _HIGHEST = 0.03, 0.05, 1.0  # metres that a box stands off the edge, or over it; of tops over the floor
 
 
 @dataclass
@@ -58,21 +59,21 @@ class Support:
 def draw_support(session: Session, across: tuple[float, float]) -> Support | None:
     """Draw what a box of width and depth ``across`` rests on; None for the floor."""
     rng = session.rng
-    if rng.random() < 0.42:
+    if rng.random() < CARRIES.floor:
         return None
     width, depth = across
     for _ in range(6):
-        kind = str(rng.choice(("table", "table", "desk", "crate", "crate", "box")))
+        kind = str(rng.choice(CARRIES.supports))
         if kind == "crate":
-            low, wide = rng.uniform(0.1, _HIGHEST), rng.uniform(0, 0.5)
-            piece = furniture.make("box", rng, width=width + wide + 0.04, depth=depth + rng.uniform(0.02, 0.4), height=low)
+            low, wide = rng.uniform(*CARRIES.top), rng.uniform(*CARRIES.wider)
+            piece = furniture.make("box", rng, width=width + wide + 0.04, depth=depth + rng.uniform(*CARRIES.deeper), height=low)
         else:
             piece = session.draw(kind)
         try:
             top, corners = top_of(piece)
         except GeometryError:
             continue
-        if not 0.08 < top <= _HIGHEST or piece.maxs[:, 2].max() > top + 0.02:
+        if not 0.08 < top <= CARRIES.top[1] or piece.maxs[:, 2].max() > top + 0.02:
             continue
         for side in rng.permutation(_SIDES):
             normal = heading_to_direction(np.array(side))
@@ -84,8 +85,8 @@ def draw_support(session: Session, across: tuple[float, float]) -> Support | Non
             if (outline @ normal).max() - reach > 0.02 or reach - back < depth or room < 0:
                 continue
             middle = (ends[0] + ends[1]) / 2
-            along = middle + float(np.clip(rng.normal(0, 0.15), -room / 2, room / 2))
-            edge = float(rng.uniform(-_OVER, min(_INSIDE, reach - back - depth)))
+            along = middle + float(np.clip(rng.normal(0, CARRIES.off_middle), -room / 2, room / 2))
+            edge = float(rng.uniform(-CARRIES.over_edge, min(CARRIES.inside_edge, reach - back - depth)))
             return Support(piece, float(top), float(side), float(reach), float(along), edge)
     return None
 

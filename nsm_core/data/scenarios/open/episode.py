@@ -28,6 +28,7 @@ from nsm_core.world.scene.door import Door, make_door
 from nsm_core.world.scene.furniture import cuboids
 from nsm_core.world.scene.props import Leaf
 
+from .draws import OPENS
 from .leaf_motion import Doorway, Turning, turn
 from .ways import joints_from, step_back, straight_on
 
@@ -35,9 +36,6 @@ NAME = "open"
 KEEP_OFF, SQUEEZE = 0.32, 0.2  # metres that roots keep off the wall and the leaf on the way, and in the doorway
 OTHERS_OFF = 0.8  # metres between the wall and the middle of what other actions are done with
 RETURN = 16  # frames in which a hand comes back
-PUSHES, LED_ON = 0.55, 0.4  # shares: of doors that swing away, and of passages that do not end standing
-DOORS, INSIST = 18, 12  # doors that are tried about one walk, and how many of them are of the same size
-LOWEST = 0.9  # metres: handles of meshes that are lower are raised to here, where a hand reaches them upright
 DEEPEST, ASTRAY = 0.02, 0.01  # metres: of the body in leaf or wall, and of the wrist from the handle it holds
 
 
@@ -202,46 +200,46 @@ def _off_leaf(at: Array, angle: float, width: float) -> Array:
 def lay(session: Session) -> OpenEpisode | None:
     """Walk to a free place, put a door before it, open it and pass; at the end stand on the far side or be led on."""
     rng, tape = session.rng, session.tape
-    target = session.free_place(0.5, 4.0, 0.3)
+    target = session.free_place(*OPENS.place, 0.3)
     if target is None:
         return None
     away = tape.roots[-1] - target
-    heading = float(direction_to_heading(-away) + rng.uniform(-1.3, 1.3))
+    heading = float(direction_to_heading(-away) + rng.uniform(-OPENS.off_the_way, OPENS.off_the_way))
     ask = session.command("open", session.lead())
     if not session.go(target, heading):
         return None
-    if rng.random() < 0.7:
-        tape.stand(rng.uniform(0.05, 0.4))
-    start = len(tape) - int(rng.integers(0, 6))
-    tape.stand(rng.uniform(0.4, 0.6))
+    if rng.random() < OPENS.pauses:
+        tape.stand(rng.uniform(*OPENS.pauses_for))
+    start = len(tape) - int(rng.integers(*OPENS.reach_before))
+    tape.stand(rng.uniform(*OPENS.reaches_for))
     grip = len(tape)
-    tape.stand(float(rng.integers(2, 5)) / 30)
+    tape.stand(float(rng.integers(*OPENS.grip_frames)) / 30)
     pressed = len(tape)
-    tape.stand(float(rng.integers(1, 3)) / 30)
-    push, pull, backed, heading = rng.random() < PUSHES, -1, 0, float(tape.headings[start])
+    tape.stand(float(rng.integers(*OPENS.press_frames)) / 30)
+    push, pull, backed, heading = rng.random() < OPENS.pushes, -1, 0, float(tape.headings[start])
     if not push:
         pull = session.command("idle+open", 0)
         if not step_back(session, heading):
             return None
         backed = len(tape)
-        tape.stand(rng.uniform(0.3, 0.9))
+        tape.stand(rng.uniform(*OPENS.waits_back))
     through = session.command("walk+open", 0)
     opened = len(tape) - start
     if not straight_on(session, tape.roots[start], heading):
         return None
     joints = joints_from(session, start)
-    # Low handles and narrow doors fit fewer walks; they are drawn once and insisted on for a while, lest they become rare.
-    measures = session.pool.door_like(rng) or {"width": float(rng.uniform(0.75, 1.0)), "handle_height": float(rng.uniform(LOWEST, 1.1))}
-    measures["handle_height"] = max(measures["handle_height"], LOWEST)
-    for attempt in range(DOORS):
-        episode = _door_before(session, start, push, measures if attempt < INSIST else None)
+    drawn = session.pool.door_like(rng)
+    measures = drawn or {"width": float(rng.uniform(*OPENS.width)), "handle_height": float(rng.uniform(*OPENS.handle_height))}
+    measures["handle_height"] = max(measures["handle_height"], OPENS.handle_height[0])
+    for attempt in range(OPENS.doors):
+        episode = _door_before(session, start, push, measures if attempt < OPENS.insists else None)
         episode.ask, episode.pull, episode.through, episode.start, episode.grip = ask, pull, through, start, grip
         if not episode.opens(joints, pressed - start, backed - start, rng):
             continue
         if push or episode.plan.angles[opened] > OPENED:
             episode.backed, episode.back, episode.beyond = backed, tape.roots[backed - 1].copy(), tape.roots[-1].copy()
-            early = max(episode.passed + int(rng.integers(5, 25)), episode.released + RETURN + 2)
-            if rng.random() < LED_ON:
+            early = max(episode.passed + int(rng.integers(*OPENS.led_on_after)), episode.released + RETURN + 2)
+            if rng.random() < OPENS.led_on:
                 tape.trim(min(early, len(tape)))  # what is asked next is asked before one stands
             return episode
     return None
@@ -250,13 +248,13 @@ def lay(session: Session) -> OpenEpisode | None:
 def _door_before(session: Session, start: int, push: bool, measures: dict[str, float] | None) -> OpenEpisode:
     """Put a door, of ``measures`` or any of the pool, so that its handle is reached from where frame ``start`` stands, about."""
     rng, tape = session.rng, session.tape
-    walls = {name: float(rng.uniform(0.8, 1.6)) for name in ("near", "far")}
+    walls = {name: float(rng.uniform(*OPENS.wall)) for name in ("near", "far")}
     door = session.pool.draw_door(rng, **walls) if measures is None else make_door(rng, **measures | walls)
-    heading = tape.headings[start] + rng.normal(0, 0.03)
+    heading = tape.headings[start] + rng.normal(0, OPENS.off_square)
     go = heading_to_direction(np.array(heading))
     side = float(rng.choice((-1, 1)))
     leaf = door.leaf((0, 0, 0, heading if side > 0 else heading + np.pi), -side if push else side)
-    stand = tape.roots[start] + rng.normal(0, 0.025, 2)
+    stand = tape.roots[start] + rng.normal(0, OPENS.off_place, 2)
     leaf.pose[:2] = stand - passage(leaf, -go).reach
     way = passage(leaf, leaf.pose[:2] - go)
     return OpenEpisode(door, leaf, way, Doorway(leaf, way), places=[(way.middle, 1.2)])

@@ -12,6 +12,8 @@ from nsm_core.signals import gaussian_smooth
 from nsm_core.world.affordances.passage import Passage
 from nsm_core.world.scene.props import Leaf
 
+from .draws import OPENS
+
 ANGLES = np.radians(np.arange(0, 111.0, 2))  # angles of the leaf that are weighed against one another
 REACH, FURTHEST = 0.62, 0.7  # metres from shoulder to wrist: of an arm alone, and of one that the trunk's lean helps
 HASTES = (1.0, 1.35, 1.8)  # how much of a shove a leaf is given so that it keeps ahead of the body
@@ -113,7 +115,7 @@ def turn(door: Doorway, joints: Array, start: int, panel: float, backed: int, rn
     wanted = np.maximum.accumulate(np.minimum(wanted, last) * (x * x * (3 - 2 * x)))
     angles = np.maximum.accumulate(gaussian_smooth(wanted * ANGLES[1], 3.0)).clip(0, None)
     angles[: start + 1] = 0
-    let_go = np.radians(rng.uniform(54, 70) if push else rng.uniform(56, 72))
+    let_go = np.radians(rng.uniform(*(OPENS.let_go_pushed if push else OPENS.let_go_pulled)))
     own = np.linalg.norm(shoulder - door.grips(angles), axis=-1)
     done = np.flatnonzero((t > start + 5) & ((angles >= let_go) | (own > FURTHEST) | (own < FOLDED) & (t > start + 15) | (t > count - 25)))
     # A hand lets go once the leaf hardly moves any more.
@@ -123,7 +125,7 @@ def turn(door: Doorway, joints: Array, start: int, panel: float, backed: int, rn
         released = int(slow[0])
     if angles[released] < np.radians(35):
         return None
-    end = np.radians(rng.uniform(85, 100))
+    end = np.radians(rng.uniform(*OPENS.comes_to_rest))
     speed = max(angles[released] - angles[released - 1], 0.008)
     for haste in HASTES:
         angles[released + 1 :] = swing_on(angles[released], speed, end, count - released - 1, haste)

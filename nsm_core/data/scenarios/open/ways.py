@@ -10,12 +10,14 @@ from nsm_core.rotations import Array, heading_to_direction, rotate_planar
 from nsm_core.signals import gaussian_smooth
 from nsm_core.world.planning.path import Course
 
+from .draws import OPENS
+
 
 def step_back(session: Session, heading: float) -> bool:
     """Step straight back with the face to the door at ``heading``; False where that failed."""
     rng, here = session.rng, session.tape.roots[-1]
-    way = np.linspace(0, PULL_BACK + rng.uniform(-0.04, 0.08), 24)[:, None] * -heading_to_direction(np.array(heading))
-    course = Course(here + way, heading, float(rng.uniform(0.45, 0.75)), 100.0, 1.0, 0.8)
+    way = np.linspace(0, PULL_BACK + rng.uniform(*OPENS.further_back), 24)[:, None] * -heading_to_direction(np.array(heading))
+    course = Course(here + way, heading, float(rng.uniform(*OPENS.back_speed)), 100.0, 1.0, 0.8)
     return session.follow(course)
 
 
@@ -27,12 +29,12 @@ def straight_on(session: Session, root: Array, heading: float) -> bool:
     rng, tape = session.rng, session.tape
     before = len(tape)
     target = root + (HANDLE_STAND + PASS_BEYOND) * heading_to_direction(np.array(heading))
-    course = session.course(target, heading, speed=float(rng.uniform(0.6, 0.9)), straight_end=1.0)
+    course = session.course(target, heading, speed=float(rng.uniform(*OPENS.through_speed)), straight_end=1.0)
     course.turn_distance = 2.5
     if not session.follow(course):
         return False
-    _slow_down(session, before, rng.uniform(0.65, 0.9))
-    tape.stand(rng.uniform(0.3, 1.2))
+    _slow_down(session, before, rng.uniform(*OPENS.slowed))
+    tape.stand(rng.uniform(*OPENS.stands_beyond))
     return True
 
 
