@@ -31,6 +31,11 @@ class CarryDraws:
     off_square: float = 0.03  # spread of the box's heading about the body's
     aside: float = 0.012  # spread of the box to the sides of who lifts it
     nearer: tuple[float, float] = (-0.015, 0.03)  # beyond BODY_TO_BOX
+    choice: float = 0.12  # mean cost by chance of a captured bend, lest it is always the same
+    down_rate: tuple[float, float] = (0.72, 1.15)  # how fast captured frames are played
+    up_rate: tuple[float, float] = (0.75, 1.15)
+    least_bend: tuple[float, float] = (0.55, 0.8)  # seconds of a way down or up at least
+    grasp_frames: tuple[int, int] = (4, 10)  # down there
     put_back: float = 0.12  # share that is only lifted and put back
     held_for: tuple[float, float] = (0.8, 3.0)  # seconds until then
     answer: tuple[int, int] = (2, 7)  # frames from a grasp or a release to the next command

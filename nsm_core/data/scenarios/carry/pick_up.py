@@ -13,6 +13,8 @@ from nsm_core.data.matching.segment import LaidSegment
 from nsm_core.data.scenarios.session import Session
 from nsm_core.rotations import Array, quat_rotate, rotate_planar
 
+from .draws import CARRIES
+
 _SHOULDERS, _KNEES = [arm[0] for arm in ARMS], [leg[1] for leg in FEET]
 _AMOUNTS = np.linspace(0, 1, 6)  # of the extra lean, see ``leaning.lean_into_reach``
 
@@ -52,7 +54,7 @@ def choose(session: Session, grasps: Array, low: Array, high: Array) -> tuple[La
             depth, amount = int(away[:, k].argmin()), float(_AMOUNTS[k])
         knees = joints[max(depth, 1), 2:4]
         inside = np.minimum(knees - low, high - knees).min(-1).max() + 0.05
-        cost = 0.4 * amount + 6 * max(inside, 0.0) + session.rng.exponential(0.12)
+        cost = 0.4 * amount + 6 * max(inside, 0.0) + session.rng.exponential(CARRIES.choice)
         if inside < 0.12 and cost < least:
             best, least = (half, max(depth, 3)), cost
     return best
@@ -78,13 +80,13 @@ def lay_bend(session: Session, half: LaidSegment, depth: int) -> Bend:
     """Lay a bend down to ``depth`` frames into a half, a pause and the way back up."""
     rng, tape = session.rng, session.tape
     start = len(tape)
-    least = rng.uniform(0.55, 0.8) * FPS
-    down = max(int(depth / rng.uniform(0.72, 1.15)), int(least))
+    least = rng.uniform(*CARRIES.least_bend) * FPS
+    down = max(int(depth / rng.uniform(*CARRIES.down_rate)), int(least))
     tape.run_on(half.first + depth * _ease_in(np.arange(1, down + 1) / down), seam=True)
-    pause = int(rng.integers(4, 10))
+    pause = int(rng.integers(*CARRIES.grasp_frames))
     tape.run_on(np.full(pause, half.first + depth), seam=False)
     rise = len(tape)
-    up = max(int(depth / rng.uniform(0.75, 1.15)), int(least))
+    up = max(int(depth / rng.uniform(*CARRIES.up_rate)), int(least))
     tape.run_on(half.first + depth * _ease_in(1 - np.arange(1, up + 1) / up), seam=False)
     return Bend(start, rise - pause // 2, rise, len(tape))
 

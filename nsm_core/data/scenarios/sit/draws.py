@@ -24,6 +24,7 @@ class SitDraws:
     off_the_front: float = 1.0  # to either side
     from_behind: float = 0.3  # share: the way is long and often fails
     off_the_back: float = 1.2
+    further_on: tuple[float, float] = (-0.06, 0.05)  # metres ahead of where the captured hips come down that they are put
     off_place: float = 0.01  # spread of the seat about where the hips are, each way
     down_rate: tuple[float, float] = (0.85, 1.25)  # how fast captured frames are played
     up_rate: tuple[float, float] = (0.85, 1.2)

@@ -204,7 +204,7 @@ class SitEpisode:
         seated = motion.hips[self.still : self.leaving].mean(axis=0)
         rise_by = self.piece.seat.height + HIP_OVER_SEAT - seated[2] - float(self.aim[2])
         forward = heading_to_direction(np.array(motion.headings[self.leaving - 1]))
-        shift = np.append(forward * motion.rng.uniform(-0.06, 0.05), rise_by).astype(np.float32)
+        shift = np.append(forward * motion.rng.uniform(*SITS.further_on), rise_by).astype(np.float32)
         span = slice(self.start, self.risen)
         height = gaussian_smooth(motion.hips[span, 2], 2.0)
         top = np.maximum(height[0], height[-1])
