@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 
 import bpy
@@ -18,7 +19,7 @@ from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.keys.keying import read_back
 from nsm_blender.keys.report import result_lines
 from nsm_blender.rigs.character import add_character
-from nsm_blender.takes import TakeSpec, finish, generate, own_objects, prepare, start_of
+from nsm_blender.takes import TakeSpec, finish, generate, own_objects, prepare, shipped_model, start_of
 from nsm_blender.ui import running
 from nsm_blender.ui.session import TakeSession
 from nsm_blender.world.frame import WorldFrame
@@ -63,6 +64,16 @@ def old_action(character: bpy.types.Object) -> bpy.types.Action:
         hips.keyframe_insert("location", frame=frame)
     bpy.context.scene.frame_set(bpy.context.scene.frame_current)
     return character.animation_data.action
+
+
+def test_the_report_tells_that_the_network_learned_other_distances():
+    character = add_character((0.0, 0.0, 0.0))
+    model = copy.copy(shipped_model())
+    model.metadata = {**model.metadata, "meaning": {"distances": {"PULL_BACK": 0.5}}}
+    take = finish(generate(step_aside(character), bpy.context.scene, model))
+    (warning,) = take.report["warnings"]
+    assert "PULL_BACK 0.5 m where this version has 0.55 m" in warning
+    assert (warning, False) in result_lines(take.report)
 
 
 class TestBeforeTheNetwork:

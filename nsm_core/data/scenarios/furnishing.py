@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .session import Session
 
 OBSTACLES = ("table", "desk", "cabinet", "box", "chair", "armchair", "sofa", "wall", "stool", "table")
-BODY_RADIUS = 0.36  # metres that the walked path keeps from furniture
+WAY_ROOM = 0.36  # metres that the walked path keeps from furniture
 HOLES, THROUGH = 0.3, 0.34  # share of takes with a wall that is walked through; metres the path keeps from its opening's sides
 
 
@@ -34,7 +34,7 @@ def furnish(take: ComposedTake, roots: Array, session: Session, rng: np.random.G
         local = rotate_planar(roots - spot, np.full(len(roots), -heading))
         lo, hi = piece.mins[:, :2].min(0), piece.maxs[:, :2].max(0)
         outside = np.maximum(np.maximum(lo - local, local - hi), 0)
-        if np.linalg.norm(outside, axis=1).min() < BODY_RADIUS:
+        if np.linalg.norm(outside, axis=1).min() < WAY_ROOM:
             return
         radius = 0.5 * float(np.linalg.norm(piece.size[:2]))
         if any(np.linalg.norm(p - spot) < r + radius for p, r in busy):
