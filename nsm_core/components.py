@@ -33,17 +33,19 @@ class Arrays:
     least, most, where = np.minimum, np.maximum, np.where
 
 
+Kind = type[Numbers] | type[Arrays]
+
 def clamp(x: float, low: float, high: float) -> float:
     """A number kept within two, as ``np.clip`` does, which costs fifty times as much for one."""
     return min(max(x, low), high)
 
 
-def split(values: np.ndarray) -> tuple[np.ndarray, ...]:
+def split(values: np.ndarray[Any, np.dtype[Any]]) -> Any:
     """Components of vectors or quaternions (..., N), N arrays (...)."""
     return tuple(values[..., k] for k in range(values.shape[-1]))
 
 
-def packed(components: tuple[Any, ...]) -> np.ndarray:
+def packed(components: tuple[Any, ...]) -> np.ndarray[Any, np.dtype[Any]]:
     """Components of one shape (...) along a new last axis; the inverse of ``split``."""
     out = np.empty((*np.shape(components[0]), len(components)), dtype=np.result_type(components[0]))
     for k, component in enumerate(components):
@@ -103,19 +105,19 @@ def times(a: Vector, factor: Any) -> Vector:
     return a[0] * factor, a[1] * factor, a[2] * factor
 
 
-def unit(of: type, v: Vector) -> Vector:
+def unit(of: Kind, v: Vector) -> Vector:
     """A vector scaled to length 1, one that is zero left as it is; ``of`` is ``Numbers`` or ``Arrays``."""
     x, y, z = v
     size = of.most(of.sqrt(x * x + y * y + z * z), 1e-9)
     return x / size, y / size, z / size
 
 
-def unit_turn(of: type, q: Quaternion) -> Quaternion:
+def unit_turn(of: Kind, q: Quaternion) -> Quaternion:
     """The same of a quaternion."""
     w, x, y, z = q
     size = of.most(of.sqrt(w * w + x * x + y * y + z * z), 1e-9)
     return w / size, x / size, y / size, z / size
 
 
-def length(of: type, v: Vector) -> Any:
+def length(of: Kind, v: Vector) -> Any:
     return of.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])

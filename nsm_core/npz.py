@@ -7,6 +7,7 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +28,7 @@ class DamagedArrays(Exception):
 class Member:
     """An array of an .npz as its header declares it, held against the bytes that follow."""
 
-    dtype: np.dtype
+    dtype: np.dtype[Any]
     fortran: bool
     shape: tuple[int, ...]
 
@@ -90,7 +91,8 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, kinds: Mapping[str, 
         if size != held:
             raise DamagedArrays(f"its entry {name} declares {size} bytes of values and holds {max(held, 0)}")
         data = bytearray(size)  # of our own, so that what comes of it may be written to
-        if file.readinto(data) != size or file.read(1):  # the end of the entry is where its checksum is held against it
+        # The end of the entry is where its checksum is held against it.
+        if file.readinto(data) != size or file.read(1):  # type: ignore[attr-defined]
             raise DamagedArrays("it is truncated or damaged")
     return np.frombuffer(data, entry.dtype).reshape(entry.shape, order="F" if entry.fortran else "C")
 

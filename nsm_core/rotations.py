@@ -6,11 +6,14 @@ counts; a take has many, and there every pass over memory does: the products sta
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from . import components
 
-Array = np.ndarray
+Array = np.ndarray[Any, np.dtype[Any]]
+Scalars = Array | float | np.floating[Any]  # one number, or one for each of many
 
 _FEW = 512  # numbers up to which the calls cost more than the memory
 
@@ -85,7 +88,7 @@ def quat_rotate(q: Array, v: Array) -> Array:
     return components.packed(components.turned(components.split(q), components.split(v)))
 
 
-def quat_from_axis_angle(axis: Array, angle: Array) -> Array:
+def quat_from_axis_angle(axis: Array, angle: Scalars) -> Array:
     """Quaternion (..., 4) of a turn by ``angle`` (...) radians about unit ``axis`` (..., 3)."""
     axis, half = np.asarray(axis), np.asarray(angle)[..., None] / 2
     return np.concatenate((np.cos(half) * np.ones_like(axis[..., :1]), np.sin(half) * axis), axis=-1)
@@ -125,7 +128,7 @@ def quat_to_matrix(q: Array) -> Array:
     )).reshape(*q.shape[:-1], 3, 3)  # fmt: skip
 
 
-def quat_slerp(a: Array, b: Array, t: Array) -> Array:
+def quat_slerp(a: Array, b: Array, t: Scalars) -> Array:
     """Interpolate (..., 4) unit quaternions along the shorter arc by ``t`` (...) in 0..1."""
     relative = quat_to_rotvec(quat_mul(quat_conjugate(a), b))
     return quat_mul(a, quat_from_rotvec(np.asarray(t)[..., None] * relative))
@@ -139,7 +142,7 @@ def matrix_from_forward_up(forward: Array, up: Array) -> Array:
     return np.stack((x, y, cross(x, y)), axis=-1)
 
 
-def heading_to_direction(heading: Array) -> Array:
+def heading_to_direction(heading: Scalars) -> Array:
     """Facing direction (..., 2) of headings (...), radians; heading 0 faces -Y."""
     return np.stack((np.sin(heading), -np.cos(heading)), axis=-1)
 
@@ -149,14 +152,14 @@ def direction_to_heading(direction: Array) -> Array:
     return np.arctan2(direction[..., 0], -direction[..., 1])
 
 
-def heading_quat(heading: Array) -> Array:
+def heading_quat(heading: Scalars) -> Array:
     """Quaternion (..., 4) of a turn about Z by heading (...) radians."""
     heading = np.asarray(heading)
     zero = np.zeros_like(heading)
     return np.stack((np.cos(heading / 2), zero, zero, np.sin(heading / 2)), axis=-1)
 
 
-def rotate_planar(v: Array, heading: Array) -> Array:
+def rotate_planar(v: Array, heading: Scalars) -> Array:
     """Turn the first two of (..., 2 or 3) components about Z by headings (...), radians."""
     c, s = np.cos(heading), np.sin(heading)
     x = c * v[..., 0] - s * v[..., 1]
@@ -165,6 +168,6 @@ def rotate_planar(v: Array, heading: Array) -> Array:
     return out
 
 
-def wrap_angle(angle: Array) -> Array:
+def wrap_angle(angle: Scalars) -> Array:
     """Wrap radians into -pi..pi."""
     return (np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from .components import clamp
-from .rotations import Array
+from .rotations import Array, Scalars
 
 
 def intervals(on: Array) -> list[tuple[int, int]]:
@@ -14,7 +16,8 @@ def intervals(on: Array) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def smooth_step(t: Array) -> Array:
+def smooth_step(t: Scalars) -> Any:
+    """Ease of shares, 0 below 0 and 1 above 1: a float of a float, else an array."""
     t = clamp(t, 0.0, 1.0) if isinstance(t, float) else np.clip(t, 0, 1)
     return t * t * (3 - 2 * t)
 
@@ -41,7 +44,7 @@ def align_quaternions(q: Array) -> Array:
     return np.concatenate((q[:1], q[1:] * flips[..., None]))
 
 
-def ease(t: Array) -> Array:
+def ease(t: Scalars) -> Array:
     """Minimum-jerk step of (...) from 0 to 1."""
     t = np.clip(t, 0, 1)
     return t**3 * (10 - 15 * t + 6 * t * t)

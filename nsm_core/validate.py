@@ -11,6 +11,7 @@ import re
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from .errors import NsmError
 
@@ -68,7 +69,7 @@ def plain_line_ends(text: str) -> str:
     return re.sub(r"\r+\n?", "\n", text)
 
 
-def read_toml(path: Path, error: type[NsmError], advice: str = "check the path", mend: str = "correct that line") -> dict:
+def read_toml(path: Path, error: type[NsmError], advice: str = "check the path", mend: str = "correct that line") -> dict[str, Any]:
     """Read a TOML file, with a byte order mark or without."""
     try:
         return tomllib.loads(plain_line_ends(read_text(path, error, advice, most=1 << 26)))
@@ -133,7 +134,7 @@ def text(value: object, what: str, error: type[NsmError]) -> str:
     return value
 
 
-def table(value: object, what: str, error: type[NsmError], known: Iterable[str] | None = None) -> dict:
+def table(value: object, what: str, error: type[NsmError], known: Iterable[str] | None = None) -> dict[str, Any]:
     """Return a table whose keys are all among ``known``."""
     if not isinstance(value, dict):
         raise error(f"{what} is {shown(value)}; it must be a table of lines such as `name = value`.")
@@ -145,7 +146,7 @@ def table(value: object, what: str, error: type[NsmError], known: Iterable[str] 
     return value
 
 
-def listed(value: object, what: str, error: type[NsmError], most: int = 100_000) -> list:
+def listed(value: object, what: str, error: type[NsmError], most: int = 100_000) -> list[Any]:
     """Return a list of at most ``most`` entries."""
     if not isinstance(value, list):
         raise error(f"{what} is {shown(value)}; it must be a list in square brackets.")

@@ -34,7 +34,7 @@ def main(arguments: list[str]) -> int:
     for note in remark(model.metadata):
         print(f"note: {note}", flush=True)
     if a.sheets:
-        from .pictures.sheets import draw  # needs matplotlib
+        from nsm_core.evaluation.pictures.sheets import draw  # needs matplotlib
 
         draw(model, a.sheets, only, held_back(a.assets))
         return 0

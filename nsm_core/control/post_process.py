@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +32,8 @@ class Finishing:
     def __init__(self, scene: Scene, ik: bool = True, terrain: Terrain | None = None, low: Terrain | None = None) -> None:
         """``terrain`` and ``low`` as in ``ContactIK``."""
         self.scene, self.ik = scene, ik
-        self._terrain, self._floor, self._locked = terrain, Floor(low), []
+        self._terrain, self._floor = terrain, Floor(low)
+        self._locked: list[Any] = []
         self._contact = ContactIK(terrain=terrain, low=low)
         self._heels, self._legs = Heels(), LegClearance(scene.environment, terrain)
         self._toes = ToeClearance()

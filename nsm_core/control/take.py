@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -108,7 +109,8 @@ class TakeRunner:
         self._ms = dict.fromkeys(STAGES, 0.0)
         self._frames: list[tuple[Array, ...]] = []
         self._poses: dict[str, list[Array]] = {name: [] for name in self.props}
-        self._mended, self._mending = 0, None  # frames that are as they stay, and the work on those that follow
+        self._mending: Any = None
+        self._mended = 0  # frames that are as they stay, and the work on those that follow
         contact = np.zeros(len(CONTACTS), np.float32)
         contact[FOOT_CONTACTS] = 1
         self._memory = model.start()

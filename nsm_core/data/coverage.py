@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -58,7 +59,7 @@ def _minutes(data: Dataset) -> dict[str, float]:
     return {name: float(m) for name, m in zip(STYLES, style, strict=True)}
 
 
-def _seams(meta: dict) -> Array:
+def _seams(meta: dict[str, Any]) -> Array:
     """Captured pieces per minute of each take."""
     starts = [t["start"] for t in meta["takes"].values()] + [meta["frames"]]
     return np.array([len(t["pieces"]) * FPS * 60 / max(n, 1) for t, n in zip(meta["takes"].values(), np.diff(starts), strict=True)])

@@ -205,7 +205,8 @@ _PAPER = {
 
 def _settings(part: str, result: dict[str, Any]) -> list[Row]:
     """A line for each setting of a part: how many of its trials went well."""
-    key, groups = PARTS[part].done, {}
+    key = PARTS[part].done
+    groups: dict[tuple[Any, str], list[float]] = {}
     for trial in result.get("trials", ()):
         if trial["part"] == part and not trial["ablation"]:
             groups.setdefault((trial["setting"], trial["name"]), []).append(float(trial.get(key) or 0))

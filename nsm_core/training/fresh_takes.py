@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import queue
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -43,7 +44,7 @@ def both(composer: Composer, seed: int) -> list[dict[str, Array]]:
     return [take_arrays(t) for t in (take, other) if t is not None]
 
 
-def _compose_on(captures: str, meshes: str | None, cache: str, stitch: bool, seed: int, out: multiprocessing.Queue) -> None:
+def _compose_on(captures: str, meshes: str | None, cache: str, stitch: bool, seed: int, out: multiprocessing.Queue[Any]) -> None:
     """The process: compose take after take from ``seed`` on until it is ended."""
     if hasattr(os, "nice"):
         os.nice(5)  # the network's steps come first
@@ -89,7 +90,7 @@ class FreshTakes:
         """``seed`` is that of the first take; ``cache`` the converted meshes.  Waits for the first takes; CaptureError without any."""
         context = multiprocessing.get_context("spawn")
         self.ring = Ring(slots)
-        self._queue: multiprocessing.Queue = context.Queue(maxsize=4)
+        self._queue: multiprocessing.Queue[Any] = context.Queue(maxsize=4)
         arguments = (captures, meshes, cache, stitch, seed, self._queue)
         self._process = context.Process(target=_compose_on, args=arguments, daemon=True)
         self._process.start()

@@ -125,10 +125,10 @@ class Trainer:
         self.net.set_statistics(floor=1e-4, **stats)
         self.average.refresh(self.net)
 
-    def _tensor(self, values: np.ndarray) -> torch.Tensor:
+    def _tensor(self, values: Array) -> torch.Tensor:
         return torch.from_numpy(values).to(self.device)
 
-    def _normalised(self, x: np.ndarray, g: np.ndarray, y: np.ndarray) -> tuple[Inputs[torch.Tensor], torch.Tensor]:
+    def _normalised(self, x: Array, g: Array, y: Array) -> tuple[Inputs[torch.Tensor], torch.Tensor]:
         """Inputs and targets of a batch in the network's units, where the network is."""
         n = self.net
         return n.normalised(Inputs(self._tensor(x), self._tensor(g))), (self._tensor(y) - n.output_mean) / n.output_std

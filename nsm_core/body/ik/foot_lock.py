@@ -55,7 +55,7 @@ def lock_feet(
     feet = quat_mul(heading_quat(turn), feet)
     toes = toes + shift
     toes[..., 2] += sole_depth(toes, feet)
-    targets = toes - quat_rotate(feet, TOE_OFFSET)
+    targets: Array = toes - quat_rotate(feet, TOE_OFFSET)
     hips = hips - np.array((0, 0, 1.0)) * _pelvis_drop(positions, targets, on, fade)[:, None]
     return hips.astype(hips_position.dtype), place_limbs(hips, local, LEGS, targets, feet).astype(dtype)
 

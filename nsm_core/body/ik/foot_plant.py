@@ -100,7 +100,7 @@ class ContactIK:
         toes[:, 2] += raised
         lift = self._out_of_ground(toes, feet, ground)
         toes[:, 2] += lift
-        targets = toes - quat_rotate(feet, TOE_OFFSET)
+        targets: Array = toes - quat_rotate(feet, TOE_OFFSET)
         starts = hips + quat_rotate(local[0], _HIP_OFFSETS)
         self._lower_pelvis(hips, starts, targets)
         moved = turn.any() or lift.any() or raised.any() or own.any() or any(foot.shift.any() for foot in self._feet)

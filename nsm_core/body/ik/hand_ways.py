@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from nsm_core.body.skeleton import ARMS, END_SITES, JOINTS
-from nsm_core.rotations import Array, quat_mul, quat_rotate
+from nsm_core.rotations import Array, Scalars, quat_mul, quat_rotate
 from nsm_core.world.geometry.distance import DistanceQuery
 
 from .two_bone import chain_frames
@@ -66,7 +68,7 @@ class HandWays:
         return tries[(deep + _PRICE * tries.sum(1)).argmin()]
 
 
-def _bow(share: Array) -> Array:
+def _bow(share: Scalars) -> Any:
     """How far a way is off its line, 0..1: soon, for what is in the way mostly lies close before a hand."""
     return np.sqrt(4 * share * (1 - share))
 

@@ -32,7 +32,7 @@ class ToeClearance:
         joints, rotations, _ = limb_frames(hips, local, FEET)
         ankles, toes, feet = joints[:, 2], joints[:, 3], rotations[:, 2]
         tips = quat_rotate(rotations[:, 3], _TIP)
-        way = tips * (1, 1, 0)
+        way = tips * (1.0, 1.0, 0.0)
         way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
         wanted = -self.back
         if query is not None:

@@ -13,6 +13,7 @@ import numpy as np
 from nsm_core.body.skeleton import ARMS, FEET, INDEX, OFFSETS, PARENTS, J
 from nsm_core.components import (
     Arrays,
+    Kind,
     Numbers,
     Quaternion,
     Vector,
@@ -85,7 +86,7 @@ def place_limb(
 def place_limbs(
     hips_position: Array,
     local_rotations: Array,
-    chains: tuple[tuple[int, int, int], ...],
+    chains: Sequence[tuple[int, int, int]],
     targets: Array,
     end_rotations: Array | None = None,
 ) -> Array:
@@ -112,11 +113,11 @@ def place_limbs(
     hips = _filled(hips_position, (*lead, 3)).reshape(-1, 3).tolist()
     last = None if end_rotations is None else end_rotations.reshape(-1, len(chains), 4).tolist()
     for n, pose in enumerate(poses.tolist()):
-        new = []
+        placed: list[Quaternion] = []
         for k, ((position, parent), chain) in enumerate(zip(_frames(hips[n], pose, starts), chains, strict=True)):
-            old, end = [pose[j] for j in chain], None if last is None else last[n][k]
-            new.extend(_place(Numbers, position, parent, old, _REST[chain[1:]], goals[n][k], end))
-        poses[n, [j for chain in chains for j in chain]] = new
+            turns, end = [pose[j] for j in chain], None if last is None else last[n][k]
+            placed.extend(_place(Numbers, position, parent, turns, _REST[chain[1:]], goals[n][k], end))
+        poses[n, [j for chain in chains for j in chain]] = placed
     return poses.reshape(local.shape).astype(dtype, copy=False)
 
 
@@ -146,7 +147,7 @@ def chain_frames(hips_position: Array, local_rotations: Array, joints: tuple[int
     return np.stack([p for p, _ in parents], axis=-2) + quat_rotate(rotation, OFFSETS[list(joints)].astype(rotation.dtype)), rotation
 
 
-def _frames(hips: list, pose: list, joints: Sequence[int]) -> list[tuple[Vector, Quaternion]]:
+def _frames(hips: Vector, pose: list[Quaternion], joints: Sequence[int]) -> list[tuple[Vector, Quaternion]]:
     """``chain_frames`` of one pose in numbers: position and parent's rotation of each joint."""
     known = {0: (hips, pose[0])}
 
@@ -190,7 +191,7 @@ def _filled(values: Array, shape: tuple[int, ...]) -> Array:
 
 
 def _place(
-    of: type,
+    of: Kind,
     start: Vector,
     parent: Quaternion,
     old: Sequence[Quaternion],
@@ -212,14 +213,14 @@ def _place(
     return product(inverse(parent), new_upper), product(inverse(new_upper), new_lower), product(inverse(new_lower), end_rotation)
 
 
-def _solve(of: type, hip: Vector, knee: Vector, ankle: Vector, target: Vector, hinge: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+def _solve(of: Kind, hip: Vector, knee: Vector, ankle: Vector, target: Vector, hinge: Vector) -> tuple[Vector, Vector, Vector, Vector]:
     """``solve_two_bone`` in components that also returns the axis about which the limb was bent before."""
     upper, lower = minus(knee, hip), minus(ankle, knee)
     a, b = length(of, upper), length(of, lower)
     before, before_length = _unit(of, minus(ankle, hip))
     way, distance = _unit(of, minus(target, hip))
     there = distance > 1e-6
-    way = tuple([of.where(there, w, v) for w, v in zip(way, before, strict=True)])
+    way = of.where(there, way[0], before[0]), of.where(there, way[1], before[1]), of.where(there, way[2], before[2])
     distance = _soften(of, distance, before_length, a + b)
 
     # The plane of the bend: the limb's own where it is clearly bent, else the joint's hinge.  A limb that was nearly straight
@@ -243,7 +244,7 @@ def _solve(of: type, hip: Vector, knee: Vector, ankle: Vector, target: Vector, h
     return new_knee, along(hip, way, distance), axis, old_axis
 
 
-def _soften(of: type, distance: float, before: float, straight: float) -> float:
+def _soften(of: Kind, distance: float, before: float, straight: float) -> float:
     """Clamp the distance a limb spans: soft near full length, but never shorter than it already was for the same target."""
     start = of.most(SOFT_REACH * straight, of.least(before, (FULL_REACH - 1e-4) * straight))
     room = FULL_REACH * straight - start
@@ -251,7 +252,7 @@ def _soften(of: type, distance: float, before: float, straight: float) -> float:
     return of.most(of.where(over > 0, start + room * -of.expm1(-over / room), distance), TIGHTEST * straight)
 
 
-def _carry(of: type, bone: Vector, axis: Vector, new_bone: Vector, new_axis: Vector) -> Quaternion:
+def _carry(of: Kind, bone: Vector, axis: Vector, new_bone: Vector, new_axis: Vector) -> Quaternion:
     """Rotations that turn bones onto new bones and, about them, the bending axis onto the new one, in components."""
     x, new_x = unit(of, bone), unit(of, new_bone)
     y, new_y = unit(of, along(axis, x, -dot(axis, x))), unit(of, along(new_axis, new_x, -dot(new_axis, new_x)))
@@ -265,15 +266,15 @@ def _carry(of: type, bone: Vector, axis: Vector, new_bone: Vector, new_axis: Vec
     return product((of.sqrt((1 + cosine) / 2), *times(new_x, half)), swing)
 
 
-def _ramp(of: type, x: float, low: float, high: float) -> float:
+def _ramp(of: Kind, x: float, low: float, high: float) -> float:
     t = of.most(of.least((x - low) / (high - low), 1.0), 0.0)
     return t * t * (3 - 2 * t)
 
 
-def _within_one(of: type, x: float) -> float:
+def _within_one(of: Kind, x: float) -> float:
     return of.most(of.least(x, 1.0), -1.0)
 
 
-def _unit(of: type, v: Vector) -> tuple[Vector, float]:
+def _unit(of: Kind, v: Vector) -> tuple[Vector, float]:
     far = length(of, v)
     return times(v, 1 / of.most(far, 1e-9)), far

@@ -55,7 +55,8 @@ def check_reachable(goals: list[Goal], plan: FloorPlan, start: Array, solids: Di
 
     ``solids`` are what stands still.
     """
-    here, poses = np.asarray(start, dtype=np.float64), {}
+    here = np.asarray(start, dtype=np.float64)
+    poses: dict[str, Array] = {}
     for goal in goals:
         try:
             asked = True

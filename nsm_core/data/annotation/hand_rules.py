@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from nsm_core.body.skeleton import INDEX
@@ -22,7 +24,7 @@ def _hands(motion: MeasuredMotion) -> Array:
     return rotate_planar(local, -motion.heading[:, None])
 
 
-def _windowed(values: Array, half: int, function) -> Array:
+def _windowed(values: Array, half: int, function: Callable[..., Array]) -> Array:
     """``function`` over the 2 half + 1 frames around each, along the last axis of windows."""
     padded = np.pad(values, (half, half), mode="edge")
     return function(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=-1)

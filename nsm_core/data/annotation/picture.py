@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -62,7 +63,7 @@ def draw(clip: Clip, annotation: Annotation, path: str | Path, measured: Array |
     return Path(path)
 
 
-def _stick_figures(row, clip: Clip) -> None:
+def _stick_figures(row: Any, clip: Clip) -> None:
     """Poses from the character's left, at their frames."""
     from matplotlib.collections import LineCollection
 
@@ -91,7 +92,7 @@ def _stick_figures(row, clip: Clip) -> None:
     row.set_ylabel("metres, facing right")
 
 
-def _goals(row, annotation: Annotation) -> None:
+def _goals(row: Any, annotation: Annotation) -> None:
     """Bars of the goals in force, from their frame to the next one's, with their places."""
     goals = annotation.goals
     for n, (goal, end) in enumerate(zip(goals, [*(g.frame for g in goals), len(annotation)][1:], strict=True)):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -84,7 +85,8 @@ def _lines(path: Path) -> list[str]:
 
 
 def _hierarchy(name: str, lines: list[str]) -> Hierarchy:
-    found, stack = Hierarchy(), []
+    found = Hierarchy()
+    stack: list[Any] = []
     for number, line in enumerate(lines, 1):
         words, where = line.replace("{", " { ").replace("}", " } ").split(), f"{name}, line {number}"
         while words:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from nsm_core.body.skeleton import JOINTS
 from nsm_core.errors import CaptureError, SkeletonError
@@ -86,7 +87,7 @@ def load_mapping(path: str | Path) -> Mapping:
     return Mapping(joints, tuple(spine), metres, up, forward, rest, None if rate == "auto" else float(rate), path.name)
 
 
-def table_of(path: Path) -> dict:
+def table_of(path: Path) -> dict[str, Any]:
     """The content of a mapping file, which may say more than is known of one file alone."""
     found = read_toml(path, CaptureError)
     for key in found:
@@ -96,7 +97,7 @@ def table_of(path: Path) -> dict:
     return found
 
 
-def wanted_names(found: dict, name: str) -> dict[str, list[str]]:
+def wanted_names(found: dict[str, Any], name: str) -> dict[str, list[str]]:
     """Names in the file, best first, for every one of the 23 that [joints] and [sides] speak of."""
     wanted: dict[str, list[str]] = {}
     for target, names in table(found.get("sides", {}), f"{name}: [sides]", CaptureError).items():

@@ -6,6 +6,7 @@ import difflib
 import re
 from dataclasses import replace
 from functools import cache, lru_cache
+from typing import Any, TypeAlias
 
 from nsm_core.body.skeleton import JOINTS
 from nsm_core.errors import SkeletonError
@@ -13,7 +14,8 @@ from nsm_core.errors import SkeletonError
 from .bvh_file import Bvh
 from .joint_map import FOLDER, REQUIRED, SIDES, Mapping, table_of, wanted_names
 
-Names, Parents = tuple[str, ...], tuple[int, ...]
+Names: TypeAlias = tuple[str, ...]
+Parents: TypeAlias = tuple[int, ...]
 _LIMBS = (("Shoulder", "Elbow", "Wrist"), ("Hip", "Knee", "Ankle"))
 _MOST_LEVELS = 8  # of nodes over the bodies of a file
 _MOST_LETTERS = 100  # of a joint's name that are looked at
@@ -103,7 +105,8 @@ def families() -> dict[str, dict[str, list[str]]]:
 @lru_cache(maxsize=512)  # the clips of a folder share their skeleton
 def _mapping_of(names: Names, parents: Parents) -> tuple[Mapping | None, dict[str, str]]:
     """The family that names most of the 23 of those that name every limb, and the most that any has found."""
-    forms, most = _all_forms(names), {}
+    forms = _all_forms(names)
+    most: dict[Any, Any] = {}
     best: Mapping | None = None
     for name, wanted in families().items():
         joints: dict[str, str] = {}

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -146,7 +148,7 @@ def from_motion(frames: Frames, joints: dict[str, int], spine: list[int]) -> dic
     return constants
 
 
-def _foot_from_motion(frames: Frames, joints: dict[str, int], side: str, constants: dict, inside) -> None:
+def _foot_from_motion(frames: Frames, joints: dict[str, int], side: str, constants: dict[str, Any], inside: Callable[..., Array]) -> None:
     """Add the constants of an ankle and a toe: along the foot, level across as the shin is."""
     ankle = joints[side + "Ankle"]
     shin = frames.rotations[:, joints[side + "Knee"]] @ constants[side + "Knee"]

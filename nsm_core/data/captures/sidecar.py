@@ -8,6 +8,7 @@ import re
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -68,7 +69,7 @@ class Sheet:
     proposal: dict[str, str] = field(default_factory=dict)
     present: frozenset[str] = frozenset()
 
-    def section(self, name: str) -> object:
+    def section(self, name: str) -> Any:
         """Content of a section: "actions.walk", "contacts.Hips", "phase", "phase_mirrored" or "goals"."""
         kind, _, part = name.partition(".")
         return getattr(self, kind).get(part, []) if part else getattr(self, kind)
@@ -76,7 +77,8 @@ class Sheet:
     def with_section(self, name: str, content: object) -> Sheet:
         """Return the sheet with one section exchanged."""
         kind, _, part = name.partition(".")
-        return replace(self, **{kind: {**getattr(self, kind), part: content} if part else content})
+        exchanged: dict[str, Any] = {kind: {**getattr(self, kind), part: content} if part else content}
+        return replace(self, **exchanged)
 
     def edited(self) -> list[str]:
         """Names of the sections that a person changed, added or wrote since they were proposed."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -40,7 +40,7 @@ def box_corners(position: Array, heading: float, mins: Array, maxs: Array) -> Ar
     return corners + origin
 
 
-def figure_lines(lines, pose: Array, uv: Array, depth: Array, weight: float) -> None:
+def figure_lines(lines: Any, pose: Array, uv: Array, depth: Array, weight: float) -> None:
     """Draw the bones of one pose, the farther limbs first and thinner."""
     for side in ("", "Right", "Left"):
         bones = [j for j, p in enumerate(PARENTS) if p >= 0 and _side(j) == side]
@@ -94,7 +94,7 @@ def depth_of(points: Array, view: str, forward: float) -> Array:
     return -s if view == "side" else np.sin(np.radians(40)) * f - np.cos(np.radians(40)) * s
 
 
-def canvas(plt, width: float, height: float, scale: float, title: str | None, origin: Array | None = None) -> tuple[Figure, Axes]:
+def canvas(plt: Any, width: float, height: float, scale: float, title: str | None, origin: Array | None = None) -> tuple[Figure, Axes]:
     """Make a figure whose axes show exactly ``width`` x ``height`` metres at ``scale`` pixels a metre."""
     top = 30 if title else 4
     w, h = width * scale, height * scale + top
@@ -109,7 +109,7 @@ def canvas(plt, width: float, height: float, scale: float, title: str | None, or
     return fig, ax
 
 
-def save(plt, fig: Figure, path: str | Path) -> Path:
+def save(plt: Any, fig: Figure, path: str | Path) -> Path:
     path = Path(path)
     try:
         with output(path, "The picture") as temporary:
@@ -119,7 +119,7 @@ def save(plt, fig: Figure, path: str | Path) -> Path:
     return path
 
 
-def pyplot():
+def pyplot() -> Any:
     try:
         import matplotlib
     except ImportError as error:

@@ -73,7 +73,8 @@ def draw(model: Model, folder: str | Path, only: Sequence[str], pool: Any = None
     """
     made, folder = [], Path(folder)
     for name in only:
-        part, seen = PARTS[name], set()
+        part = PARTS[name]
+        seen: set[Any] = set()
         if part.request is None:
             continue
         for trial in part.trials(1, pool):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -98,12 +99,12 @@ def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = 
         place = rng.uniform(2.4, 3.0) * heading_to_direction(np.array(way))
         top, more = support(rng, destination, crate, place, facing, pool)
         goal = np.array((*place, top + crate.size[2] / 2, facing))
-        still = tuple(still + more)
-        free = rollout.clear_of(furniture.cuboids(still), [box_at(crate, box)])
+        stands = tuple(still + more)
+        free = rollout.clear_of(furniture.cuboids(stands), [box_at(crate, box)])
         rng = np.random.default_rng((SEED, 2, n))
         for _ in range(starts):
             start, heading = rollout.start_about(rng, np.zeros(2), free)
-            result.append(CarryTrial(n, name, start, heading, crate, box, goal, facing, still))
+            result.append(CarryTrial(n, name, start, heading, crate, box, goal, facing, stands))
     return result
 
 
@@ -112,13 +113,13 @@ def box_at(crate: Furniture, pose: Array) -> Box:
     return carried_box(crate, pose - np.append(rotate_planar(crate.centre, np.float64(pose[3])), 0.0))
 
 
-def request(trial: CarryTrial, hold: float = 1.0, **more: object) -> TakeRequest:
+def request(trial: CarryTrial, hold: float = 1.0, **more: Any) -> TakeRequest:
     """Set up one trial's take."""
     goal = Goal("carry", "Box", trial.goal[:3], trial.facing, hold, prop=box_at(trial.crate, trial.box))
     return TakeRequest(trial.start, trial.heading, [goal], furniture.cuboids(trial.still), **more)  # type: ignore[arg-type]
 
 
-def run_trial(model: Model, trial: CarryTrial, **more: object) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: CarryTrial, **more: Any) -> tuple[TakeResult, Report]:
     """Roll one trial out; returns the take and its figures."""
     asked = request(trial, **more)
     take = roll(model, asked)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -86,14 +87,14 @@ def climb_goal(piece: Furniture, place: Array, turn: float, coming_from: Array, 
     return Goal("climb", piece.kind, stand, float(heading), hold, volume)
 
 
-def request(trial: ClimbTrial, hold: float = 1.0, **more: object) -> TakeRequest:
+def request(trial: ClimbTrial, hold: float = 1.0, **more: Any) -> TakeRequest:
     """Set up one trial's take."""
     query = furniture.cuboids([(trial.piece, np.zeros(2), trial.turn)])
     goal = climb_goal(trial.piece, np.zeros(2), trial.turn, trial.start, hold)
     return TakeRequest(trial.start, trial.heading, [goal], query, **more)  # type: ignore[arg-type]
 
 
-def run_trial(model: Model, trial: ClimbTrial, **more: object) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: ClimbTrial, **more: Any) -> tuple[TakeResult, Report]:
     """Roll one trial out; returns the take and its figures."""
     asked = request(trial, **more)
     goal = asked.goals[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -93,7 +94,7 @@ def _open(number: int) -> WalkTrial:
     return WalkTrial(2, "run", np.zeros(2), float(rng.uniform(-np.pi, np.pi)), goal, action="run")
 
 
-def request(trial: WalkTrial, hold: float = 1.0, **more: object) -> TakeRequest:
+def request(trial: WalkTrial, hold: float = 1.0, **more: Any) -> TakeRequest:
     """Set up one way's take."""
     way = trial.goal - trial.start
     facing = float(np.arctan2(way[0], -way[1]))
@@ -101,7 +102,7 @@ def request(trial: WalkTrial, hold: float = 1.0, **more: object) -> TakeRequest:
     return TakeRequest(trial.start, trial.heading, [goal], furniture.cuboids(trial.still), **more)  # type: ignore[arg-type]
 
 
-def run_trial(model: Model, trial: WalkTrial, **more: object) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: WalkTrial, **more: Any) -> tuple[TakeResult, Report]:
     """Roll one way out; returns the take and its figures."""
     asked = request(trial, **more)
     take = roll(model, asked)
@@ -169,7 +170,7 @@ def orders(starts: int = 10, pool: Pool | None = None) -> list[Order]:
     return result
 
 
-def run_order(model: Model, order: Order, **more: object) -> tuple[TakeResult | None, Report]:
+def run_order(model: Model, order: Order, **more: Any) -> tuple[TakeResult | None, Report]:
     """Give one order and measure the seconds until its label passes 0.9; nan where it never does, or cannot be given."""
     before, action = order.name.split(" to ")
     ahead = heading_to_direction(np.array(order.heading))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -67,7 +68,7 @@ def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = 
     return result
 
 
-def request(trial: DoorTrial, hold: float = 1.0, **more: object) -> TakeRequest:
+def request(trial: DoorTrial, hold: float = 1.0, **more: Any) -> TakeRequest:
     """Set up one trial's take."""
     leaf = trial.door.leaf(trial.pose, trial.swing)
     way = passage(leaf, trial.start)
@@ -88,7 +89,7 @@ def passed_at(root: Array, way: Passage, width: float, beyond: float = BEYOND) -
     return float(past[0] / FPS) if len(past) else float("nan")
 
 
-def run_trial(model: Model, trial: DoorTrial, **more: object) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: DoorTrial, **more: Any) -> tuple[TakeResult, Report]:
     """Roll one trial out; returns the take and its figures."""
     asked = request(trial, **more)
     take = roll(model, asked)

@@ -134,6 +134,6 @@ def summarise(reports: Sequence[Report]) -> Report:
     return summary
 
 
-def share(reports: Sequence[Report], true: Callable[[Report], bool]) -> float:
+def share(reports: Sequence[Report], true: Callable[[Report], object]) -> float:
     """Share of trials of which ``true`` holds; one that broke off counts as false."""
     return float(np.mean([not r.get("failed") and bool(true(r)) for r in reports])) if reports else float("nan")

@@ -57,7 +57,7 @@ def trials(starts: int = 10, settings: int = len(SEATS), furthest: float = 3.0, 
 
     With a ``pool`` (the held-back part of one) the seats are its meshes, scaled as in training.
     """
-    result = []
+    result: list[SitTrial] = []
     for n in range(settings):
         rng = np.random.default_rng(SEED + n)
         kind = SEATS[n % len(SEATS)]
@@ -75,7 +75,7 @@ def trials(starts: int = 10, settings: int = len(SEATS), furthest: float = 3.0, 
 
 def trials_at_tables(starts: int = 10, settings: int = len(AT_TABLE), pool: Pool | None = None) -> list[SitTrial]:
     """Trials on seats that stand partly under a table, so that one has to get in from the side, and out again."""
-    result = []
+    result: list[SitTrial] = []
     for n in range(settings):
         rng = np.random.default_rng((SEED, 5, n))
         kind = AT_TABLE[n % len(AT_TABLE)]

@@ -13,7 +13,7 @@ from .rollout import Report
 Row = tuple[str, str, str, str]
 
 
-class Figures(dict):
+class Figures(dict[str, Any]):
     """A summary in which a figure that no trial gave is not a number."""
 
     def __missing__(self, key: str) -> float:

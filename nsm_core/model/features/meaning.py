@@ -117,6 +117,8 @@ def remark(metadata: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _worded(name: str, value: object) -> str:
     unit = _UNITS.get(name, "m")
-    several = isinstance(value, list) and 0 < len(value) <= 13 and all(is_number(v) for v in value)
-    text = " ".join(f"{v:g}" for v in value) if several else f"{value:g}" if is_number(value) else shown(value, 120)  # type: ignore[union-attr, str-bytes-safe]
+    if isinstance(value, list) and 0 < len(value) <= 13 and all(is_number(v) for v in value):
+        text = " ".join(f"{v:g}" for v in value)
+    else:
+        text = f"{value:g}" if is_number(value) else shown(value, 120)
     return f"{text} {unit}".rstrip()

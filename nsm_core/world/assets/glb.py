@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -75,18 +76,18 @@ def check(path: Path) -> None:
     _nodes(entries["nodes"], [_corners(m, counts, where) for m in entries["meshes"]], where)
 
 
-def _entries(found: dict, key: str, where: str) -> list[dict]:
+def _entries(found: dict[str, Any], key: str, where: str) -> list[dict[str, Any]]:
     entries = listed(found.get(key, []), f"{where}: {key}", GeometryError)
     return [table(e, f"{where}: {key} {k}", GeometryError) for k, e in enumerate(entries)]
 
 
-def _view(view: dict, where: str, size: int) -> int:
+def _view(view: dict[str, Any], where: str, size: int) -> int:
     """Bytes of a buffer view."""
     start = whole(view.get("byteOffset", 0), f"{where}: its begin", GeometryError, 0, size)
     return whole(view.get("byteLength"), f"{where}: its length", GeometryError, 0, size - start)
 
 
-def _accessor(array: dict, where: str, views: list[int]) -> int:
+def _accessor(array: dict[str, Any], where: str, views: list[int]) -> int:
     """How many entries an array has, which its view must hold; one without a view is filled with zeros and refused."""
     kind, letter = array.get("type"), array.get("componentType")
     if not isinstance(kind, str) or kind not in _WIDTHS or not isinstance(letter, int) or letter not in _BYTES:
@@ -96,7 +97,7 @@ def _accessor(array: dict, where: str, views: list[int]) -> int:
     return whole(array.get("count"), f"{where}: its count", GeometryError, 0, (views[view] - start) // (_WIDTHS[kind] * _BYTES[letter]))
 
 
-def _corners(mesh: dict, counts: list[int], where: str) -> int:
+def _corners(mesh: dict[str, Any], counts: list[int], where: str) -> int:
     """Corners and indices of a mesh together."""
     total = 0
     for part in _entries(mesh, "primitives", where):
@@ -106,7 +107,7 @@ def _corners(mesh: dict, counts: list[int], where: str) -> int:
     return total
 
 
-def _nodes(nodes: list[dict], corners: list[int], where: str) -> None:
+def _nodes(nodes: list[dict[str, Any]], corners: list[int], where: str) -> None:
     """Check that nodes are few, hang on one another as a tree, are placed by numbers, and do not multiply meshes beyond measure."""
     if len(nodes) > MOST_NODES:
         raise GeometryError(f"{where} has {len(nodes)} nodes; join its parts and export it again.")

@@ -10,6 +10,7 @@ import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -229,7 +230,7 @@ def _scale(said: str) -> float:
     return factor
 
 
-def _convert(parts: list, path: Path, row: dict[str, str]) -> Furniture:
+def _convert(parts: list[Any], path: Path, row: dict[str, str]) -> Furniture:
     vertices, triangles = joined(parts)
     kind = KIND_OF[row["class"]]
     if kind == "table" and "desk" in path.stem.lower():

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nsm_core.errors import GeometryError
 from nsm_core.rotations import Array, heading_quat, quat_to_matrix
@@ -50,7 +51,7 @@ class BoxGroup:
         return self.position + self.matrix @ ((lo + hi) / 2), float(np.linalg.norm(hi - lo)) / 2
 
 
-def box_group(position: Array, rotation: Array | float, mins: Array, maxs: Array) -> BoxGroup:
+def box_group(position: ArrayLike, rotation: ArrayLike, mins: ArrayLike, maxs: ArrayLike) -> BoxGroup:
     """Check and pack the boxes of one object.
 
     ``position`` (2,) or (3,) world metres; ``rotation`` a heading in radians or a quaternion (4,);
@@ -88,7 +89,7 @@ class Cuboids:
     so never more than the true depth.
     """
 
-    def __init__(self, objects: Iterable[tuple[Array, Array | float, Array, Array]] = ()) -> None:
+    def __init__(self, objects: Iterable[tuple[ArrayLike, ArrayLike, ArrayLike, ArrayLike]] = ()) -> None:
         """Take (position, heading or quaternion, mins (M, 3), maxs (M, 3)) for each object; see ``box_group``."""
         packed = (box_group(*o) for o in objects)
         self.groups: list[BoxGroup] = [g for g in packed if len(g.centres)]

@@ -80,10 +80,10 @@ class Readings:
     """Readings kept for the next take, by what the mesh holds; those not used for longest go first."""
 
     def __init__(self, most_bytes: int = _MOST_BYTES) -> None:
-        self._kept: OrderedDict[tuple, Reading] = OrderedDict()
+        self._kept: OrderedDict[tuple[Any, ...], Reading] = OrderedDict()
         self._bytes, self._most, self._lock = 0, most_bytes, Lock()
 
-    def get(self, key: tuple, read: Callable[[], Reading]) -> Reading:
+    def get(self, key: tuple[Any, ...], read: Callable[[], Reading]) -> Reading:
         """The reading of that key, made by ``read`` where there is none."""
         with self._lock:
             if key in self._kept:

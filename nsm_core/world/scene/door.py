@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nsm_core.errors import GeometryError
 from nsm_core.rotations import Array
@@ -36,7 +37,7 @@ class Door:
     handle: Array
     thickness: float
 
-    def leaf(self, pose: Array = (0, 0, 0, 0), swing: float = 1.0, name: str = "Door") -> Leaf:
+    def leaf(self, pose: ArrayLike = (0, 0, 0, 0), swing: float = 1.0, name: str = "Door") -> Leaf:
         """Return the shut leaf at ``pose`` (4,): x, y, 0 and heading of the door frame; ``swing`` as in ``props.Leaf``."""
         return door_leaf(self.piece, np.asarray(pose, dtype=np.float64), self.width, self.handle, self.thickness, swing, name)
 

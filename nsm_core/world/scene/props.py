@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nsm_core.distances import BODY_TO_BOX, BOX_READS, WRIST_BEHIND, WRIST_BELOW, WRIST_OFF_HANDLE, WRIST_OFF_SIDE
 from nsm_core.errors import GoalError
@@ -39,12 +40,12 @@ class Prop:
         if self.pose.shape != (4,) or not np.isfinite(self.pose).all():
             raise GoalError(f"{self.name} has no usable place; clear its transform and place it anew.")
 
-    def to_world(self, points: Array, pose: Array | None = None) -> Array:
+    def to_world(self, points: ArrayLike, pose: Array | None = None) -> Array:
         """Points (..., 3) of the prop's frame in the world, at its present pose or another (4,)."""
         pose = self.pose if pose is None else pose
         return rotate_planar(np.asarray(points, dtype=np.float64), np.float64(pose[3])) + pose[:3]
 
-    def to_local(self, points: Array, pose: Array | None = None) -> Array:
+    def to_local(self, points: ArrayLike, pose: Array | None = None) -> Array:
         """World points (..., 3) in the prop's frame."""
         pose = self.pose if pose is None else pose
         return rotate_planar(np.asarray(points, dtype=np.float64) - pose[:3], np.float64(-pose[3]))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from nsm_core.body.contacts import LEGS
@@ -55,14 +57,14 @@ def shin_depth(hip: Array, ankle: Array, ahead: Array, block: Block) -> Array:
     return depth
 
 
-def crosses(toes: Array, gap: tuple, block: Block) -> bool:
+def crosses(toes: Array, gap: tuple[Any, ...], block: Block) -> bool:
     """Whether the swing of a ``gap`` goes over the block."""
     side, begin, end, before, after = gap
     way = np.linspace(toes[begin - 1, side, :2] + before[:2], toes[end, side, :2] + after[:2], 20)
     return bool(before[2] or after[2] or block.holds(way, 0.0).any())
 
 
-def splayed(positions: Array, rotations: Array, world: Array, feet: Array, gaps: list, most: float) -> tuple[Array, Array, Array]:
+def splayed(positions: Array, rotations: Array, world: Array, feet: Array, gaps: list[Any], most: float) -> tuple[Array, Array, Array]:
     """Turn legs about the line from hip to ankle so that their knees point outward in ``gaps``; the feet turn along by half.
 
     Returns rotations, feet and the angles (T, 2), radians, clockwise from above.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from nsm_core.data.scenarios.session import Session
@@ -44,7 +46,8 @@ def _slow_down(session: Session, before: int, rate: float) -> None:
     frames, roots, headings = (np.array(x[before:]) for x in (tape.frames, tape.roots, tape.headings))
     count = len(frames)
     seams = [s - before for s in tape.seams if s >= before]
-    when, new = [], []
+    when: Any = []
+    new: list[Any] = []
     for a, b in zip([0, *(s for s in seams if s > 0)], [*(s for s in seams if s > 0), count], strict=True):
         new.append(len(when))
         when += list(np.arange(a, b - 1 + 1e-9, rate))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nsm_core.data.scenarios.session import Session
+from nsm_core.rotations import Array
 
 from .draws import RUNS, WALKS
 
@@ -55,6 +56,6 @@ def run(session: Session) -> bool:
     return True
 
 
-def _towards(session: Session, target: np.ndarray, spread: float) -> float:
+def _towards(session: Session, target: Array, spread: float) -> float:
     straight = target - session.tape.roots[-1]
     return float(np.arctan2(straight[0], -straight[1]) + session.rng.normal(0, spread))

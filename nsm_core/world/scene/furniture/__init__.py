@@ -6,6 +6,7 @@ Object frame: origin on the floor at the centre of the footprint, Z up, front -Y
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from .piece import Furniture, box_mesh, build, cuboids, top_of
 
 __all__ = ("KINDS", "MAKERS", "SEAT_KINDS", "Furniture", "box_mesh", "build", "carried_box", "cuboids", "make", "piece_pose", "top_of")
 
-MAKERS: dict[str, Callable[[np.random.Generator, dict], Furniture]] = {
+MAKERS: dict[str, Callable[[np.random.Generator, dict[str, Any]], Furniture]] = {
     "chair": seating.chair, "armchair": seating.armchair, "sofa": seating.sofa, "stool": seating.stool, "bench": seating.bench,
     "table": storage.table, "desk": storage.desk, "shelf": storage.shelf,
     "cabinet": storage.block("cabinet", width=(0.4, 1.6), depth=(0.35, 0.6), height=(0.7, 2.0)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nsm_core.rotations import Array, rotate_planar
 from nsm_core.world.geometry.distance import Cuboids
@@ -11,7 +12,7 @@ from nsm_core.world.scene.props import Box, Leaf, sense
 from .piece import Furniture
 
 
-def carried_box(piece: Furniture, pose: Array = (0, 0, 0, 0), name: str = "Box") -> Box:
+def carried_box(piece: Furniture, pose: ArrayLike = (0, 0, 0, 0), name: str = "Box") -> Box:
     """Make a piece a box to carry.
 
     ``pose`` (4,) is that of the piece's own frame, on whose floor it stands: x, y, z and heading.  The prop's frame lies at

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from .piece import Part
 
 
-def pick(rng: np.random.Generator, overrides: dict, **ranges: tuple[float, float]) -> dict[str, float]:
+def pick(rng: np.random.Generator, overrides: dict[str, Any], **ranges: tuple[float, float]) -> dict[str, float]:
     """Draw every measure from its range, then let the caller's own values win."""
     drawn = {name: float(rng.uniform(*bounds)) for name, bounds in ranges.items()}
     for name in ranges:
@@ -16,7 +18,7 @@ def pick(rng: np.random.Generator, overrides: dict, **ranges: tuple[float, float
     return drawn
 
 
-def choose(rng: np.random.Generator, overrides: dict, name: str, options: tuple) -> object:
+def choose(rng: np.random.Generator, overrides: dict[str, Any], name: str, options: tuple[Any, ...]) -> object:
     drawn = options[int(rng.integers(len(options)))]
     return overrides.pop(name, drawn)
 
