@@ -18,7 +18,7 @@ import pytest
 from nsm_blender.pictures.outputs import blend_is_whole, png_is_whole
 from nsm_blender.pictures.render import read_png
 from nsm_core.data.captures import reader
-from nsm_core.data.captures.folder import capture_paths
+from nsm_core.data.captures.folder import CaptureFolder
 
 ROOT = Path(__file__).resolve().parents[1]
 CORE = """
@@ -127,5 +127,5 @@ def test_killed_at_any_moment(tmp_path, code, version, moments):
     assert half >= len(moments) // 2  # else nobody was killed in the middle
     assert all("-new" in name for name in hidden(tmp_path))
     if code is CORE:
-        assert capture_paths(tmp_path) == [tmp_path / "a.bvh"]
+        assert [c.path for c in CaptureFolder(tmp_path).captures] == [tmp_path / "a.bvh"]
     shutil.rmtree(tmp_path)

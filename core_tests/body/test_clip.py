@@ -8,6 +8,7 @@ from captures import capture_folder, source, stand, walk
 
 from nsm_core.body.clip import Clip, resample, smoothed_root, transform
 from nsm_core.body.skeleton import HIPS, MIRROR
+from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.matching.database import build_library
 from nsm_core.data.matching.selection import load_walks
 from nsm_core.errors import CaptureError
@@ -108,7 +109,7 @@ def test_library_frames_are_seen_from_their_roots(clip):
 
 def test_loaders_choose_by_name_and_measure(tmp_path_factory):
     folder = capture_folder(tmp_path_factory)
-    names = [c.name for c in load_walks(folder)]
+    names = [c.name for c in load_walks(CaptureFolder(folder))]
     assert "male1_a1_stand" in names and "cmu_09_03" in names
     assert not {"hop_in_place", "opencap_sts1", "quaternius_sit_full"} & set(names)
     loaded = source(folder)

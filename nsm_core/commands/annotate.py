@@ -17,20 +17,19 @@ from nsm_core.data.annotation.phases import keys_of_phase
 from nsm_core.data.annotation.picture import draw
 from nsm_core.data.annotation.proposal import arrays_of, propose
 from nsm_core.data.captures import sidecar
-from nsm_core.data.captures.folder import capture_paths, read_capture, read_clip
-from nsm_core.data.captures.joint_map import Mapping, load_mapping
+from nsm_core.data.captures.folder import Capture, CaptureFolder
+from nsm_core.data.captures.joint_map import load_mapping
 from nsm_core.data.captures.sidecar import Sheet, fingerprint
 from nsm_core.errors import CaptureError, NsmError
 
 
-def annotate_clip(path: Path, folder: Path, mapping: Mapping | None, overwrite: bool) -> tuple[Clip, Sheet, dict[int, str], list[str]]:
+def annotate_clip(folder: CaptureFolder, capture: Capture, overwrite: bool) -> tuple[Clip, Sheet, dict[int, str], list[str]]:
     """Read a clip and propose its sheet; the fourth value names the sections that a person's edits have kept."""
-    clip = read_capture(path, folder) if mapping is None else read_clip(path, mapping)
-    target = sidecar.sidecar_of(path)
-    kept = sidecar.read(target) if target.exists() and not overwrite else None
+    clip = folder.read(capture)
+    kept = sidecar.read(capture.sidecar) if capture.sidecar is not None and not overwrite else None
     if kept is not None and kept.frames != len(clip):
         raise CaptureError(
-            f"{target.name} speaks of {kept.frames} frames, {path.name} has {len(clip)} at 30 a second; "
+            f"{sidecar.sidecar_of(capture.path).name} speaks of {kept.frames} frames, {capture.path.name} has {len(clip)} at 30 a second; "
             "delete it, or run with --overwrite, to have it proposed anew."
         )
     sheet, remarks = propose(clip, kept)
@@ -55,13 +54,17 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--minutes", type=float, default=2.0, help="time to train the autoencoder")
     parser.add_argument("--no-pictures", action="store_true", help="write the sidecars only")
     options = parser.parse_args(arguments)
-    mapping = load_mapping(options.mapping) if options.mapping else None
-    paths = capture_paths(options.folder, options.mapping)
+    if options.mapping:
+        load_mapping(options.mapping)  # a damaged one is told once, not for every clip
+    index = CaptureFolder(options.folder, options.mapping)
+    if not index.captures:
+        raise CaptureError(f"no BVH file lies in {options.folder}; name the folder with the captures.")
     done: list[tuple[Path, Clip, Sheet, dict[int, str], list[str]]] = []
     failed = 0
-    for path in paths:
+    for capture in index.captures:
+        path = capture.path
         try:
-            done.append((path, *annotate_clip(path, options.folder, mapping, options.overwrite)))
+            done.append((path, *annotate_clip(index, capture, options.overwrite)))
         except NsmError as error:
             failed += 1
             print(f"{path.relative_to(options.folder)}: {error}", file=sys.stderr)

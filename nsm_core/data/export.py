@@ -22,7 +22,7 @@ from nsm_core.world.scene.furniture import cuboids
 from nsm_core.world.sensors.environment import environment_sensor_many
 from nsm_core.world.sensors.interaction import interaction_sensor
 
-from .captures.folder import notes
+from .captures.folder import CaptureFolder
 from .matching.selection import stance
 from .scenarios.composer import Composer, load
 from .scenarios.take import Annotated, ComposedTake, Piece, annotate, goal_tables
@@ -156,8 +156,9 @@ def export(
     out.mkdir(parents=True, exist_ok=True)
     if not Path(captures).is_dir():
         raise CaptureError(f"{captures} is no folder; name the one with the captures.")
-    load(captures)  # a damaged capture is told here, not as a broken pool of workers
-    for note in notes() if callable(tell) else ():
+    index = CaptureFolder(captures)
+    load(index)  # a damaged capture is told here, not as a broken pool of workers
+    for note in index.notes() if callable(tell) else ():
         tell(note)
     cache = str(out / "objects.npz")
     pool_of(meshes, cache)  # converted once, before the workers ask for it
@@ -188,7 +189,7 @@ def export(
         for f in files.values():
             f.close()
     with output(out / "data.json", "The training data") as temporary:  # what vouches for the arrays beside it
-        about = {"frames": frames, "objects": objects, "seed": seed, "stance": stance(captures), "meaning": meaning()}
+        about = {"frames": frames, "objects": objects, "seed": seed, "stance": stance(index), "meaning": meaning()}
         temporary.write_text(json.dumps({**about, "takes": provenance}))
     return out
 

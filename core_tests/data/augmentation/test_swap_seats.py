@@ -11,6 +11,7 @@ from nsm_core.body.skeleton import ARMS, FEET, HIP_OVER_SEAT, forward_kinematics
 from nsm_core.conventions import HAND_CONTACTS
 from nsm_core.data.augmentation.swap_seats import switch_all
 from nsm_core.data.captures import reader
+from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.matching.selection import load_sits
 from nsm_core.rotations import rotate_planar
 from nsm_core.world.affordances.arm_rests import arm_rests
@@ -19,7 +20,7 @@ from nsm_core.world.assets.pool import Pool
 
 def test_hips_come_to_the_seat_hands_to_its_arms_and_feet_stay(tmp_path_factory):
     folder = captures.capture_folder(tmp_path_factory)
-    sits, found = load_sits(folder), switch_all(folder, Pool(), 10, 3)
+    sits, found = load_sits(CaptureFolder(folder)), switch_all(folder, Pool(), 10, 3)
     assert len({round(s.piece.seat.height, 3) for s in found}) > 4 and {s.piece.kind for s in found} >= {"armchair", "chair", "stool"}
     with_arms = 0
     for n, s in enumerate(found):

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import os
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
-from captures import walk
+from captures import pick_up, sit, stand, walk
 
 from nsm_core.__main__ import main
+from nsm_core.body.clip import Clip
 from nsm_core.body.skeleton import JOINTS
 from nsm_core.data.captures import bvh_writer, reader
-from nsm_core.data.captures.folder import capture_paths, labelled, name_in, read_capture, unlabelled
+from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.captures.joint_map import load_mapping
-from nsm_core.data.matching.selection import load_runs, load_walks
+from nsm_core.data.matching.selection import load_bends, load_runs, load_sits, load_walks, stance
 from nsm_core.errors import CaptureError
 
 
@@ -39,18 +42,25 @@ def distance(clip) -> float:
     return float(np.linalg.norm(np.diff(clip.hips_position[(0, -1), :2], axis=0)))
 
 
+def only(path: Path) -> Clip:
+    """The one clip of a capture folder."""
+    folder = CaptureFolder(path)
+    (capture,) = folder.captures
+    return folder.read(capture)
+
+
 @pytest.mark.parametrize("shared_root", [False, True])
 def test_every_body_of_a_file_is_a_clip(tmp_path, capsys, shared_root):
     two_bodies(tmp_path / "pair.bvh", shared_root)
     first = reader.read(tmp_path / "pair.bvh")
     assert distance(first) == pytest.approx(3.0, abs=0.02)
     assert "pair.bvh holds 2 bodies (Actor0:Hips, Actor1:Hips)" in first.notes[0]
-    paths = capture_paths(tmp_path)
-    assert [p.name for p in paths] == ["pair.2.bvh", "pair.bvh"]
-    assert [distance(read_capture(p, tmp_path)) for p in paths] == pytest.approx([1.5, 3.0], abs=0.02)
+    folder = CaptureFolder(tmp_path)
+    assert [c.path.name for c in folder.captures] == ["pair.2.bvh", "pair.bvh"]
+    assert [distance(folder.read(c)) for c in folder.captures] == pytest.approx([1.5, 3.0], abs=0.02)
     assert main(["annotate", str(tmp_path), "--no-pictures"]) == 0
     assert "holds 2 bodies" in capsys.readouterr().out
-    assert sorted(piece.clip.name for piece in labelled(tmp_path)) == ["pair", "pair.2"]
+    assert sorted(piece.clip.name for piece in CaptureFolder(tmp_path).labelled) == ["pair", "pair.2"]
 
 
 def test_a_prop_and_an_unknown_skeleton_beside_a_body(tmp_path):
@@ -72,7 +82,7 @@ def test_a_wrong_frame_time_is_remarked_and_mended_by_a_mapping_of_one_line(tmp_
     slow = reader.read(tmp_path / "walk.bvh")
     assert len(slow) == len(at) and "walks too slowly" in slow.notes[0] and "`rate = 100` or 120" in slow.notes[0]
     (tmp_path / "mapping.toml").write_bytes(b"\xef\xbb\xbf# Vicon\r\nrate = 120\r\n")
-    right = read_capture(tmp_path / "walk.bvh", tmp_path)
+    right = only(tmp_path)
     assert len(right) == pytest.approx(len(hips), abs=1) and right.notes == ()
     for wrong in ("1e308", "33.333", "0", "nan", "unknown"):
         (tmp_path / "odd.bvh").write_text((tmp_path / "walk.bvh").read_text().replace("0.0333333", wrong))
@@ -82,8 +92,9 @@ def test_a_wrong_frame_time_is_remarked_and_mended_by_a_mapping_of_one_line(tmp_
 def test_a_folder_named_like_a_capture_is_none(tmp_path):
     (tmp_path / "odd.bvh").mkdir()
     bvh_writer.write(tmp_path / "odd.bvh" / "walk.3.bvh", *walk(1.0, 0.0, 1.1))
-    assert [p.name for p in capture_paths(tmp_path)] == ["walk.3.bvh"]
-    assert len(read_capture(tmp_path / "odd.bvh" / "walk.3.bvh", tmp_path)) > 30
+    folder = CaptureFolder(tmp_path)
+    assert [c.path.name for c in folder.captures] == ["walk.3.bvh"]
+    assert len(folder.read(folder.captures[0])) > 30
 
 
 def test_a_mapping_for_all_names_whom_it_reads(tmp_path, capsys):
@@ -111,12 +122,13 @@ def test_clips_known_by_name_are_read_with_all_their_bodies_and_hidden_files_are
         two_bodies(tmp_path / "clips" / source / f"{name}.bvh")
     for left in (".2f00aa11bb22-new.bvh", "._walk.bvh"):  # of a killed program, of macOS
         (tmp_path / "clips" / "cmu" / left).write_bytes(b"\x00\x05\x16\x07HIERARCHY\nROOT")
-    walks = load_walks(tmp_path)
+    folder = CaptureFolder(tmp_path)
+    walks = load_walks(folder)
     assert sorted(round(distance(c), 1) for c in walks) == [1.5, 1.5, 1.5, 3.0, 3.0, 3.0]
     assert sorted(c.name for c in walks) == ["cmu_02_01", "cmu_02_01.2", "jog", "jog.2", "walk", "walk.2"]
-    assert sorted(c.name for c in load_runs(tmp_path)) == ["jog", "jog.2"]
-    assert [p.name for p in unlabelled(tmp_path, "quaternius", "cmu")][:2] == ["jog.2.bvh", "jog.bvh"]
-    assert {name_in(p) for p in unlabelled(tmp_path)} == {"cmu_02_01", "walk", "quick_run", "jog"}
+    assert sorted(c.name for c in load_runs(folder)) == ["jog", "jog.2"]
+    assert [c.path.name for c in folder.unlabelled("quaternius", "cmu")][:2] == ["jog.2.bvh", "jog.bvh"]
+    assert {c.file.stem for c in folder.unlabelled()} == {"cmu_02_01", "walk", "quick_run", "jog"}
 
 
 @pytest.mark.skipif(os.name == "nt", reason="links and pipes are made otherwise there")
@@ -127,7 +139,25 @@ def test_settings_that_cannot_be_read_are_told_not_passed_over(tmp_path, capsys)
     for make in makers:
         make()
         with pytest.raises(CaptureError, match=r"^mapping\.toml cannot be read .*\.$"):
-            read_capture(capture_paths(tmp_path)[0], tmp_path)
+            only(tmp_path)
         assert main(["annotate", str(tmp_path), "--no-pictures"]) == 1
         assert "walk.bvh: mapping.toml cannot be read" in capsys.readouterr().err
         there.rmdir() if there.is_dir() else there.unlink()
+
+
+def test_a_folder_is_read_once_for_all_who_choose_from_it(tmp_path):
+    motions = {"walk": walk(2.0, 0.3, 2.2), "stand": stand(), "sit": sit(), "male1_a5_pickupbox": pick_up()}
+    for n, (name, motion) in enumerate(motions.items()):
+        path = tmp_path / (f"{name}.bvh" if n < 2 else f"clips/opencap/{'opencap_sts1' if name == 'sit' else name}.bvh")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        bvh_writer.write(path, *motion)
+    assert main(["annotate", str(tmp_path), "--no-pictures"]) == 0
+    for path in (tmp_path / "clips").rglob("*.nsm.toml"):
+        path.unlink()
+    folder = CaptureFolder(tmp_path)
+    first = [load(folder) for load in (load_walks, load_runs, load_sits, load_bends, stance)]
+    assert [len(found) > 0 for found in first] == [True, False, True, True, True]
+    shutil.rmtree(tmp_path)  # whoever looked again would find nothing
+    again = [load(folder) for load in (load_walks, load_runs, load_sits, load_bends, stance)]
+    assert [c.name for c in again[0]] == [c.name for c in first[0]] and again[4] == first[4]
+    assert [s.clip.name for s in again[2]] == [s.clip.name for s in first[2]] and len(again[3]) == len(first[3])

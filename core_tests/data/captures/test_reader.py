@@ -10,6 +10,7 @@ from captures import walk, write_captures
 
 from nsm_core.body.skeleton import INDEX, JOINTS
 from nsm_core.data.captures import bvh_writer, reader
+from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.matching.selection import load_sits, load_walks, stance
 from nsm_core.errors import CaptureError, NsmError, SkeletonError
 from nsm_core.rotations import quat_rotate, quat_to_matrix
@@ -203,8 +204,8 @@ def test_loaders_pass_damage_on_and_name_the_file(tmp_path):
     text = damaged.read_text()
     damaged.write_text(text[: len(text) // 2])
     with pytest.raises(CaptureError, match=r"cmu_09_01\.bvh"):
-        load_walks(folder)
+        load_walks(CaptureFolder(folder))
     (folder / "clips" / "accad_male1" / "male1_a1_stand.bvh").unlink()
     for loader in (stance, load_sits):  # without the known stand the longest of the walks is looked for
         with pytest.raises(CaptureError, match=r"cmu_09_01\.bvh"):
-            loader(folder)
+            loader(CaptureFolder(folder))

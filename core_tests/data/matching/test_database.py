@@ -15,7 +15,7 @@ from nsm_core.body.clip import Clip
 from nsm_core.body.ik.two_bone import place_limbs, place_wrists
 from nsm_core.body.skeleton import FEET, INDEX, forward_kinematics
 from nsm_core.data.captures import bvh_writer, reader, sidecar
-from nsm_core.data.captures.folder import Labelled, labelled
+from nsm_core.data.captures.folder import CaptureFolder, Labelled
 from nsm_core.data.matching.labelled import grasps, sit_downs, walks_and_runs
 from nsm_core.data.matching.selection import load_runs, load_sits, load_walks, neutral, stance
 from nsm_core.data.scenarios.carry import episode as carry_episode
@@ -105,22 +105,22 @@ def test_takes_of_captures_under_any_name_and_hierarchy(source):
 
 
 def test_labels_choose_stretches(studio, source):
-    walks = {c.name: c for c in load_walks(studio)}
+    walks = {c.name: c for c in load_walks(CaptureFolder(studio))}
     assert {n.split("@")[0] for n in walks} >= {"take 0", "take 4", "stand", "monday/a", "box"}
-    assert not load_runs(studio)
+    assert not load_runs(CaptureFolder(studio))
     joints = np.concatenate([forward_kinematics(c.hips_position, c.local_rotations)[0] for c in walks.values()])
     hands = joints[:, [INDEX["RightWrist"], INDEX["LeftWrist"]], 2]
     assert hands.max() < 1.0 and joints[:, 0, 2].min() > 0.8  # neither carried nor bent
     assert len(source.segments["sit"]) == 2 and len(source.segments["carry"]) == 4  # with mirror images
-    assert stance(studio)["hips_height"] == pytest.approx(captures.HEIGHT, abs=0.01)
-    assert neutral(studio).name.startswith("stand")
+    assert stance(CaptureFolder(studio))["hips_height"] == pytest.approx(captures.HEIGHT, abs=0.01)
+    assert neutral(CaptureFolder(studio)).name.startswith("stand")
 
 
 def test_grasps_become_bends(studio):
-    box = next(p for p in labelled(studio) if p.clip.name == "box")
+    box = next(p for p in CaptureFolder(studio).labelled if p.clip.name == "box")
     motion, (grasp,) = box.clip.world()[0], grasps(box)
     assert abs(grasp - int(motion[:, INDEX["RightWrist"], 2].argmin())) < 20
-    for half in carry_episode.segments(studio):
+    for half in carry_episode.segments(CaptureFolder(studio)):
         chest = half.clip.world()[0][:, INDEX["Chest4"], 2]
         assert chest[0] > chest[-1] + 0.3 and chest.argmax() < 5
 
@@ -136,8 +136,8 @@ def edited(studio: Path, tmp_path: Path, change) -> Path:
 
 def test_a_sit_that_is_taken_out_is_not_composed(studio, tmp_path):
     folder = edited(studio, tmp_path, lambda s: s.with_section("actions.sit", []))
-    assert load_sits(folder) == []
-    assert min(c.hips_position[:, 2].min() for c in load_walks(folder)) > 0.8  # and is no idling either
+    assert load_sits(CaptureFolder(folder)) == []
+    assert min(c.hips_position[:, 2].min() for c in load_walks(CaptureFolder(folder))) > 0.8  # and is no idling either
     composer = Composer(load(str(folder)), {"sit": 0.5, "walk": 0.5})
     takes = [t for t in map(composer.compose, range(6)) if t is not None]
     assert takes and all(c.action != "sit" for t in takes for c in t.commands)
@@ -152,8 +152,8 @@ def test_edits_take_effect(studio, tmp_path):
         return s.with_section("actions.sit", [(f + 3, v) for f, v in s.actions["sit"]])
 
     folder = edited(studio, tmp_path, change)
-    assert not {"take 0", "take 1"} & {c.name.split("@")[0] for c in load_walks(folder)}
-    (before,), (after,) = load_sits(studio), load_sits(folder)
+    assert not {"take 0", "take 1"} & {c.name.split("@")[0] for c in load_walks(CaptureFolder(folder))}
+    (before,), (after,) = load_sits(CaptureFolder(studio)), load_sits(CaptureFolder(folder))
     number = lambda s: int(s.clip.name.split("@")[1])  # noqa: E731
     assert number(after) == number(before) + 3 and (after.down, after.up) == (before.down, before.up)
 
@@ -192,14 +192,14 @@ def test_a_sidecar_of_another_length_is_told(studio, tmp_path):
 def test_without_sidecars_the_known_names_choose_and_nothing_else_changes(tmp_path_factory, tmp_path):
     known = captures.capture_folder(tmp_path_factory)
     names = ["male1_a1_stand", *(f"cmu_09_{n:02d}" for n in (*range(9), 20, 21))]
-    walks = load_walks(known)
+    walks = load_walks(CaptureFolder(known))
     assert [c.name for c in walks] == names
-    assert [c.name for c in load_runs(known)] == names[1:]
+    assert [c.name for c in load_runs(CaptureFolder(known))] == names[1:]
     for clip in walks:
         raw = reader.read(next(known.rglob(f"{clip.name}.bvh")))
         np.testing.assert_array_equal(clip.hips_position, raw.hips_position)
         np.testing.assert_array_equal(clip.local_rotations, raw.local_rotations)
-    assert [s.clip.name.split("@")[0] for s in load_sits(known)] == ["opencap_sts1", "quaternius_sit_full"]
+    assert [s.clip.name.split("@")[0] for s in load_sits(CaptureFolder(known))] == ["opencap_sts1", "quaternius_sit_full"]
     other = tmp_path / "copy"
     shutil.copytree(known, other)
     write(other / "unknown.bvh", captures.walk(2.0, 0.3, 3.2))

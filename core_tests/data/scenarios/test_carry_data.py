@@ -12,6 +12,7 @@ from nsm_core.body.ik.leaning import COMFORT, lean_into_reach
 from nsm_core.body.skeleton import ARMS, FEET, forward_kinematics
 from nsm_core.conventions import CARRY, HAND_CONTACTS
 from nsm_core.data.captures import bvh_writer
+from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.scenarios.carry import episode as carry_episode
 from nsm_core.data.scenarios.carry.supports import Support
 from nsm_core.data.scenarios.composer import Composer, load
@@ -116,7 +117,7 @@ def test_bodies_bend_as_bodies_do(carried):
 
 def test_without_pick_ups_nothing_is_carried(tmp_path_factory):
     folder = captures.capture_folder(tmp_path_factory)
-    assert carry_episode.segments(folder) == []
+    assert carry_episode.segments(CaptureFolder(folder)) == []
     assert carry_episode.lay(Session(captures.source(folder), np.random.default_rng(0))) is None
 
 

@@ -12,6 +12,7 @@ from nsm_core.body.contacts import detect_foot_contacts
 from nsm_core.body.ik.fitting import hands_on_arm_rests
 from nsm_core.body.skeleton import forward_kinematics
 from nsm_core.conventions import CONTACTS, FOOT_CONTACTS, HAND_CONTACTS, HIP_CONTACT
+from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.matching.segment import SitDown
 from nsm_core.data.matching.selection import load_sits
 from nsm_core.data.scenarios.sit.draws import SITS
@@ -61,7 +62,7 @@ def switch_seat(sit: SitDown, pool: Pool, kind: str, seed: int) -> Switched:
 
 def switch_all(captures: str | Path, pool: Pool, count: int, seed: int) -> list[Switched]:
     """Put the sit-downs of a capture folder on ``count`` seats, one after the other; CaptureError where nobody sits."""
-    sits = load_sits(captures)
+    sits = load_sits(CaptureFolder(captures))
     if not sits:
         raise CaptureError(f"nobody sits down and rises again in {captures}; run `python -m nsm_core annotate` and look at its labels.")
     kinds = sorted(set(SITS.kinds))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from nsm_core.body.contacts import detect_foot_contacts
 from nsm_core.body.ik.two_bone import place_wrists
 from nsm_core.body.skeleton import ARMS, FEET, HIPS, INDEX, forward_kinematics
 from nsm_core.conventions import FPS
-from nsm_core.data.captures.folder import Labelled, labelled, name_in, read_capture, unlabelled
+from nsm_core.data.captures.folder import CaptureFolder, Labelled
 from nsm_core.errors import CaptureError
 from nsm_core.rotations import Array, quat_normalize, rotate_planar
 from nsm_core.signals import align_quaternions, gaussian_smooth, intervals
@@ -35,26 +34,26 @@ def _is_level_walk(clip: Clip) -> bool:
     return bool(hips[:, 2].min() > 0.8 and speed < 2.0)
 
 
-def _pieces(folder: str | Path) -> list[Labelled]:
-    return [with_phase(piece) for piece in labelled(folder)]
+def _pieces(folder: CaptureFolder) -> list[Labelled]:
+    return [with_phase(piece) for piece in folder.labelled]
 
 
-def load_walks(folder: str | Path) -> list[Clip]:
+def load_walks(folder: CaptureFolder) -> list[Clip]:
     """Read the level idle and walking clips below the capture folder: by labels where there are sidecars, else by name and measure."""
     other = ("cmu_02_04", "cmu_02_05", "cmu_02_06", "cmu_02_07", "cmu_02_08", "cmu_02_09", "cmu_02_10", "cmu_06", "cmu_01_", "cmu_03_")
-    paths = [p for p in unlabelled(folder, *_WALK_SOURCES) if not (p.parent.name == "cmu" and f"{name_in(p)}_".startswith(other))]
-    named = [read_capture(p, folder) for p in paths]
+    captures = folder.unlabelled(*_WALK_SOURCES)
+    named = [folder.read(c) for c in captures if not (c.path.parent.name == "cmu" and f"{c.file.stem}_".startswith(other))]
     return [c for c in named if _is_level_walk(c)] + [c for piece in _pieces(folder) for c in walks_and_runs(piece)[0]]
 
 
 _RUN_LEFT_OUT = tuple("hop skip leap jump crouch box side hop2 jump2 quick".split())
 
 
-def load_runs(folder: str | Path) -> list[Clip]:
+def load_runs(folder: CaptureFolder) -> list[Clip]:
     """Read the clips that run, start to run or stop running: by labels where there are sidecars, else by name and measure."""
     runs = ("run", "jog", "cmu_02_03", "cmu_09")
-    paths = [p for p in unlabelled(folder, *_WALK_SOURCES) if any(r in p.stem for r in runs)]
-    clips = [read_capture(p, folder) for p in paths if not any(word in p.stem for word in _RUN_LEFT_OUT)]
+    captures = [c for c in folder.unlabelled(*_WALK_SOURCES) if any(r in c.path.stem for r in runs)]
+    clips = [folder.read(c) for c in captures if not any(word in c.path.stem for word in _RUN_LEFT_OUT)]
     clips = [c for c in clips if c.hips_position[:, 2].min() > 0.6]
     return clips + [c for piece in _pieces(folder) for c in walks_and_runs(piece)[1]]
 
@@ -65,7 +64,7 @@ _NEUTRAL_ARMS = ("accad_male1", "male1_a1_stand", 90)
 _ARM_JOINTS = [INDEX[s + n] for s in ("Right", "Left") for n in ("Collar", "Shoulder", "Elbow", "Wrist")]
 
 
-def stance(folder: str | Path) -> dict[str, object]:
+def stance(folder: CaptureFolder) -> dict[str, object]:
     """The quiet stand that takes start from: hips height, metres, and local rotations (23 x 4), facing -Y."""
     clip = neutral(folder)
     _, heading = clip.root()
@@ -73,12 +72,12 @@ def stance(folder: str | Path) -> dict[str, object]:
     return {"hips_height": float(hips[0, 2]), "local_rotations": np.round(rotations[0], 5).tolist()}
 
 
-def neutral(folder: str | Path) -> Clip:
+def neutral(folder: CaptureFolder) -> Clip:
     """One frame of a quiet stand with hanging arms; CaptureError where nobody stands still."""
     source, name, frame = _NEUTRAL_ARMS
-    path = Path(folder) / "clips" / source / f"{name}.bvh"
-    if path.exists():
-        return read_capture(path, folder)[frame : frame + 1]
+    known = folder.find(f"clips/{source}/{name}.bvh")
+    if known is not None:
+        return folder.read(known)[frame : frame + 1]
     best: tuple[int, Clip] | None = None
     for clip in load_walks(folder):
         positions, _ = clip.world()
@@ -115,16 +114,16 @@ def rest_hands_on_thighs(clip: Clip, arms: Array) -> Clip:
     return replace(clip, local_rotations=rotations.astype(np.float32))
 
 
-def load_sits(folder: str | Path) -> list[SitDown]:
+def load_sits(folder: CaptureFolder) -> list[SitDown]:
     """Cut out sit-downs that start and end standing: by labels where there are sidecars, else by name and height; may be empty."""
     sits: list[SitDown] = []
     labels = [cut for piece in _pieces(folder) for cut in sit_downs(piece)]
-    paths = [p for p in unlabelled(folder) if name_in(p) in _SIT_CLIPS]
-    if not paths and not labels:
+    named = [c for c in folder.unlabelled() if c.file.stem in _SIT_CLIPS]
+    if not named and not labels:
         return sits
     arms = neutral(folder).local_rotations[0, _ARM_JOINTS]
-    for path in paths:
-        clip = read_capture(path, folder)
+    for capture in named:
+        clip = folder.read(capture)
         height = gaussian_smooth(clip.hips_position[:, 2], 2.0)
         seat = np.percentile(height, 5)
         standing = np.percentile(height, 97)
@@ -148,13 +147,13 @@ _LEVEL, _LEAST, _DRIFT = 0.02, 0.25, 0.07  # metres: upright again, least drop o
 _CHEST = INDEX["Chest4"]
 
 
-def load_bends(folder: str | Path) -> list[Segment]:
+def load_bends(folder: CaptureFolder) -> list[Segment]:
     """Cut pick-ups and put-downs into halves that lead from upright (frame 0) to low; the arms hang.  May be empty.
 
     By the hands' contacts where there are sidecars, else by names.
     """
-    paths = [p for p in unlabelled(folder) if any(w in p.stem for w in _WORDS) and "run" not in p.stem]
-    found = [(read_capture(p, folder), None) for p in paths]
+    named = [c for c in folder.unlabelled() if any(w in c.path.stem for w in _WORDS) and "run" not in c.path.stem]
+    found: list[tuple[Clip, int | None]] = [(folder.read(c), None) for c in named]
     found += [(piece.clip, frame) for piece in _pieces(folder) for frame in grasps(piece)]
     halves: dict[str, Segment] = {}
     if not found:

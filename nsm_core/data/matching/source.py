@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from nsm_core.body.skeleton import HIPS
+from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.errors import CaptureError
 from nsm_core.rotations import Array
 
@@ -33,7 +33,7 @@ class Source:
     segments: dict[str, list[LaidSegment]]
 
 
-def gather(folder: str | Path, segments: dict[str, list[Segment]]) -> Source:
+def gather(folder: CaptureFolder, segments: dict[str, list[Segment]]) -> Source:
     """Build the source from a capture folder and the ``segments`` cut from it, all with their mirror images."""
     walks, runs = load_walks(folder), load_runs(folder)
     walks, runs = ([c for c in clips if len(c) >= 20] for clips in (walks, runs))

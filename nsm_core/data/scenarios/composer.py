@@ -7,6 +7,7 @@ needs them.  Everything else is furnished around the path that was walked.
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -16,6 +17,7 @@ from nsm_core.body.ik.fitting import lift_swinging_feet
 from nsm_core.body.ik.foot_lock import lock_feet
 from nsm_core.body.skeleton import FEET, forward_kinematics
 from nsm_core.conventions import FOOT_CONTACTS, FPS
+from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.matching.inertialization import place, soften_seam
 from nsm_core.data.matching.source import Source, gather
 from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul, quat_normalize, quat_to_rotvec
@@ -42,8 +44,9 @@ _SLOWEST, _FASTEST = 0.5, 2.0  # of the captured pace
 ATTEMPTS = 4  # draws for each part that is wanted
 
 
-def load(folder: str) -> Source:
-    """Read the capture folder; CaptureError or SkeletonError where a file is unusable."""
+def load(captures: str | Path | CaptureFolder) -> Source:
+    """Read a capture folder, or what its index names; CaptureError or SkeletonError where a file is unusable."""
+    folder = captures if isinstance(captures, CaptureFolder) else CaptureFolder(captures)
     return gather(folder, {module.NAME: module.segments(folder) for module in EPISODES.values()})
 
 

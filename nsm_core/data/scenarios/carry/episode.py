@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
+from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.matching.segment import Segment
 from nsm_core.data.matching.selection import load_bends
 from nsm_core.data.scenarios.session import Session
@@ -23,7 +22,7 @@ from .supports import Support, draw_support
 NAME = "carry"
 
 
-def segments(folder: str | Path) -> list[Segment]:
+def segments(folder: CaptureFolder) -> list[Segment]:
     """Captured bends from upright (frame 0) to low; none where the folder has no pick-ups, and then nothing is carried."""
     return load_bends(folder)
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from nsm_core.body.skeleton import FEET
 from nsm_core.conventions import FPS
+from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.matching.segment import Segment
 from nsm_core.data.scenarios.session import Session
 from nsm_core.rotations import heading_to_direction, rotate_planar
@@ -25,7 +24,7 @@ SHORTEST_SWING = 6  # frames of a swing over an edge, as it was walked
 TOP_SPEED = 0.5  # m/s: mean speed at which hips rise or sink at most
 
 
-def segments(folder: str | Path) -> list[Segment]:
+def segments(folder: CaptureFolder) -> list[Segment]:
     """No captured pieces: climbs are fitted walks."""
     return []
 

@@ -7,7 +7,6 @@ arm is too short, and the leaf turns as the hand moves it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from nsm_core.body.ik.leaning import lean_to
 from nsm_core.body.skeleton import ARMS, forward_kinematics
 from nsm_core.body.thin_capsules import thin_spheres
 from nsm_core.conventions import HAND_CONTACTS, OPEN
+from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.matching.segment import Segment
 from nsm_core.data.scenarios.motion import Motion
 from nsm_core.data.scenarios.session import Session
@@ -39,7 +39,7 @@ RETURN = 16  # frames in which a hand comes back
 DEEPEST, ASTRAY = 0.02, 0.01  # metres: of the body in leaf or wall, and of the wrist from the handle it holds
 
 
-def segments(folder: str | Path) -> list[Segment]:
+def segments(folder: CaptureFolder) -> list[Segment]:
     """None: doors are composed from walks."""
     return []
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import FEET, HIP_OVER_SEAT, HIPS, INDEX, forward_kinematics, root_of
 from nsm_core.body.thin_capsules import thin_depths
 from nsm_core.conventions import FPS, HIP_CONTACT, SIT
+from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.matching.segment import LaidSegment, Segment
 from nsm_core.data.matching.selection import load_sits
 from nsm_core.data.scenarios.motion import Motion
@@ -36,7 +36,7 @@ IN_TABLE, BRUSH = 0.028, -0.012  # metres that the body may go into the table; o
 _WALKERS = [INDEX[side + name] for side in ("Right", "Left") for name in ("Hip", "Knee", "Ankle", "Toe", "Wrist")]
 
 
-def segments(folder: str | Path) -> list[Segment]:
+def segments(folder: CaptureFolder) -> list[Segment]:
     """Captured sit-downs: stand at 0, seat reached at "down", left at "up", stand at the end; without any, nobody sits.
 
     "asked" is where a sidecar lets rising be asked for.
