@@ -22,7 +22,8 @@ class Clip:
     """Hips positions (T, 3), metres, world, and parent-relative rotations (T, J, 4) at 30 Hz.
 
     ``notes`` are sentences on what its file says other than it was read.  ``phase`` (T, 2): cycles of the clip and of its mirror
-    image, where somebody says them; None where they follow from the motion.
+    image; ``feet`` (T, 2): 1 where the right and the left foot stand, 0 where not; both where somebody says them, NaN in columns
+    that nobody does, None where all follows from the motion.
     """
 
     name: str
@@ -30,6 +31,7 @@ class Clip:
     local_rotations: Array
     notes: tuple[str, ...] = field(default=(), compare=False)
     phase: Array | None = field(default=None, compare=False)
+    feet: Array | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         """Check shapes and numbers; CaptureError says what is wrong."""
@@ -55,11 +57,12 @@ class Clip:
     def mirrored(self) -> Clip:
         """Return the clip reflected left to right."""
         hips, rotations = mirror(self.hips_position, self.local_rotations)
-        return Clip(self.name + MIRRORED, hips, rotations, phase=None if self.phase is None else self.phase[:, ::-1])
+        phase, feet = (None if told is None else told[:, ::-1] for told in (self.phase, self.feet))
+        return Clip(self.name + MIRRORED, hips, rotations, phase=phase, feet=feet)
 
     def __getitem__(self, frames: slice) -> Clip:
-        phase = None if self.phase is None else self.phase[frames]
-        return replace(self, hips_position=self.hips_position[frames], local_rotations=self.local_rotations[frames], phase=phase)
+        phase, feet = (None if told is None else told[frames] for told in (self.phase, self.feet))
+        return replace(self, hips_position=self.hips_position[frames], local_rotations=self.local_rotations[frames], phase=phase, feet=feet)
 
 
 def transform(hips_position: Array, local_rotations: Array, position: Array, heading: Array) -> tuple[Array, Array]:

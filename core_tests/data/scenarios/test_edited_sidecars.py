@@ -61,6 +61,18 @@ def test_an_edited_phase_is_the_phase_of_its_frames(studio, tmp_path):
     assert speed.min() >= 0 and np.abs((phase - rule + 0.5) % 1 - 0.5).max() > 0.2
 
 
+def test_edited_feet_stand_where_they_are_said_to(studio, tmp_path):
+    changed = edited(studio, tmp_path, "walk", lambda s: s.with_section("contacts.LeftAnkle", [(0, 1.0), (60, 0.0), (75, 1.0)]))
+    one, other = (load(str(f)).library for f in (studio, changed))
+    for clip, left in (("walk", 1), ("walk~", 0)):  # of the mirror image it is the right one
+        named = [k for k, name in enumerate(other.names) if name.split("@")[0] == clip[:4] and name.endswith("~") == (clip != "walk")]
+        rows = np.isin(other.clip_of, named)
+        first = int(other.names[named[0]].rstrip("~").split("@")[1])
+        frames = np.arange(rows.sum()) + first
+        np.testing.assert_array_equal(other.contacts[rows][:, left] > 0.5, (frames < 60) | (frames >= 75))
+        np.testing.assert_array_equal(other.contacts[rows][:, 1 - left], one.contacts[rows][:, 1 - left])
+
+
 def test_the_phase_of_the_mirror_image_is_its_own_section(studio, tmp_path):
     changed = edited(studio, tmp_path, "walk", lambda s: s.with_section("phase_mirrored", [(0, 1.0), (150, 0.5)]))
     lib = load(str(changed)).library

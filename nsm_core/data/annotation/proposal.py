@@ -66,7 +66,7 @@ def arrays_of(sheet: Sheet) -> Annotation:
     gait = np.where(total > 1e-3, gait / np.maximum(total, 1e-3), np.array((1.0, 0, 0)))
     replaced = np.clip(style[:, SIT] + style[:, CLIMB], 0, 1)
     style[:, _GAIT] = gait * (1 - replaced)[:, None]
-    contact = np.stack([_steps(sheet.contacts.get(name, []), frames) for name in CONTACTS], axis=1)
+    contact = np.stack([steps(sheet.contacts.get(name, []), frames) for name in CONTACTS], axis=1)
     return Annotation(
         sheet.clip,
         style.astype(np.float32),
@@ -81,7 +81,8 @@ def _lines(keys: list[Key], frames: Array) -> Array:
     return np.interp(frames, *zip(*keys, strict=True)) if keys else np.zeros(len(frames))
 
 
-def _steps(keys: list[Key], frames: Array) -> Array:
+def steps(keys: list[Key], frames: Array) -> Array:
+    """Values (T,) of contact keys: each holds until the next, 0 before the first."""
     if not keys:
         return np.zeros(len(frames))
     found = np.searchsorted([k for k, _ in keys], frames, side="right") - 1

@@ -34,7 +34,8 @@ _HEADER = """\
 #           share away from them when the file is read.  other is none of these (a hop, a gesture).  No lines: never.
 #           Training data is composed from what these labels say: walks of idle and walk, runs, sit-downs that rise again, and
 #           bends where both hands take a box; where other is on, or nothing is, the clip is not used.
-# contacts  0 or 1, kept until the next key frame.
+# contacts  0 or 1, kept until the next key frame.  Feet that you changed stand where you say, instead of where the rule sees
+#           them stand; hands take and leave a box where carry is on; the hips' contact is composed from the sit label.
 # phase     1 where a cycle ends (the left foot lands, a transition is over), even growth in between; phase_mirrored is for the clip
 #           mirrored left to right, where the right foot's landings count.  Changed, or measured (--phase pae), it is the phase of
 #           these frames wherever they are played on; else the rule finds it anew in what was composed.

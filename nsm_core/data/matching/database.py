@@ -69,7 +69,8 @@ def build_library(clips: list[Clip]) -> Library:
         parts["heading"].append(heading)
         parts["pose"].append(rotate_planar(local, -heading[:, None]))
         parts["velocity"].append(rotate_planar(velocity, -heading[:, None]))
-        parts["contacts"].append(detect_foot_contacts(positions))
+        stands = detect_foot_contacts(positions)
+        parts["contacts"].append(stands if clip.feet is None else np.where(np.isfinite(clip.feet), clip.feet > 0.5, stands))
         parts["phase"].append(np.full(n, np.nan) if clip.phase is None else clip.phase[:, 0])
         offset += n
     return Library(tuple(c.name for c in clips), **{k: np.concatenate(v) for k, v in parts.items()})

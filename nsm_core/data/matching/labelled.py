@@ -9,8 +9,9 @@ import numpy as np
 from nsm_core.body.clip import Clip, smoothed_root
 from nsm_core.body.contacts import TOES
 from nsm_core.body.skeleton import HIPS
-from nsm_core.conventions import CONTACTS, FPS, HAND_CONTACTS
+from nsm_core.conventions import CONTACTS, FOOT_CONTACTS, FPS, HAND_CONTACTS
 from nsm_core.data.annotation.phases import phase_of_keys
+from nsm_core.data.annotation.proposal import steps
 from nsm_core.data.captures.folder import Labelled
 from nsm_core.data.captures.sidecar import SUFFIX
 from nsm_core.errors import CaptureError
@@ -34,16 +35,23 @@ def lines(labelled: Labelled, name: str) -> Array:
     return np.interp(frames, *zip(*keys, strict=True)) if keys else np.zeros(len(frames))
 
 
-def with_phase(labelled: Labelled) -> Labelled:
-    """The clip with the phase that its sidecar says; a proposal by rule is left to the rule, which sees the composed motion."""
+def as_told(labelled: Labelled) -> Labelled:
+    """The clip with the phase and the standing feet that its sidecar says.
+
+    What was proposed by rule is left to the rule, which sees the composed motion.
+    """
     sheet, count = labelled.sheet, len(labelled.clip)
-    told = [name for name in ("phase", "phase_mirrored") if sheet.section(name) and sheet.says(name)]
-    if not told:
-        return labelled
-    phase = np.full((count, 2), np.nan)
-    for name in told:
-        phase[:, int(name != "phase")] = phase_of_keys(sheet.section(name), count)  # type: ignore[arg-type]
-    return replace(labelled, clip=replace(labelled.clip, phase=phase))
+    phase = [phase_of_keys(sheet.phase, count), phase_of_keys(sheet.phase_mirrored, count)]
+    told = [bool(sheet.section(name)) and sheet.says(name) for name in ("phase", "phase_mirrored")]
+    feet = [steps(sheet.contacts.get(CONTACTS[k], []), np.arange(count)) for k in FOOT_CONTACTS]
+    stand = [sheet.says(f"contacts.{CONTACTS[k]}") for k in FOOT_CONTACTS]
+    clip = replace(labelled.clip, phase=_columns(phase, told), feet=_columns(feet, stand))
+    return replace(labelled, clip=clip)
+
+
+def _columns(values: list[Array], told: list[bool]) -> Array | None:
+    """Columns (T, k) of ``values``, NaN in those that nobody has told; None if that are all."""
+    return np.stack([np.where(t, v, np.nan) for v, t in zip(values, told, strict=True)], axis=1) if any(told) else None
 
 
 def _around(flags: Array, reach: int) -> Array:
@@ -131,7 +139,5 @@ def grasps(labelled: Labelled) -> list[int]:
     frames = np.arange(labelled.sheet.frames)
     held = lines(labelled, "carry") > 0.5
     for hand in HAND_CONTACTS:
-        keys = labelled.sheet.contacts.get(CONTACTS[hand], [])
-        last = np.searchsorted([k for k, _ in keys], frames, side="right") - 1
-        held &= (last >= 0) & (np.array([v for _, v in keys] or [0.0])[np.maximum(last, 0)] > 0.5)
+        held &= steps(labelled.sheet.contacts.get(CONTACTS[hand], []), frames) > 0.5
     return [f for a, b in intervals(held) for f in (a, b - 1) if 0 < f < len(frames) - 1]

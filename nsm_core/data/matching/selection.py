@@ -16,7 +16,7 @@ from nsm_core.errors import CaptureError
 from nsm_core.rotations import Array, quat_normalize, rotate_planar
 from nsm_core.signals import align_quaternions, gaussian_smooth, intervals
 
-from .labelled import grasps, sit_downs, walks_and_runs, with_phase
+from .labelled import as_told, grasps, sit_downs, walks_and_runs
 from .segment import Segment, SitDown
 
 # Clips whose names hold one of these words are left out of level walking: they hop, skip, crouch or carry.
@@ -35,7 +35,7 @@ def _is_level_walk(clip: Clip) -> bool:
 
 
 def _pieces(folder: CaptureFolder) -> list[Labelled]:
-    return [with_phase(piece) for piece in folder.labelled]
+    return [as_told(piece) for piece in folder.labelled]
 
 
 def load_walks(folder: CaptureFolder) -> list[Clip]:
