@@ -17,8 +17,11 @@ from nsm_core.body.skeleton import ARMS, HIPS, forward_kinematics, root_of
 from nsm_core.conventions import CLIMB, CONTACTS, FOOT_CONTACTS, FPS
 from nsm_core.errors import GoalError
 from nsm_core.model.features.codec import SensorReading, build_inputs, no_object, read_outputs
+from nsm_core.model.features.layout import Inputs
 from nsm_core.model.features.rollout_step import Blending, advance
 from nsm_core.model.inference.model import Model
+from nsm_core.model.networks.config import Memory
+from nsm_core.model.networks.protocol import Info
 from nsm_core.rotations import Array, wrap_angle
 from nsm_core.world.actions import BY_KEY
 from nsm_core.world.geometry.distance import DistanceQuery
@@ -29,6 +32,7 @@ from nsm_core.world.scene.terrain import Terrain, around, merged
 from nsm_core.world.sensors.environment import DIAMETER, SPHERE_RADIUS, environment_sensor
 
 from .actions.registry import check_reachable
+from .batch import step_together
 from .director import Director, rotation_error
 from .goals import Goal, GoalResult, Moment
 from .posing import pose_of, standing_start
@@ -113,7 +117,7 @@ class TakeRunner:
         self._mended = 0  # frames that are as they stay, and the work on those that follow
         contact = np.zeros(len(CONTACTS), np.float32)
         contact[FOOT_CONTACTS] = 1
-        self._memory = model.start()
+        self.memory = model.start()
         self._keep(contact, np.zeros(model.config.info_sizes.get("experts", 0), np.float32))
 
     @property
@@ -146,8 +150,12 @@ class TakeRunner:
 
         Once the last frame is made, what only whole takes show is mended, a little at a call.
         """
+        return step_together((self,))[0]
+
+    def sense(self) -> Inputs[Array] | None:
+        """Direct and sense: what the network is given of the next frame (1, ...); None when all goals are done."""
         if self.director.done:
-            return self._mend()
+            return None
         self._mending = None
         state = self.state
         t0 = time.perf_counter()
@@ -164,23 +172,27 @@ class TakeRunner:
             cells, occupancy = relief.sensed(sensed).cells_world()[None], sensed.occupancy[None]
         t2 = time.perf_counter()
         inputs = build_inputs(state, SensorReading(environment[None], cells, occupancy))
-        t3 = time.perf_counter()
-        y, self._memory, info = self.model.step(inputs, self._memory)
-        t4 = time.perf_counter()
-        predicted = read_outputs(y, state)
-        self.state = advance(state, predicted, self.request.blending)
-        relief.follow(self.state.root[0, :2])
-        t5 = time.perf_counter()
+        self._spend(goals=t1 - t0, sensors=t2 - t1, blending=time.perf_counter() - t2)
+        return inputs
+
+    def follow(self, outputs: Array, memory: Memory, info: Info, network_ms: float) -> None:
+        """Make the frame of what the network gave for ``sense`` (``Model.step``, a batch of one) in ``network_ms`` milliseconds."""
+        t0 = time.perf_counter()
+        self.memory = memory
+        predicted = read_outputs(outputs, self.state)
+        self.state = advance(self.state, predicted, self.request.blending)
+        self.relief.follow(self.state.root[0, :2])
+        t1 = time.perf_counter()
         self._keep(predicted.contact[0], info["experts"][0] if "experts" in info else np.zeros(0, np.float32))
-        t6 = time.perf_counter()
-        spent = (t1 - t0, t2 - t1, t4 - t3, (t3 - t2) + (t5 - t4), t6 - t5)
-        for stage, seconds in zip(STAGES, spent, strict=True):
-            self._ms[stage] += 1000 * seconds
+        self._spend(network=network_ms / 1000, blending=t1 - t0, ik=time.perf_counter() - t1)
         if not np.isfinite(self.state.joint_position).all():
             raise GoalError("The motion broke down; use another seed or another start, and report the scene.")
-        return True
 
-    def _mend(self) -> bool:
+    def _spend(self, **seconds: float) -> None:
+        for stage, spent in seconds.items():
+            self._ms[stage] += 1000 * spent
+
+    def mend(self) -> bool:
         """Go on bending legs that are in what is climbed; False when they are clear, and at once in a take without a climb."""
         if self._mended == self.frames:
             return False
