@@ -4,17 +4,37 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from nsm_core.model.features.layout import Inputs
+from nsm_core.model.inference.model import Model
+from nsm_core.model.networks.config import Memory
+from nsm_core.model.networks.protocol import Info
+from nsm_core.rotations import Array
 
-if TYPE_CHECKING:
-    from .take import TakeRunner
+
+class Stepped(Protocol):
+    """A take in the halves of its frame, as ``TakeRunner`` has them: what the network is given, and what becomes of its outputs."""
+
+    model: Model
+    memory: Memory  # (1, size) each
+
+    def sense(self) -> Inputs[Array] | None:
+        """What the network is given of the next frame (1, ...), None when the take is over."""
+        ...
+
+    def follow(self, outputs: Array, memory: Memory, info: Info, network_ms: float) -> None:
+        """Make the frame of what a step of the network gave."""
+        ...
+
+    def mend(self) -> bool:
+        """Go on with what only whole takes show; False when nothing is left of it."""
+        ...
 
 
-def step_together(takes: Sequence[TakeRunner]) -> list[bool]:
+def step_together(takes: Sequence[Stepped]) -> list[bool]:
     """Make the next frame of every take, as ``TakeRunner.step`` does of one; for each, False when it is over.
 
     Takes may begin and end at different calls; each keeps its own rows of the network's memory.  Raises ValueError where they do not
