@@ -80,9 +80,12 @@ def run(options: argparse.Namespace) -> int:
 
 
 def goals_in(room: DemoRoom, hold: float = 2.0) -> list[GoalSpec]:
-    """What the character does in a room: the goals that come with it, or to sit on each seat for ``hold`` seconds."""
+    """What the character does in a room: the goals that come with it, or to sit on each seat.
+
+    ``hold`` seconds are stayed where the room does not say how long.
+    """
     if isinstance(room, House):
-        return [replace(goal, hold=hold) if goal.action == "sit" else goal for goal in room.goals]
+        return [replace(goal, hold=hold) if goal.hold == GoalSpec.hold else goal for goal in room.goals]
     return [GoalSpec("sit", bpy.data.objects[name], hold=hold) for name in room.seats]
 
 

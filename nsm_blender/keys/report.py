@@ -56,7 +56,7 @@ def build_report(name: str, result: TakeResult, shown: ShownTake, keyed: KeyedTa
 
 def _goal_report(goal: GoalResult, shown: ShownTake, prop: Prop | None) -> dict[str, Any]:
     """One goal, judged by what is seen at the frame at which it was judged; hands, at the one at which they take its prop."""
-    values = {key: getattr(goal, key) for key in (*_ERRORS, *(_HAND_ERRORS if BY_KEY[goal.action].moves else ()))}
+    values = {key: getattr(goal, key) for key in (*_ERRORS, *(_HAND_ERRORS if BY_KEY[goal.action].hands else ()))}
     reached, reason = bool(goal.reached), goal.reason
     if math.isfinite(goal.position_error_cm) and goal.place is not None:
         frame = min(goal.end_frame, len(shown.hips) - 1)

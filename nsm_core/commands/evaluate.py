@@ -7,7 +7,7 @@ from pathlib import Path
 
 from nsm_core.evaluation.measures.data_baseline import slide_of_data
 from nsm_core.evaluation.report import evaluate, held_back, run_stress, tables, write
-from nsm_core.evaluation.trials.suite import PARTS
+from nsm_core.evaluation.trials.suite import PARTS, parts_named
 from nsm_core.model.features.meaning import remark
 from nsm_core.model.inference.model import load_model
 
@@ -16,7 +16,7 @@ def main(arguments: list[str]) -> int:
     """Entry of ``dev.py evaluate``."""
     parser = argparse.ArgumentParser(prog="evaluate", description="Measure the network on fixed trials.")
     parser.add_argument("--weights", default=None, help="weights file (default: the shipped one)")
-    parser.add_argument("--only", default=",".join(PARTS), help="parts to run, with commas, or none: " + ", ".join(PARTS))
+    parser.add_argument("--only", default=",".join(PARTS), help="parts or actions to try, with commas, or none: " + ", ".join(PARTS))
     parser.add_argument("--starts", type=int, default=10, help="starts for each object")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--assets", default=None, help="folder of meshes whose held-back part serves as seats, tables and boxes")
@@ -26,10 +26,11 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--no-ablation", action="store_true", help="skip the runs without parts of the method")
     parser.add_argument("--out", default="out/evaluation.json")
     a = parser.parse_args(arguments)
-    only = [name.strip() for name in a.only.split(",") if name.strip() not in ("", "none")]
-    unknown = [name for name in only if name not in PARTS]
+    named = [name.strip() for name in a.only.split(",") if name.strip() not in ("", "none")]
+    unknown = [name for name in named if not parts_named(name)]
     if unknown:
         parser.error(f"there is no part {', '.join(unknown)}; choose from {', '.join(PARTS)}")
+    only = list(dict.fromkeys(part for name in named for part in parts_named(name)))
     model = load_model(a.weights, backend="numpy")  # a bad file is told here, not by workers
     for note in remark(model.metadata):
         print(f"note: {note}", flush=True)

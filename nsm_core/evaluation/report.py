@@ -192,17 +192,6 @@ def _slides(result: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-# The paper's table of ablations (PE cm, RE deg); its sensor ablations are networks trained without the sensor.
-_PAPER = {
-    ("sit", "no bi-directional control"): ("4.27", "1.58"),
-    ("carry", "no bi-directional control"): ("3.41", "1.73"),
-    ("sit", "interaction sensor zeroed"): ("3.72 (retrained)", "1.11 (retrained)"),
-    ("carry", "interaction sensor zeroed"): ("6.09 (retrained)", "2.26 (retrained)"),
-    ("sit", "environment sensor zeroed"): ("3.05 (retrained)", "0.94 (retrained)"),
-    ("carry", "environment sensor zeroed"): ("8.52 (retrained)", "2.27 (retrained)"),
-}
-
-
 def _settings(part: str, result: dict[str, Any]) -> list[Row]:
     """A line for each setting of a part: how many of its trials went well."""
     key = PARTS[part].done
@@ -216,12 +205,12 @@ def _settings(part: str, result: dict[str, Any]) -> list[Row]:
 def _ablation_rows(part: str, ablation: str, s: Figures) -> list[Row]:
     if not s:
         return []
-    pe, re = _PAPER.get((part, ablation), ("", ""))
-    hand = "hand_" if part == "carry" else ""
+    pe, re = PARTS[part].ablations[ablation]
+    alone = PARTS[part].alone
     note = "" if ablation.startswith("no ") else " at run time, not retrained"
     return [
-        (f"{ablation}{note}: PE cm, network alone", f"{s[f'network_{hand}pe_cm_mean']:.2f}", pe, ""),
-        (f"{ablation}{note}: RE deg, network alone", f"{s[f'network_{hand}re_deg_mean']:.2f}", re, ""),
+        (f"{ablation}{note}: PE cm, network alone", f"{s[f'{alone}_pe_cm_mean']:.2f}", pe, ""),
+        (f"{ablation}{note}: RE deg, network alone", f"{s[f'{alone}_re_deg_mean']:.2f}", re, ""),
         (f"{ablation}{note}: reached", f"{s['reached']:.0%}", "", ""),
     ]
 

@@ -1,6 +1,6 @@
 """The actions, a record each: what every floor of the house has a part for, under the same key.
 
-``control.actions.registry`` performs them, ``data.scenarios.registry`` composes them from captures, ``evaluation.trials.registry``
+``control.actions.registry`` performs them, ``data.scenarios.registry`` composes them from captures, ``evaluation.trials.suite``
 judges them, and the add-on's ``goals.registry`` finds them in a scene.  An action is added by its record here, its files on
 those floors and one line in the registry of each.
 """
@@ -31,7 +31,8 @@ class Action:
 
     ``key`` names it in job files, goals and reports; ``label`` and ``description`` show it in a list, ``done`` is what a report says
     of one that is reached.  ``prop`` is what its hands move, and ``handles`` what that is called in a sentence; with
-    ``needs_destination`` it is brought somewhere.  ``raises``: feet come to stand on the object.  ``labels`` are those that a network
+    ``needs_destination`` it is brought somewhere.  ``raises``: feet come to stand on the object; ``hands``: reports
+    tell how far its hands are from where they should be.  ``labels`` are those that a network
     must have learned (by default the action's own); standing is never asked for.
     """
 
@@ -44,6 +45,7 @@ class Action:
     prop: type[Prop] | None = None
     handles: str = ""
     raises: bool = False
+    hands: bool = False
     labels: tuple[str, ...] = ()
 
     @property
@@ -65,11 +67,11 @@ ACTIONS = (
     Action("run", "Run", "Run to the object or to the place", "arrived", Aim.PLACE),
     Action(
         "carry", "Carry", "Lift the object with both hands and set it down on top of another one, or where an empty is", "set down",
-        needs_destination=True, prop=Box, handles="a box to carry",
+        needs_destination=True, prop=Box, handles="a box to carry", hands=True,
     ),
     Action(
         "open", "Open", "Open the door whose leaf the object is, and go through", "passed",
-        prop=Leaf, handles="the leaf of a door to open",
+        prop=Leaf, handles="the leaf of a door to open", hands=True,
     ),
     Action("climb", "Climb", "Step up onto the object, or over it where it is a low wall", "climbed", raises=True),
 )  # fmt: skip

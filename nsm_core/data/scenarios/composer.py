@@ -8,7 +8,6 @@ needs them.  Everything else is furnished around the path that was walked.
 from __future__ import annotations
 
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 
@@ -25,19 +24,12 @@ from nsm_core.signals import intervals
 from nsm_core.world.assets.pool import Pool
 
 from . import single_clips
-from .carry import episode as carry_episode
-from .climb import episode as climb_episode
 from .furnishing import furnish, keep_clear
 from .motion import Motion
-from .open import episode as open_episode
+from .registry import SCENARIOS
 from .session import Session
-from .sit import episode as sit_episode
 from .take import ComposedTake, Piece, TimedCommand
-from .walk import ways as walk_ways
 
-# Episodes with objects by name, and how often each is drawn; "walk" and "run" have none.
-EPISODES: dict[str, ModuleType] = {"sit": sit_episode, "climb": climb_episode, "carry": carry_episode, "open": open_episode}
-SHARES = {"sit": 0.38, "carry": 0.18, "open": 0.22, "climb": 0.14, "walk": 0.1, "run": 0.07}
 SHORTEST = 90  # frames of a take
 SEAM = 4  # frames before and after a seam in which the phase of the one clip goes over into that of the next
 _SLOWEST, _FASTEST = 0.5, 2.0  # of the captured pace
@@ -47,7 +39,8 @@ ATTEMPTS = 4  # draws for each part that is wanted
 def load(captures: str | Path | CaptureFolder) -> Source:
     """Read a capture folder, or what its index names; CaptureError or SkeletonError where a file is unusable."""
     folder = captures if isinstance(captures, CaptureFolder) else CaptureFolder(captures)
-    return gather(folder, {module.NAME: module.segments(folder) for module in EPISODES.values()})
+    kinds = sorted(SCENARIOS.items(), key=lambda kind: kind[1].order)
+    return gather(folder, {name: scenario.segments(folder) for name, scenario in kinds if scenario.segments is not None})
 
 
 class Composer:
@@ -59,14 +52,15 @@ class Composer:
 
     def __init__(self, source: Source, shares: dict[str, float] | None = None, pool: Pool | None = None, stitch: bool = True) -> None:
         self.source, self.pool, self.stitch = source, pool, stitch
-        self.shares = {k: v for k, v in (SHARES if shares is None else shares).items() if v > 0}
+        shares = {name: scenario.share for name, scenario in SCENARIOS.items()} if shares is None else shares
+        self.shares = {name: share for name, share in shares.items() if share > 0}
 
     def compose(self, seed: int) -> ComposedTake | None:
         """Return the take of ``seed``, or None where the draw did not work out."""
         rng = np.random.default_rng(seed)
         session = Session(self.source, rng, self.pool)
         if not self.stitch:
-            return _finish(session, single_clips.SHORTEST) if single_clips.perform(session, self.shares) else None
+            return _finish(session, single_clips.SHORTEST) if _play_alone(session, self.shares) else None
         _perform(session, self.shares)
         return _finish(session, SHORTEST)
 
@@ -90,14 +84,16 @@ def _perform(session: Session, shares: dict[str, float]) -> None:
 
 
 def _part(session: Session, name: str) -> bool:
-    if name in EPISODES:
-        episode = EPISODES[name].lay(session)
-        if episode is None:
-            return False
-        session.episodes.append(episode)
-    elif not (walk_ways.run if name == "run" else walk_ways.walk)(session):
+    return SCENARIOS[name].lay(session) and session.clear()
+
+
+def _play_alone(session: Session, shares: dict[str, float]) -> bool:
+    """Lay one captured piece with its commands; shares of what the captures do not hold (doors, climbs) do not count."""
+    pieces = [(share, alone) for share, alone in ((share, SCENARIOS[name].alone) for name, share in shares.items()) if alone is not None]
+    if not pieces:
         return False
-    return session.clear()
+    weights = np.array([share for share, _ in pieces])
+    return pieces[int(session.rng.choice(len(pieces), p=weights / weights.sum()))][1](session)
 
 
 def _finish(session: Session, shortest: int) -> ComposedTake | None:

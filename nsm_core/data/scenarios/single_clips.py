@@ -33,19 +33,6 @@ _SENT, _FURTHEST = 0.5, 4.0  # share of the walks to a stand that are asked for 
 _GAITS = ("idle", "walk", "run")
 
 
-def perform(session: Session, shares: dict[str, float]) -> bool:
-    """Lay one captured piece with its commands, drawn by ``shares``; False where there is none or it does not fit its object.
-
-    Shares of what the captures do not hold (doors, climbs) do not count.
-    """
-    known = {"walk": walk, "run": run, sit_episode.NAME: sit, carry_episode.NAME: carry}
-    names = [name for name in shares if name in known]
-    if not names:
-        return False
-    weights = np.array([shares[name] for name in names])
-    return known[str(session.rng.choice(names, p=weights / weights.sum()))](session)
-
-
 # --- level clips -----------------------------------------------------------------------------------------------------
 
 

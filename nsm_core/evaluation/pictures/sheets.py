@@ -18,6 +18,7 @@ from nsm_core.evaluation.trials.suite import PARTS
 from nsm_core.files import output
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, rotate_planar
+from nsm_core.world.actions import BY_KEY
 from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.scene.props import Prop
 
@@ -45,7 +46,7 @@ def sheet(asked: TakeRequest, take: TakeResult, path: Path, title: str, rows: in
     positions = forward_kinematics(take.hips_position, take.local_rotations)[0]
     still = asked.environment if isinstance(asked.environment, Cuboids) else None
     # Who carries looks another way at the box than at its place: seen from beside or before itself, wherever it looks.
-    camera = "character" if any(g.action == "carry" for g in asked.goals) else float(_main(asked).heading)
+    camera = "character" if any(BY_KEY[g.action].needs_destination for g in asked.goals) else float(_main(asked).heading)
     images = []
     with tempfile.TemporaryDirectory() as folder:
         for view in ("side", "front"):
@@ -62,8 +63,8 @@ def sheet(asked: TakeRequest, take: TakeResult, path: Path, title: str, rows: in
 
 
 def _main(asked: TakeRequest) -> Goal:
-    """The goal that a take is about: who walks off from a seat is seen as the seat stands."""
-    return next((g for g in asked.goals if g.action == "sit"), asked.goals[-1])
+    """The goal that a take is about, the first at an object: who walks off from a seat is seen as the seat stands."""
+    return next((g for g in asked.goals if BY_KEY[g.action].needs_object), asked.goals[-1])
 
 
 def draw(model: Model, folder: str | Path, only: Sequence[str], pool: Any = None, most: int = 6) -> list[Path]:

@@ -19,6 +19,7 @@ from nsm_core.world.scene.furniture import Furniture, carried_box
 from nsm_core.world.scene.props import Box
 
 from . import rollout
+from .part import TrialPart
 from .rollout import SEED, Report
 
 FLOOR, LOW, TABLE = 0.0, (0.35, 0.5), (0.68, 0.78)
@@ -164,3 +165,14 @@ def rows(s: Report) -> list[tuple[str, str, str, str]]:
         ("box inside solids cm (median / worst)", f"{s['box_in_solids_cm_median']:.1f} / {s['box_in_solids_cm_worst']:.1f}", "", "0"),
         ("seconds to carry (median)", f"{s['seconds_median']:.1f}", "", ""),
     ]
+
+
+PART = TrialPart(
+    "carry", lambda starts, pool: trials(starts, pool=pool), run_trial, summarise, rows, request, ("carry",),
+    {
+        "no bi-directional control": ("3.41", "1.73"),
+        "interaction sensor zeroed": ("6.09 (retrained)", "2.26 (retrained)"),
+        "environment sensor zeroed": ("8.52 (retrained)", "2.27 (retrained)"),
+    },
+    alone="network_hand", done="placed",
+)  # fmt: skip

@@ -15,6 +15,7 @@ from nsm_core.world.scene.furniture import Furniture
 
 from . import carry, rollout
 from .carry import CarryTrial
+from .part import TrialPart
 from .rollout import SEED, Report
 
 # Name, size of the box, what it stands on and goes to: kind, height of that top, and metres from the edge to the box; metres.
@@ -100,3 +101,9 @@ def summarise(reports: Sequence[Report]) -> Report:
 def rows(s: Report) -> list[tuple[str, str, str, str]]:
     """Lines of the table: what, ours, the paper's, the aim."""
     return [("carry from far off an edge, sound", f"{s['sound']:.0%}", "", "100 %"), *carry.rows(s)]
+
+
+PART = TrialPart(
+    "carry, boxes far from edges, onto shelves, and large ones", lambda starts, pool: trials(starts), run_trial, summarise, rows,
+    carry.request, ("carry",), done="sound",
+)  # fmt: skip

@@ -23,6 +23,7 @@ from nsm_core.world.scene.terrain import Terrain
 from nsm_core.world.sensors.interaction import interaction_sensor
 
 from . import rollout
+from .part import TrialPart
 from .rollout import SEED, Report
 
 # Kind, height and depth in metres, and how wide; the rest is drawn.
@@ -141,3 +142,8 @@ def rows(s: Report) -> list[tuple[str, str, str, str]]:
         ("share of frames with a sole under the ground (mean)", f"{s['below_floor_share_mean']:.2f}", "", ""),
         ("seconds to climb (median)", f"{s['seconds_median']:.1f}", "", ""),
     ]
+
+
+PART = TrialPart(
+    "climb", lambda starts, pool: trials(starts, pool=pool), run_trial, summarise, rows, request, ("climb",), done="stands",
+)  # fmt: skip

@@ -14,6 +14,7 @@ from nsm_core.model.inference.model import Model
 from nsm_core.world.assets.pool import Pool
 
 from . import rollout
+from .part import TrialPart
 from .rollout import SEED, Report
 from .rooms import goal_of, make_room, random_place, reachable
 
@@ -106,3 +107,9 @@ def rows(s: Report) -> list[tuple[str, str, str, str]]:
     if s["no_hook_worst"] > 0:
         lines.append(("takes cannot be interrupted: the goals only followed one another", "", "", ""))
     return lines
+
+
+PART = TrialPart(
+    "a new goal at a random frame of an action", trials, run_trial, summarise, rows, request,
+    tuple(dict.fromkeys(action for pair in PAIRS for action in pair)),
+)  # fmt: skip

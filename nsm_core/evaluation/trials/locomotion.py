@@ -22,6 +22,7 @@ from nsm_core.world.scene import furniture
 from nsm_core.world.scene.furniture import Furniture
 
 from . import rollout
+from .part import TrialPart
 from .rollout import SEED, Report
 from .sit import SEATS, sit_goal
 
@@ -216,3 +217,12 @@ def order_rows(s: Report) -> list[tuple[str, str, str, str]]:
     return [(f"{name} s (mean)", f"{s[name.replace(' ', '_') + '_s_mean']:.2f}", value, "") for name, value in paper.items()] + [
         ("orders answered", f"{s['reached']:.0%}", "", "100 %")
     ]
+
+
+PART = TrialPart(
+    "walks between furniture and through holes, runs", trials, run_trial, summarise, rows, request, ("walk", "run"),
+)  # fmt: skip
+RESPONSE = TrialPart(
+    "seconds from an order until its label passes 0.9", orders, run_order, rollout.summarise, order_rows, judges=("walk", "run", "sit"),
+    travels=False,
+)  # fmt: skip

@@ -22,6 +22,7 @@ from nsm_core.world.scene.door import Door, make_door
 from nsm_core.world.scene.props import Leaf
 
 from . import rollout
+from .part import TrialPart
 from .rollout import SEED, Report
 
 SETTINGS = (("push, hinge left", True, False), ("push, hinge right", True, True), ("pull, hinge left", False, False),
@@ -139,3 +140,8 @@ def rows(s: Report) -> list[tuple[str, str, str, str]]:
         ("body inside the leaf cm (median / worst)", f"{s['in_leaf_cm_median']:.1f} / {s['in_leaf_cm_worst']:.1f}", "", "5"),
         ("seconds to pass a door (median)", f"{s['pass_seconds_median']:.1f}", "", ""),
     ]
+
+
+PART = TrialPart(
+    "open", lambda starts, pool: trials(starts, pool=pool), run_trial, summarise, rows, request, ("open",), done="passed",
+)  # fmt: skip

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
-from . import carry, carry_far, climb, interrupt, locomotion, rollout, sit
-from . import open as doors
+from . import carry, carry_far, climb, interrupt, locomotion, open, sit
+from .part import ABLATIONS, Row, TrialPart
 from .rollout import Report
-
-Row = tuple[str, str, str, str]
 
 
 class Figures(dict[str, Any]):
@@ -20,71 +16,22 @@ class Figures(dict[str, Any]):
         return float("nan")
 
 
-@dataclass(frozen=True)
-class TrialPart:
-    """One part: its trials (starts, pool), one trial's take and figures, the summary over trials and the lines of its table."""
-
-    title: str
-    trials: Callable[[int, Any], list[Any]]
-    run: Callable[..., tuple[Any, Report]]
-    summarise: Callable[[Sequence[Report]], Report]
-    rows: Callable[[Report], list[Row]]
-    request: Callable[..., Any] | None = None
-    ablations: tuple[str, ...] = ()
-    travels: bool = True
-    done: str = "reached"  # the figure that tells whether a trial went well
-
-
-# What is left out at run time: the switches of the stepper, and sensors that read nothing.  Nothing is trained again.
-ABLATIONS = {
-    "no bi-directional control": "goal-centric trajectory and future pose not used at run time",
-    "interaction sensor zeroed": "reads nothing at run time; the network was trained with it",
-    "environment sensor zeroed": "reads nothing at run time; the network was trained with it",
-}
-_ALL = tuple(ABLATIONS)
-
 PARTS: dict[str, TrialPart] = {
-    "sit": TrialPart(
-        "sit, on seats not seen in training",
-        lambda starts, pool: sit.trials(starts, pool=pool), sit.run_trial, sit.summarise, sit.rows, sit.request, _ALL,
-    ),
-    "table": TrialPart(
-        "sit, on seats partly under a table",
-        lambda starts, pool: sit.trials_at_tables(starts, pool=pool), sit.run_trial, sit.summarise, sit.rows,
-        sit.request,
-    ),
-    "carry": TrialPart(
-        "carry",
-        lambda starts, pool: carry.trials(starts, pool=pool), carry.run_trial, carry.summarise, carry.rows,
-        carry.request, _ALL, done="placed",
-    ),
-    "far": TrialPart(
-        "carry, boxes far from edges, onto shelves, and large ones",
-        lambda starts, pool: carry_far.trials(starts), carry_far.run_trial, carry_far.summarise, carry_far.rows, carry.request,
-        done="sound",
-    ),
-    "open": TrialPart(
-        "open",
-        lambda starts, pool: doors.trials(starts, pool=pool), doors.run_trial, doors.summarise, doors.rows, doors.request, done="passed",
-    ),
-    "climb": TrialPart(
-        "climb",
-        lambda starts, pool: climb.trials(starts, pool=pool), climb.run_trial, climb.summarise, climb.rows,
-        climb.request, done="stands",
-    ),
-    "travel": TrialPart(
-        "walks between furniture and through holes, runs",
-        locomotion.trials, locomotion.run_trial, locomotion.summarise, locomotion.rows, locomotion.request,
-    ),
-    "response": TrialPart(
-        "seconds from an order until its label passes 0.9",
-        locomotion.orders, locomotion.run_order, rollout.summarise, locomotion.order_rows, travels=False,
-    ),
-    "interrupt": TrialPart(
-        "a new goal at a random frame of an action",
-        interrupt.trials, interrupt.run_trial, interrupt.summarise, interrupt.rows, interrupt.request,
-    ),
-}  # fmt: skip
+    "sit": sit.PART,
+    "table": sit.AT_TABLES,
+    "carry": carry.PART,
+    "far": carry_far.PART,
+    "open": open.PART,
+    "climb": climb.PART,
+    "travel": locomotion.PART,
+    "response": locomotion.RESPONSE,
+    "interrupt": interrupt.PART,
+}
+
+
+def parts_named(name: str) -> list[str]:
+    """Names of the parts that ``name`` stands for: the part of that name, else all that judge the action of that name."""
+    return [name] if name in PARTS else [key for key, part in PARTS.items() if name in part.judges]
 
 
 def travel_rows(s: Report, data: float | None = None) -> list[Row]:
@@ -105,4 +52,4 @@ def travel_rows(s: Report, data: float | None = None) -> list[Row]:
     ]  # fmt: skip
 
 
-__all__ = ["ABLATIONS", "PARTS", "Figures", "TrialPart", "travel_rows"]
+__all__ = ["ABLATIONS", "PARTS", "Figures", "Row", "TrialPart", "parts_named", "travel_rows"]
