@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from . import carry, climb, idle, open, sit, walk
+from . import carry, climb, idle, open, sit, touch, walk
 from .finder import Finder
 
 FINDERS: dict[str, Finder] = {
@@ -13,4 +13,5 @@ FINDERS: dict[str, Finder] = {
     "carry": carry.FINDER,
     "open": open.FINDER,
     "climb": climb.FINDER,
+    "touch": touch.FINDER,
 }

@@ -74,6 +74,7 @@ ACTIONS = (
         prop=Leaf, handles="the leaf of a door to open", hands=True,
     ),
     Action("climb", "Climb", "Step up onto the object, or over it where it is a low wall", "climbed", raises=True),
+    Action("touch", "Touch", "Walk to the object and put a hand on it, as on a button", "touched", hands=True, labels=("idle", "walk")),
 )  # fmt: skip
 BY_KEY = {a.key: a for a in ACTIONS}
 

@@ -13,7 +13,7 @@ from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene.solids import Scene
 
-from . import carry, climb, open, sit, walk
+from . import carry, climb, open, sit, touch, walk
 from .approach import Ground
 from .base import Grasp, Performer, Stage, Start, Way
 from .rise import TurnBack
@@ -26,6 +26,7 @@ PERFORMERS: dict[str, Performer] = {
     "carry": carry.PERFORMER,
     "open": open.PERFORMER,
     "climb": climb.PERFORMER,
+    "touch": touch.PERFORMER,
 }
 
 

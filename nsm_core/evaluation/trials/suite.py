@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from . import carry, carry_far, climb, interrupt, locomotion, open, sit
+from . import carry, carry_far, climb, interrupt, locomotion, open, sit, touch
 from .part import ABLATIONS, Row, TrialPart
 from .rollout import Report
 
@@ -26,6 +26,7 @@ PARTS: dict[str, TrialPart] = {
     "travel": locomotion.PART,
     "response": locomotion.RESPONSE,
     "interrupt": interrupt.PART,
+    "touch": touch.PART,
 }
 
 

@@ -1,0 +1,154 @@
+"""Touch: walk to where a hand reaches a point, put its fingers there, and stand.
+
+The network is told to walk and to stand, and no more: the hand is led by the reach that other actions end with.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from nsm_core.body.ik.reaching import Hold, Pose
+from nsm_core.body.ik.two_bone import limb_frames
+from nsm_core.body.skeleton import ARMS, END_SITES, JOINTS
+from nsm_core.control.goals import Goal, Moment
+from nsm_core.conventions import HAND_CONTACTS, SIT
+from nsm_core.rotations import Array, heading_to_direction, quat_rotate, rotate_planar, wrap_angle
+from nsm_core.world.geometry.distance import DistanceQuery
+from nsm_core.world.planning.floor_plan import FloorPlan
+
+from .approach import Approach, Command, Ground
+from .base import Performer, Stage
+
+# Standing places that are tried, in this order: metres from the point, and turns about it.
+AWAY, TURNS = (0.5, 0.45, 0.55, 0.6), np.radians((0.0, 25.0, -25.0, 50.0, -50.0))
+ASIDE = 0.15  # metres of the point beside the middle of the body: it lies before the shoulder
+ROOM = 0.03  # metres of room beyond a body that a standing place needs
+NEAR, FACING, SLOW = 0.25, np.radians(25), 0.2  # metres, radians and m/s within which one has come to stand there
+SKIN = 0.02  # metres from the tip of the bones to the thing: fingers are as thick
+LED = 0.5  # metres that a hand is led beyond where the network has it, which tells how long it takes
+TOUCHES = 0.03  # metres between fingers and point that count as touching
+ACROSS = 0.05  # metres that a point lies on the other side of the body before the left hand is taken
+SETTLE = 0.5  # share of the change with which the wrist follows how the hand is turned
+_TIPS = np.array([END_SITES[JOINTS[arm[2]]] for arm in ARMS], dtype=np.float64)
+
+
+def stand_of(goal: Goal, plan: FloorPlan | None = None) -> tuple[Array, float]:
+    """Where on the floor (2,) one stands to touch a point, and the heading there; the one with most room where none is free."""
+    places = []
+    for turn in TURNS:
+        heading = goal.heading + float(turn)
+        for away in AWAY:
+            point = rotate_planar(np.array((-ASIDE, -away)), np.float64(heading))  # from the stand; heading 0 faces -Y, its right is -X
+            places.append((goal.position[:2].astype(np.float64) - point, heading))
+    room = np.ones(len(places)) if plan is None else np.asarray(plan.clearance(np.array([p for p, _ in places])))
+    free = np.flatnonzero(room > ROOM)
+    return places[int(free[0]) if len(free) else int(room.argmax())]
+
+
+class Touching:
+    """One hand and the point that it touches; one call a frame from its creation until it has come back."""
+
+    def __init__(self, point: Array, hand: int, solids: DistanceQuery, ik: bool = True) -> None:
+        """``point`` (3,) is where the tips of the fingers come to rest, world; on the way the hand goes round ``solids``."""
+        self.prop = None
+        self.point, self.hand, self.solids, self.ik = np.asarray(point, dtype=np.float64), hand, solids, ik
+        self.state = "reach"  # then "held", or "free" once it returns
+        self.hold = Hold([hand], LED)
+        self.errors: dict[str, Any] = {}
+        self._fingers: Array | None = None  # from the wrist to the tips, world
+
+    @property
+    def active(self) -> bool:
+        """Whether it still has to be called."""
+        return self.state != "free" or self.hold.busy
+
+    @property
+    def touches_it(self) -> bool:
+        """Whether the fingers are there."""
+        return self.state == "held" and self.errors["hand_error_cm"] < 100 * TOUCHES
+
+    def holds(self, hand: int) -> float:
+        """How far a hand is led by it, 0..1."""
+        return self.hold.weight if hand == self.hand else 0.0
+
+    def touches(self, hand: int) -> bool:
+        """Whether a hand is meant to touch a prop: it touches what stands still alone."""
+        return False
+
+    def let_go(self) -> None:
+        """End it at any time: the hand returns."""
+        self.state = "free"
+        if self.hold.weight > 0:
+            self.hold.release()
+
+    def give_way(self) -> None:
+        """Leave the hand to another."""
+        self.let_go()
+
+    def apply(self, pose: Pose, root: Array, contacts: Array) -> None:
+        """Lead the hand by one frame, in place of ``pose``; ``root`` (3,), network ``contacts`` (5,)."""
+        if self._fingers is None:  # as they will point with the arm held out
+            way = self.point - pose.arms()[0][self.hand]
+            self._fingers = way * (float(np.linalg.norm(_TIPS[self.hand])) / max(float(np.linalg.norm(way)), 1e-9))
+        place = self.point - self._fingers
+        if self.state == "reach":
+            # Nothing is asked of the network, whose hand hangs at its side: it is drawn wherever it is.
+            self.hold.approach(np.zeros(1), contacts[[HAND_CONTACTS[self.hand]]])
+        network = np.asarray(pose.wrists, dtype=np.float64)[self.hand]
+        body = pose if self.ik else Pose(pose.hips, pose.local, pose.wrists)
+        self.hold.apply(body, place[None], self.solids)
+        joints, rotations, _ = limb_frames(body.hips, body.local, ARMS)
+        fingers = quat_rotate(rotations[self.hand, 2], _TIPS[self.hand])
+        self._fingers = self._fingers + SETTLE * (fingers - self._fingers)
+        if self.state == "reach" and self.hold.complete(self.ik):
+            self.state = "held"
+        if self.state == "held":
+            tip = (joints[self.hand, 2] if self.ik else network) + fingers
+            self.errors = {
+                "hand_error_cm": 100 * float(np.linalg.norm(tip - self.point)),
+                "network_hand_error_cm": 100 * float(np.linalg.norm(network - place)),
+            }
+
+
+class Touch(Stage):
+    """Come to stand within reach, put the hand there, and keep it there as long as the goal holds."""
+
+    def __init__(self, goal: Goal, ground: Ground, solids: DistanceQuery, ik: bool = True) -> None:
+        super().__init__(goal)
+        self.solids, self.ik = solids, ik
+        self.stand, self.heading = stand_of(goal, ground.plan)
+        final = Command("idle", np.append(self.stand, 0.0).astype(np.float32), self.heading)
+        self.approach = Approach(ground, self.stand, self.heading, final)
+        self.grasp: Touching | None = None
+
+    def _there(self, moment: Moment) -> bool:
+        near = float(np.linalg.norm(moment.root[:2] - self.stand)) < NEAR
+        facing = abs(float(wrap_angle(moment.heading - self.heading))) < FACING
+        return near and facing and moment.speed < SLOW and float(moment.style[SIT]) < 0.1
+
+    def update(self, moment: Moment) -> Command:
+        if self.grasp is None and self._there(moment):
+            self.part = 1
+            point = self.goal.position - SKIN * np.append(heading_to_direction(np.array(self.goal.heading)), 0.0)
+            beside = rotate_planar(point[:2] - moment.root[:2], np.float64(-moment.heading))
+            self.grasp = Touching(point, int(beside[0] > ACROSS), self.solids, self.ik)
+        return self.approach.update(moment, self._there)
+
+    def arrived(self, moment: Moment) -> bool:
+        return self.grasp is not None and self.grasp.touches_it and moment.speed < 0.15
+
+    def target(self) -> tuple[Array | None, float, int]:
+        return np.append(self.stand, 0.0), self.heading, 2
+
+    def end(self, reached: bool, again: bool = False) -> None:
+        if self.grasp is not None:
+            self.grasp.let_go()
+
+
+PERFORMER = Performer(
+    lambda goal, start: Touch(goal, start.ground, start.scene.environment, start.ik), lambda goal, way: [stand_of(goal, way.plan)[0]]
+)
+
+__all__ = ["PERFORMER", "Touch", "Touching", "stand_of"]
