@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -49,13 +50,13 @@ def trials(starts: int = 10) -> list[TouchTrial]:
     return result
 
 
-def request(trial: TouchTrial, hold: float = 1.0, **more: object) -> TakeRequest:
+def request(trial: TouchTrial, hold: float = 1.0, **more: Any) -> TakeRequest:
     """Set up one trial's take."""
     goal = Goal("touch", trial.piece.kind, trial.point, trial.turn + np.pi, hold)
-    return TakeRequest(trial.start, trial.heading, [goal], furniture.cuboids([(trial.piece, np.zeros(2), trial.turn)]), **more)  # type: ignore[arg-type]
+    return TakeRequest(trial.start, trial.heading, [goal], furniture.cuboids([(trial.piece, np.zeros(2), trial.turn)]), **more)
 
 
-def run_trial(model: Model, trial: TouchTrial, **more: object) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: TouchTrial, **more: Any) -> tuple[TakeResult, Report]:
     """Roll one trial out; returns the take and its figures."""
     asked = request(trial, **more)
     take = roll(model, asked)
