@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
+from nsm_core.earlier import keep_names
+
 if TYPE_CHECKING:
     from .goals.spec import GoalSpec
     from .keys.report import goal_line
@@ -18,6 +20,8 @@ if TYPE_CHECKING:
     from .pictures.render import contact_sheet, video
     from .rigs.character import add_character
     from .takes import Progress, Take, TakeSpec, finish, generate
+
+keep_names()
 
 # Where a public name is kept.
 _KEPT = {

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from .earlier import keep_names
+
 if TYPE_CHECKING:
     from .control.goals import Goal, GoalResult
     from .control.take import TakeRequest, TakeResult, TakeRunner, roll
@@ -81,3 +83,6 @@ def __getattr__(name: str) -> Any:
 def __dir__() -> list[str]:
     """The public names, loaded or not, for completion in a console."""
     return sorted({*globals(), *__all__})
+
+
+keep_names()
