@@ -12,7 +12,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PRODUCT = sorted(path for folder in ("nsm_core", "nsm_blender") for path in (ROOT / folder).rglob("*.py"))
 USERS = [*PRODUCT, ROOT / "dev.py", ROOT / "docs" / "take.py"]
 # Called or read by Blender, by Python or by a file format, each by its name.
-CALLED_FROM_OUTSIDE = {"register", "unregister", "draw", "draw_item", "execute", "invoke", "modal", "poll", "description", "create_module", "exec_module"}
+CALLED_FROM_OUTSIDE = {"register", "unregister", "draw", "draw_item", "execute", "invoke", "modal", "poll", "description"}
+CALLED_FROM_OUTSIDE |= {"create_module", "exec_module"}
 ALLOWED = {"goal_ahead"}  # annotated, and not composed yet
 Span = tuple[Path, int, int]
 
