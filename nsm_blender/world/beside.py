@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import atexit
 import threading
+import weakref
 from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Generic, TypeVar
 
 _T = TypeVar("_T")
 _PAUSE = 0.005  # seconds that the window waits for the work before it goes on
 _here = threading.local()
+_LAST = 5.0  # seconds that the end of the program waits for work that nobody waits for any more
 
 
 class _GivenUp(Exception):
@@ -26,6 +29,7 @@ class _Work(Generic[_T]):
         self._result: list[_T] = []
         self._error: BaseException | None = None
         self.baton.acquire()
+        _under_way.add(self)
         # A daemon: Blender must be able to quit in the middle of a take.
         threading.Thread(target=self._run, daemon=True).start()
 
@@ -69,6 +73,21 @@ class _Work(Generic[_T]):
         if self._error is not None:
             raise self._error
         return self._result[0]
+
+
+_under_way: weakref.WeakSet[_Work] = weakref.WeakSet()
+
+
+def _give_up() -> None:
+    """Have all work end with the program: what a thread still holds would keep Blender, as a package, from ending for ever."""
+    for made in list(_under_way):
+        made.given_up = True
+        with suppress(RuntimeError):  # not this thread's: nobody waits for it
+            made.baton.release()
+        made.done.wait(_LAST)
+
+
+atexit.register(_give_up)
 
 
 def beside(work: Callable[[Callable[[float], None]], _T], touches: bool = False) -> Generator[float, None, _T]:
