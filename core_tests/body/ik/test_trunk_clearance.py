@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from walks import seated_pose
 
-from nsm_core.body.ik.trunk_clearance import MOST_LEAN, RADIUS, SPEED, TrunkClearance
-from nsm_core.body.skeleton import INDEX, forward_kinematics
+from nsm_core.body.ik.trunk_clearance import MOST_LEAN, SPEED, TrunkClearance
+from nsm_core.body.skeleton import BACK_RADIUS, INDEX, forward_kinematics
 from nsm_core.world.geometry.distance import Cuboids
 
 
@@ -18,7 +18,7 @@ def board(y: float, thick: float = 0.04) -> Cuboids:
 def depth(query: Cuboids, hips: np.ndarray, local: np.ndarray) -> float:
     positions, _ = forward_kinematics(hips, local)
     spine = positions[[INDEX["Chest3"], INDEX["Chest4"]]].astype(np.float32)
-    return float((RADIUS - query.signed_distance(spine, 0.3)).max())
+    return float((BACK_RADIUS - query.signed_distance(spine, 0.3)).max())
 
 
 def test_back_comes_off_the_rest_smoothly_and_hips_and_feet_stay():

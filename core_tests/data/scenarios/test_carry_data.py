@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import captures
 import numpy as np
 import pytest
@@ -16,6 +18,8 @@ from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.scenarios.carry import episode as carry_episode
 from nsm_core.data.scenarios.carry.supports import Support
 from nsm_core.data.scenarios.composer import Composer, load
+from nsm_core.data.scenarios.registry import SCENARIOS
+from nsm_core.data.scenarios.scenario import episode
 from nsm_core.data.scenarios.session import Session
 from nsm_core.evaluation.measures.motion import backward_bend, jumps
 from nsm_core.rotations import heading_to_direction, rotate_planar, wrap_angle
@@ -36,7 +40,9 @@ def source(tmp_path_factory):
 def carried(source):
     """Takes that carry, each with its episodes."""
     found, laid = [], []
-    lay, carry_episode.lay = carry_episode.lay, lambda session: laid.append(lay(session)) or laid[-1]
+    kept = SCENARIOS["carry"]
+    noted = episode(lambda session: laid.append(carry_episode.lay(session)) or laid[-1])
+    SCENARIOS["carry"] = replace(kept, lay=noted)
     try:
         composer = Composer(source, {"carry": 1.0})
         for seed in range(40):
@@ -48,7 +54,7 @@ def carried(source):
             if sum(len(episodes) for _, episodes in found) > 5:
                 return found
     finally:
-        carry_episode.lay = lay
+        SCENARIOS["carry"] = kept
     raise AssertionError("40 seeds composed too few carries")
 
 
