@@ -15,7 +15,7 @@ from ...animation.identity import exists
 from ..properties import settings_of, show_results
 from ..session import TakeSession
 
-_BUDGET = 0.04  # seconds of stepping at a time: clicks and ESC are heard that often
+_BUDGET = 0.03  # seconds of stepping at a time: clicks and ESC are heard that often
 _SLOWEST_PREVIEW = 0.5  # seconds of stepping between two redraws, at most, where a redraw itself takes long
 _TICK = 0.02
 # The view may be turned and zoomed while a take runs; everything else would change what it reads.
