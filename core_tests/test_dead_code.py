@@ -14,7 +14,6 @@ USERS = [*PRODUCT, ROOT / "dev.py", ROOT / "docs" / "take.py"]
 # Called or read by Blender, by Python or by a file format, each by its name.
 CALLED_FROM_OUTSIDE = {"register", "unregister", "draw", "draw_item", "execute", "invoke", "modal", "poll", "description"}
 CALLED_FROM_OUTSIDE |= {"create_module", "exec_module"}
-ALLOWED = {"goal_ahead"}  # annotated, and not composed yet
 Span = tuple[Path, int, int]
 
 
@@ -77,5 +76,5 @@ def test_the_search_finds_what_is_not_used(tmp_path):
 
 def test_every_name_is_used():
     public = {kept.rpartition(":")[2] for kept in nsm_core._KEPT.values()}
-    dead = [line for line in unused(PRODUCT, USERS) if line.rpartition(" ")[2] not in public | CALLED_FROM_OUTSIDE | ALLOWED]
+    dead = [line for line in unused(PRODUCT, USERS) if line.rpartition(" ")[2] not in public | CALLED_FROM_OUTSIDE]
     assert not dead, "used by nobody, or by tests alone; delete it:\n" + "\n".join(dead)

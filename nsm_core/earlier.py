@@ -59,7 +59,7 @@ class _Divided(ModuleType):
         raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
 
     def __setattr__(self, name: str, value: object) -> None:
-        if name.startswith("__") or name in MOVED:
+        if name.startswith("__"):
             super().__setattr__(name, value)
             return
         for target in MOVED[self.__name__]:
