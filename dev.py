@@ -1,17 +1,19 @@
 #!/usr/bin/env python3
 """One door to the project: python3 dev.py VERB [arguments].  Standard library only; Linux, macOS, Windows.
 
-  demo       furnish two rooms, let the character sit, open a door, carry a box, climb and run; writes out/demo
+  demo       furnish two rooms, let the character sit, open a door, carry a box, climb and run; writes
+  out/demo
              (a .blend, a picture, a video); --two-seats: walk and sit alone
   test       run all tests; --matrix adds every Blender version this machine has a Python for;
-             other arguments go to pytest (for example: test core_tests/model/networks/test_nsm.py -k gradient);
-             whole suites run on all cores, a file to a process (-n 0: one after the other)
+             other arguments go to pytest (for example: test core_tests/model/networks/test_nsm.py -k
+             gradient); whole suites run on all cores, a file to a process (-n 0: one after the other)
   build      write the extension for Blender to dist/
   train      train the network from a capture folder (arguments: see `train --help`)
   annotate   propose labels, contacts, phases and goals of captures (arguments: see `annotate --help`)
   evaluate   print the tables of figures (arguments: see `evaluate --help`)
   bench      measure the speed of the network and of takes, by stage
-  lint       check the style of all code with ruff, then the types of nsm_core with mypy; arguments go to ruff (lint --fix)
+  lint       check the style of all code with ruff, then the types of nsm_core with mypy; arguments go to ruff
+  (lint --fix)
 
 The first run makes .venv and installs pinned packages; later runs reuse it.
 """
@@ -30,7 +32,12 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent
 WINDOWS = os.name == "nt"
 SUITES = ("core_tests", "blender_tests")
-WORKERS = ["-n", str(max(1, min(os.cpu_count() or 1, 8))), "--dist", "loadgroup"]  # the groups are the conftest's
+WORKERS = [
+    "-n",
+    str(max(1, min(os.cpu_count() or 1, 8))),
+    "--dist",
+    "loadgroup",
+]  # the groups are the conftest's
 
 
 class Failure(Exception):
@@ -74,11 +81,16 @@ def pythons(short: str) -> list[str]:
     this = getattr(sys, "_base_executable", sys.executable)
     found = [this, *(shutil.which(name) for name in (f"python{short}", "python3", "python"))]
     if WINDOWS and shutil.which("py"):
-        asked = subprocess.run(["py", f"-{short}", "-c", "import sys; print(sys.executable)"], capture_output=True, text=True)
+        asked = subprocess.run(
+            ["py", f"-{short}", "-c", "import sys; print(sys.executable)"], capture_output=True, text=True
+        )
         found.append(asked.stdout.strip() if asked.returncode == 0 else None)
     roots = [os.environ.get("PYENV_ROOT"), Path.home() / ".pyenv", Path.home() / ".pyenv" / "pyenv-win"]
     folders = [Path(root) / "versions" / f"{short}.*" for root in roots if root]
-    folders += [Path.home() / ".local/share/uv/python" / f"cpython-{short}.*", Path("/opt/homebrew/opt") / f"python@{short}"]
+    folders += [
+        Path.home() / ".local/share/uv/python" / f"cpython-{short}.*",
+        Path("/opt/homebrew/opt") / f"python@{short}",
+    ]
     for folder in folders:
         for name in ("python.exe",) if WINDOWS else (f"bin/python{short}", "bin/python"):
             found += sorted(glob.glob(str(folder / name)), reverse=True)
@@ -97,18 +109,23 @@ def held_python(folder: Path, short: str) -> str | None:
 
 
 def short_of(version: str | None) -> str:
-    """"3.11" of "3.11.7"."""
+    """ "3.11" of "3.11.7"."""
     return (version or "").rpartition(".")[0]
 
 
 def main_choice() -> tuple[str, str]:
-    """bpy version and Python executable of .venv: the one it has, else this Python if a wheel fits it, else another."""
+    """bpy version and Python executable of .venv: the one it has, else this Python if a wheel fits it, else
+    another.
+    """
     made = version_of(str(python_in(ROOT / ".venv"))) or ".".join(map(str, sys.version_info[:3]))
     for bpy, short in sorted(wheels().items(), key=lambda item: item[1] != short_of(made)):
         python = held_python(ROOT / ".venv", short) or find_python(short)
         if python:
             return bpy, python
-    raise Failure(f"Blender's wheels need Python {' or '.join(dict.fromkeys(wheels().values()))}; install one and run this again.")
+    raise Failure(
+        f"Blender's wheels need Python {' or '.join(dict.fromkeys(wheels().values()))}; install one and run "
+        "this again."
+    )
 
 
 # ---------------------------------------------------------------- environments
@@ -133,7 +150,10 @@ def ensure(folder: Path, python: str, pins: list[str]) -> Path:
     stamp.unlink(missing_ok=True)  # until the new ones are in, nothing vouches for the folder
     if not fits:
         make_environment(folder, python)
-    print(f"Installing into {folder.name}: {', '.join(sorted(names))} (the first time this takes a while)", flush=True)
+    print(
+        f"Installing into {folder.name}: {', '.join(sorted(names))} (the first time this takes a while)",
+        flush=True,
+    )
     install(inside, python, pins)
     kept = {pin for pin in held if name_of(pin) not in names}
     stamp.write_text(json.dumps({"pins": sorted({*kept, *pins})}, indent=1), encoding="utf-8")
@@ -149,20 +169,33 @@ def make_environment(folder: Path, python: str) -> None:
     """Create a virtual environment, without its own pip where the system's Python cannot give one."""
     print(f"Making {folder.name} with Python {version_of(python)}", flush=True)
     for extra in ([], ["--without-pip"]):
-        done = subprocess.run([python, "-m", "venv", "--clear", *extra, str(folder)], capture_output=True, text=True)
+        done = subprocess.run(
+            [python, "-m", "venv", "--clear", *extra, str(folder)], capture_output=True, text=True
+        )
         if done.returncode == 0:
             return
-    raise Failure(f"{python} cannot make a virtual environment; install its venv package (python3-venv on Debian and Ubuntu).")
+    raise Failure(
+        f"{python} cannot make a virtual environment; install its venv package (python3-venv on Debian and "
+        "Ubuntu)."
+    )
 
 
 def install(inside: Path, python: str, pins: list[str]) -> None:
     """Install pins with the environment's own pip, or with the system's if it has none."""
     own = subprocess.run([str(inside), "-m", "pip", "--version"], capture_output=True).returncode == 0
     pip = [str(inside), "-m", "pip"] if own else [python, "-m", "pip", "--python", str(inside)]
-    done = subprocess.run([*pip, "install", "--disable-pip-version-check", "--no-input", *pins], stderr=subprocess.PIPE, text=True)
+    done = subprocess.run(
+        [*pip, "install", "--disable-pip-version-check", "--no-input", *pins],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     if done.returncode != 0:
         lines = done.stderr.splitlines()
-        reason = ([line.removeprefix("ERROR: ") for line in lines if line.startswith("ERROR")] or lines or ["it gave no reason"])[-1]
+        reason = (
+            [line.removeprefix("ERROR: ") for line in lines if line.startswith("ERROR")]
+            or lines
+            or ["it gave no reason"]
+        )[-1]
         names = ", ".join(sorted({name_of(pin) for pin in pins}))
         raise Failure(f"pip could not install {names} ({reason}); check the network and try again.")
 
@@ -176,7 +209,9 @@ def main_environment(*groups: str) -> Path:
 def run(*command: object) -> int:
     """Run a command in the project folder and return its exit code."""
     environment = {**os.environ, "PYTHONNOUSERSITE": "1", "PYTHONUTF8": "1"}
-    if "pytest" in command and "-n" in command:  # a process a core leaves no core for threads that wait for each other
+    if (
+        "pytest" in command and "-n" in command
+    ):  # a process a core leaves no core for threads that wait for each other
         environment |= {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
     try:
         return subprocess.run([str(part) for part in command], cwd=ROOT, env=environment).returncode
@@ -189,7 +224,9 @@ def run(*command: object) -> int:
 
 def demo(arguments: list[str]) -> int:
     """Run the demo on the bundled weights."""
-    return run(main_environment(), "nsm_blender/demo.py", "--out", "out/demo", *arguments)  # a later --out wins
+    return run(
+        main_environment(), "nsm_blender/demo.py", "--out", "out/demo", *arguments
+    )  # a later --out wins
 
 
 def test(arguments: list[str]) -> int:
@@ -206,7 +243,12 @@ def test(arguments: list[str]) -> int:
         inside = ensure(folder, python, requirements(("test", "build"), bpy))
     results = [run_suite(inside, suite, f"bpy {bpy}", rest) for suite in suites(rest)]
     if "--matrix" in arguments:
-        results += [line for other, short in wheels().items() if other != bpy for line in matrix_row(other, short, wheels()[bpy], rest)]
+        results += [
+            line
+            for other, short in wheels().items()
+            if other != bpy
+            for line in matrix_row(other, short, wheels()[bpy], rest)
+        ]
     print("\nSummary")
     for where, outcome in results:
         print(f"  {where}: {outcome}")
@@ -224,7 +266,11 @@ def matrix_row(bpy: str, short: str, main_short: str, rest: list[str]) -> list[t
         inside = ensure(folder, python, requirements(("test", "build"), bpy))
     except Failure as failure:
         return [(where, f"skipped, {failure}")]
-    return [run_suite(inside, suite, where, rest) for suite in suites(rest) if suite == "blender_tests" or short != main_short]
+    return [
+        run_suite(inside, suite, where, rest)
+        for suite in suites(rest)
+        if suite == "blender_tests" or short != main_short
+    ]
 
 
 def suites(arguments: list[str]) -> list[str]:
@@ -249,7 +295,10 @@ def build(arguments: list[str]) -> int:
     """Write dist/nsm_blender-VERSION.zip, validated by Blender's own tool."""
     inside = main_environment("build")
     if not (ROOT / "nsm_core" / "weights" / "nsm.npz").exists():
-        raise Failure("The network's weights are missing (nsm_core/weights/nsm.npz); run `dev.py train` or check them out again.")
+        raise Failure(
+            "The network's weights are missing (nsm_core/weights/nsm.npz); run `dev.py train` or check them "
+            "out again."
+        )
     with tempfile.TemporaryDirectory() as scratch:
         stage = stage_extension(inside, Path(scratch))
         (ROOT / "dist").mkdir(exist_ok=True)
@@ -264,7 +313,9 @@ def stage_extension(inside: Path, scratch: Path) -> Path:
     ignore = shutil.ignore_patterns("__pycache__", "*.pyc")
     stage, source = scratch / "stage", scratch / "source"
     shutil.copytree(ROOT / "nsm_blender", stage, ignore=ignore)
-    shutil.copytree(ROOT / "nsm_core", source / "nsm_core", ignore=ignore)  # a copy: setuptools litters where it builds
+    shutil.copytree(
+        ROOT / "nsm_core", source / "nsm_core", ignore=ignore
+    )  # a copy: setuptools litters where it builds
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source / name)
     shutil.copy(ROOT / "LICENSE", stage / "LICENSE")
@@ -278,7 +329,10 @@ def stage_extension(inside: Path, scratch: Path) -> Path:
     named = tomllib.loads((ROOT / "manifest.toml").read_text(encoding="utf-8"))["wheels"]
     made = [f"./wheels/{path.name}" for path in (stage / "wheels").iterdir()]
     if named != made:
-        raise Failure(f"manifest.toml names the wheel {named} but {made} was built; give nsm_core and manifest.toml the same version.")
+        raise Failure(
+            f"manifest.toml names the wheel {named} but {made} was built; give nsm_core and manifest.toml "
+            "the same version."
+        )
     return stage
 
 
@@ -296,12 +350,23 @@ def core(verb: str, arguments: list[str]) -> int:
 
 
 def lint(arguments: list[str]) -> int:
-    """Check the style of all code, and the types of nsm_core where numpy is the one that its types are written against."""
+    """Check the style of all code, and the types of nsm_core where numpy is the one that its types are
+    written against.
+    """
     inside = main_environment("test", "lint")
-    code = run(inside, "-m", "ruff", "check", *arguments, *([] if any(not a.startswith("-") for a in arguments) else ["."]))
+    code = run(
+        inside,
+        "-m",
+        "ruff",
+        "check",
+        *arguments,
+        *([] if any(not a.startswith("-") for a in arguments) else ["."]),
+    )
     _, first = next(iter(wheels().items()))
     if short_of(version_of(str(inside))) != first:
-        print(f"Types are checked under Python {first} alone: numpy's own differ from one version to the next.")
+        print(
+            f"Types are checked under Python {first} alone: numpy's own differ from one version to the next."
+        )
         return code
     return run(inside, "-m", "mypy") or code
 

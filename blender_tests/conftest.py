@@ -30,7 +30,9 @@ def pytest_sessionfinish(session, exitstatus) -> None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_unconfigure(config) -> None:
-    """Everything is printed: end here, since Blender's own end as a package may never come (see ``leaving``)."""
+    """Everything is printed: end here, since Blender's own end as a package may never come (see
+    ``leaving``).
+    """
     status = getattr(config, "nsm_exit_status", None)
     if status is not None and not hasattr(config, "workerinput"):
         leave(int(status))

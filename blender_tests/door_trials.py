@@ -1,6 +1,8 @@
-"""Doors as people have them: open, ajar, double, with loose handles, low ones and stray hinges; each is passed and measured.
+"""Doors as people have them: open, ajar, double, with loose handles, low ones and stray hinges; each is
+passed and measured.
 
-``python blender_tests/door_trials.py [--sheets FOLDER] [NAME ...]`` prints for each how deep the body goes into leaf and wall.
+``python blender_tests/door_trials.py [--sheets FOLDER] [NAME ...]`` prints for each how deep the body goes
+into leaf and wall.
 """
 
 from __future__ import annotations
@@ -33,7 +35,9 @@ from nsm_core.world.scene.props import Leaf
 
 @dataclass
 class Trial:
-    """A door in a scene: its ``leaf``, where one starts (2,), and which side (the sign of y) one should end on."""
+    """A door in a scene: its ``leaf``, where one starts (2,), and which side (the sign of y) one should end
+    on.
+    """
 
     leaf: bpy.types.Object
     start: tuple[float, float] = (0.9, -2.0)
@@ -51,7 +55,9 @@ def ordinary(swing: int = 1, **options) -> Trial:
 
 def mark_swing(leaf: bpy.types.Object, swing: int) -> None:
     """Mark the way a leaf opens on its hinge point."""
-    hinge = show_goal_point(GoalSpec("open", leaf), bpy.context.scene, WorldFrame(), (np.array((0.4, -2.0)), 0.0))
+    hinge = show_goal_point(
+        GoalSpec("open", leaf), bpy.context.scene, WorldFrame(), (np.array((0.4, -2.0)), 0.0)
+    )
     hinge[SWING] = swing
 
 
@@ -85,12 +91,22 @@ def double_leaves() -> Trial:
 
 
 def pair(origin: float = 0.0) -> tuple[bpy.types.Object, bpy.types.Object]:
-    """Two leaves of 0.8 m between jambs at x 0 and 1.605; ``origin`` metres from their middles towards where they meet."""
+    """Two leaves of 0.8 m between jambs at x 0 and 1.605; ``origin`` metres from their middles towards where
+    they meet.
+    """
     made = []
     for name, x, towards in (("Left", 0.3975, 1), ("Right", 1.2025, -1)):
         shift = towards * origin
-        made.append(mesh_of_boxes(name, [((-0.3975 - shift, -0.02, -1), (0.3975 - shift, 0.02, 1))], (x + shift, 0, 1.005)))
-    parts = [((-1.5, -0.07, 0), (-0.005, 0.07, 2.5)), ((1.605, -0.07, 0), (3.1, 0.07, 2.5)), ((-0.005, -0.07, 2.02), (1.605, 0.07, 2.5))]
+        made.append(
+            mesh_of_boxes(
+                name, [((-0.3975 - shift, -0.02, -1), (0.3975 - shift, 0.02, 1))], (x + shift, 0, 1.005)
+            )
+        )
+    parts = [
+        ((-1.5, -0.07, 0), (-0.005, 0.07, 2.5)),
+        ((1.605, -0.07, 0), (3.1, 0.07, 2.5)),
+        ((-0.005, -0.07, 2.02), (1.605, 0.07, 2.5)),
+    ]
     mesh_of_boxes("Wall", parts)
     return made[0], made[1]
 
@@ -149,7 +165,9 @@ TRIALS: dict[str, Callable[[], Trial]] = {
 
 
 def run(trial: Trial, seed: int = 0) -> tuple[Take, dict[str, float | bool | str]]:
-    """Pass a door and measure: centimetres of the body inside leaf and wall, and by which part in the leaf, and when."""
+    """Pass a door and measure: centimetres of the body inside leaf and wall, and by which part in the leaf,
+    and when.
+    """
     scene, leaf = bpy.context.scene, trial.leaf
     character = add_character((*trial.start, 0.0))
     spec = TakeSpec(character, trial.goals or [GoalSpec("open", leaf, 0.5)], seed=seed)
@@ -160,7 +178,8 @@ def run(trial: Trial, seed: int = 0) -> tuple[Take, dict[str, float | bool | str
     body, poses = (take.result.hips_position, take.result.local_rotations), take.result.props[prop.name]
     depth = prop_depths(*body, prop, poses)
     figures = {
-        "reached": all(g["reached"] for g in take.report["goals"]) and take.result.hips_position[-1, 1] * trial.ends > 0,
+        "reached": all(g["reached"] for g in take.report["goals"])
+        and take.result.hips_position[-1, 1] * trial.ends > 0,
         "leaf_cm": float(100 * depth.max()),
         "leaf_at": int(depth.argmax()),
         "leaf_part": part_inside(body, prop, poses, int(depth.argmax())),
@@ -189,7 +208,10 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--tiles", type=int, default=15)
     a = parser.parse_args(arguments)
-    print("| door | through | leaf cm (part, frame) | wall cm | open deg | fastest deg/frame | s |\n|---|---|---|---|---|---|---|")
+    print(
+        "| door | through | leaf cm (part, frame) | wall cm | open deg | fastest deg/frame | s "
+        "|\n|---|---|---|---|---|---|---|"
+    )
     failed = 0
     for name in a.names or TRIALS:
         for seed in range(a.seeds):
@@ -202,7 +224,8 @@ def main(arguments: list[str]) -> int:
                 continue
             failed += not f["reached"]
             print(
-                f"| {name} | {'yes' if f['reached'] else 'NO'} | {f['leaf_cm']:.1f} ({f['leaf_part']}, {f['leaf_at']}) "
+                f"| {name} | {'yes' if f['reached'] else 'NO'} | {f['leaf_cm']:.1f} ({f['leaf_part']}, "
+                f"{f['leaf_at']}) "
                 f"| {f['wall_cm']:.1f} | {f['open_deg']:.0f} | {f['step_deg']:.1f} | {f['seconds']:.1f} |",
                 flush=True,
             )

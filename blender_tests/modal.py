@@ -10,7 +10,9 @@ from nsm_blender.ui.operators.generate import NSM_OT_generate
 
 
 class Window:
-    """Takes the place of a window's context, which background mode has not: notes what the modal operator asks of it."""
+    """Takes the place of a window's context, which background mode has not: notes what the modal operator
+    asks of it.
+    """
 
     def __init__(self, _scene: bpy.types.Scene | None = None) -> None:
         self.window, self.workspace, self.window_manager = self, self, self

@@ -13,10 +13,14 @@ def wandering_take(frames: int = 40, seed: int = 3) -> tuple[np.ndarray, np.ndar
     """A smooth take through a wide range of poses that turns more than a full circle."""
     rng = np.random.default_rng(seed)
     t = np.arange(frames)[:, None, None] / 30
-    vectors = rng.normal(0, 0.6, (1, J, 3)) * np.sin(rng.uniform(1, 5, (1, J, 3)) * t + rng.uniform(0, 6, (1, J, 3)))
+    vectors = rng.normal(0, 0.6, (1, J, 3)) * np.sin(
+        rng.uniform(1, 5, (1, J, 3)) * t + rng.uniform(0, 6, (1, J, 3))
+    )
     local = quat_from_rotvec(vectors)
     local[:, 0] = quat_mul(heading_quat(7 * t[:, 0, 0]), local[:, 0])
-    hips = np.column_stack((np.sin(2 * t[:, 0, 0]) * 2, t[:, 0, 0] * 1.3 - 1, 0.9 + 0.1 * np.cos(5 * t[:, 0, 0])))
+    hips = np.column_stack(
+        (np.sin(2 * t[:, 0, 0]) * 2, t[:, 0, 0] * 1.3 - 1, 0.9 + 0.1 * np.cos(5 * t[:, 0, 0]))
+    )
     return hips, local
 
 

@@ -1,4 +1,6 @@
-"""Whole takes with things on the shipped network: what is carried, opened, climbed and run, in the scene and in its keys."""
+"""Whole takes with things on the shipped network: what is carried, opened, climbed and run, in the scene and
+in its keys.
+"""
 
 from __future__ import annotations
 
@@ -67,7 +69,11 @@ class TestCarry:
         corners = np.array(target.bound_box) @ end[:3, :3].T + end[:3, 3]
         assert (corners[:, :2] > (1.29, -1.61)).all() and (corners[:, :2] < (2.11, -0.39)).all()
         # While it is in the air both wrists are at it, and it keeps its distance from the body.
-        flying = [f for f in range(take.keyed.frame_start, take.keyed.frame_end, 10) if world(target, f)[2, 3] > 0.72]
+        flying = [
+            f
+            for f in range(take.keyed.frame_start, take.keyed.frame_end, 10)
+            if world(target, f)[2, 3] > 0.72
+        ]
         assert len(flying) > 4
         for frame, body in zip(flying, joints(character, *flying), strict=True):
             middle = world(target, frame) @ (0, 0, BOX[2] / 2, 1)
@@ -108,7 +114,9 @@ class TestOpen:
         assert leaf.animation_data.action == take.keyed.things[0].action != character.animation_data.action
         frames = range(take.keyed.frame_start, take.keyed.frame_end + 1, 3)
         turned = [math.atan2(m[1, 0], m[0, 0]) for m in (world(leaf, f) for f in frames)]
-        assert turned[0] == pytest.approx(0.0, abs=1e-4) and turned[-1] > math.radians(60)  # it opens towards its +Y
+        assert turned[0] == pytest.approx(0.0, abs=1e-4) and turned[-1] > math.radians(
+            60
+        )  # it opens towards its +Y
         assert np.abs(np.diff(turned)).max() < 0.5  # it swings, it does not jump
         end = world(leaf, take.keyed.frame_end)
         np.testing.assert_allclose(end[:3, 3], 0, atol=1e-4)  # about its hinge
@@ -126,7 +134,9 @@ def closed_leaf(take: Take) -> Leaf:
     """The leaf that a take opens, as it was before."""
     target = take.keyed.things[0].object
     bpy.context.scene.frame_set(take.keyed.frame_start)
-    return read_leaf(target, None, None, Surroundings(bpy.context.scene, take.frame, take.keyed.armature, [target]))
+    return read_leaf(
+        target, None, None, Surroundings(bpy.context.scene, take.frame, take.keyed.armature, [target])
+    )
 
 
 def test_a_step_is_climbed():
@@ -135,7 +145,11 @@ def test_a_step_is_climbed():
     before, after = joints(character, take.keyed.frame_start, take.keyed.frame_end)
     ankles = [leg[2] for leg in FEET]
     np.testing.assert_allclose(after[ankles, 2] - before[ankles, 2], 0.3, atol=0.05)
-    assert (np.abs(after[ankles, 0]) < 0.5).all() and (after[ankles, 1] > -0.85).all() and (after[ankles, 1] < 0.05).all()
+    assert (
+        (np.abs(after[ankles, 0]) < 0.5).all()
+        and (after[ankles, 1] > -0.85).all()
+        and (after[ankles, 1] < 0.05).all()
+    )
     assert after[0, 2] - before[0, 2] == pytest.approx(0.3, abs=0.06)
 
 
@@ -179,7 +193,9 @@ def test_a_job_with_every_action(tmp_path):
     assert [g["action"] for g in report["goals"]] == ["open", "carry", "walk", "climb", "run", "idle", "sit"]
     assert all(g["reached"] for g in report["goals"]), report
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "all.blend"))
-    actions = {name: bpy.data.objects[name].animation_data.action.name for name in ("Character", "Door", "Box")}
+    actions = {
+        name: bpy.data.objects[name].animation_data.action.name for name in ("Character", "Door", "Box")
+    }
     assert len(set(actions.values())) == 3 and bpy.data.objects["Step"].animation_data is None
     end = world(bpy.data.objects["Box"], bpy.context.scene.frame_end)
     assert end[2, 3] == pytest.approx(0.6, abs=0.03)

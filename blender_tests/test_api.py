@@ -1,4 +1,6 @@
-"""What a script in Blender needs stands in nsm_blender itself and does what docs/script_in_blender.py shows."""
+"""What a script in Blender needs stands in nsm_blender itself and does what docs/script_in_blender.py
+shows.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,10 @@ def test_public_names_are_told_to_type_checkers_too():
 
 def test_the_script_of_the_documents(tmp_path):
     done = subprocess.run(
-        [sys.executable, str(ROOT / "docs" / "script_in_blender.py"), str(tmp_path)], cwd=tmp_path, capture_output=True, text=True
+        [sys.executable, str(ROOT / "docs" / "script_in_blender.py"), str(tmp_path)],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
     )
     assert done.returncode == 0, done.stderr
     assert "sat down after" in done.stdout

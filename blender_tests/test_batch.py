@@ -55,7 +55,14 @@ class TestJobFile:
         job = read_job(write_job(tmp_path, 'scene = "rooms/room.blend"\n' + take(body, goals=goals)))
         one = job.takes[0]
         assert job.scene == tmp_path / "rooms/room.blend"
-        assert (one.error, one.name, one.character, one.seed, one.start_frame, one.contact_ik) == (None, "one", "Ann", 4, 10, False)
+        assert (one.error, one.name, one.character, one.seed, one.start_frame, one.contact_ik) == (
+            None,
+            "one",
+            "Ann",
+            4,
+            10,
+            False,
+        )
         assert [(g.action, g.object, g.hold, g.location) for g in one.goals] == [
             ("sit", "Chair", 3.0, None), ("walk", None, 2.0, (1.0, 2.5, 0.0)), ("idle", None, 2.0, None)
         ]  # fmt: skip
@@ -64,7 +71,8 @@ class TestJobFile:
     def test_every_action(self, tmp_path):
         goals = (
             '[{ object = "Box", action = "carry", to = "Table" }, { object = "Door", action = "open" }, '
-            '{ object = "Step", action = "climb" }, { location = [1, 2, 0], action = "run" }, { action = "idle", hold = 3.0 }]'
+            '{ object = "Step", action = "climb" }, { location = [1, 2, 0], action = "run" }, { action = '
+            '"idle", hold = 3.0 }]'
         )
         one = read_job(write_job(tmp_path, 'scene = "a.blend"\n' + take(goals=goals))).takes[0]
         assert one.error is None
@@ -81,7 +89,10 @@ class TestJobFile:
             ("scene = 3\n" + take(), "'scene' in the job file is 3; it must be a text in quotes"),
             ('scene = "a.blend"', "no takes"),
             ('scene = "a.blend"\ntake = 3', "no takes"),
-            ('scene = "a.blend"\nspeed = 3\n' + take(), "'speed' in the job file is unknown; the keys are scene, scripts, take"),
+            (
+                'scene = "a.blend"\nspeed = 3\n' + take(),
+                "'speed' in the job file is unknown; the keys are scene, scripts, take",
+            ),
         ],
     )
     def test_what_is_wrong_with_the_file(self, tmp_path, text, words):
@@ -101,18 +112,30 @@ class TestJobFile:
             (take('colour = "red"'), "'colour' in take 'one' is unknown"),
             (take(goals="[]"), "'goals' is empty"),
             (take(goals="[3]"), "goal 1 of take 'one'"),
-            (take(goals='[{ action = "fly" }]'), "'fly' is not one of sit, walk, idle, run, carry, open, climb"),
+            (
+                take(goals='[{ action = "fly" }]'),
+                "'fly' is not one of sit, walk, idle, run, carry, open, climb",
+            ),
             (take(goals='[{ action = "sit" }]'), "'object' is missing in goal 1 of take 'one'"),
             (take(goals='[{ action = "walk" }]'), "needs an 'object' or a 'location'"),
             (take(goals='[{ action = "walk", location = [1, 2] }]'), "three numbers"),
-            (take(goals='[{ object = "Chair", action = "sit", hold = -2 }]'), "'hold' in goal 1 of take 'one' is -2; it must be"),
+            (
+                take(goals='[{ object = "Chair", action = "sit", hold = -2 }]'),
+                "'hold' in goal 1 of take 'one' is -2; it must be",
+            ),
             (take(goals='[{ object = "Chair", action = "idle" }]'), "'idle' stands where"),
             (take(goals='[{ object = "Chair", action = "sit", wait = 2 }]'), "'wait' in goal 1"),
             (take(goals='[{ object = "Box", action = "carry" }]'), "'to' is missing in goal 1 of take 'one'"),
-            (take(goals='[{ object = "Chair", action = "sit", to = "Table" }]'), "'to' says where a box is carried"),
+            (
+                take(goals='[{ object = "Chair", action = "sit", to = "Table" }]'),
+                "'to' says where a box is carried",
+            ),
             (take(goals='[{ action = "open" }]'), "'object' is missing in goal 1"),
             (take(goals='[{ action = "run" }]'), "'run' needs an 'object' or a 'location'"),
-            (take(goals='[{ object = "Step", action = "climb", location = [1, 2, 0] }]'), "'climb' needs its 'object' alone"),
+            (
+                take(goals='[{ object = "Step", action = "climb", location = [1, 2, 0] }]'),
+                "'climb' needs its 'object' alone",
+            ),
             ("[[take]]\ngoals = []\n", "'name' is missing in take 'take 1'"),
             (take('out = "b.blend"\nbvh = "b.blend"'), "'bvh' is the same file as 'out' of take 'one'"),
         ],
@@ -129,13 +152,22 @@ class TestFailures:
     @pytest.mark.parametrize(
         ("body", "words"),
         [
-            (take('report = "one.json"\ncharacter = "Bob"'), "no character 'Bob'; its armatures are Character"),
-            (take('report = "one.json"', goals='[{ object = "Throne", action = "sit" }]'), "no object 'Throne'; it has Chair"),
+            (
+                take('report = "one.json"\ncharacter = "Bob"'),
+                "no character 'Bob'; its armatures are Character",
+            ),
+            (
+                take('report = "one.json"', goals='[{ object = "Throne", action = "sit" }]'),
+                "no object 'Throne'; it has Chair",
+            ),
             (take('report = "one.json"', goals='[{ object = "Mark", action = "sit" }]'), "Mark"),
             (take('report = "one.json"\nseed = "x"'), "'seed'"),
             (take('report = "one.json"\nout = "room.blend/x/sit.blend"'), "'out'"),
             (take('report = "one.json"\ncharacter = "Chair"'), "Chair is not an armature"),
-            (take('report = "one.json"', goals='[{ object = "Chair", action = "carry", to = "Moon" }]'), "correct 'to'"),
+            (
+                take('report = "one.json"', goals='[{ object = "Chair", action = "carry", to = "Moon" }]'),
+                "correct 'to'",
+            ),
             (take('report = "one.json"', goals='[{ object = "Chair", action = "open" }]'), "Chair measures"),
         ],
     )
@@ -157,7 +189,9 @@ class TestFailures:
 
     def test_unwritable_report(self, tmp_path):
         save_room(tmp_path)
-        code, lines = run(write_job(tmp_path, 'scene = "room.blend"\n' + take('report = "room.blend/one.json"')))
+        code, lines = run(
+            write_job(tmp_path, 'scene = "room.blend"\n' + take('report = "room.blend/one.json"'))
+        )
         assert code == 1 and "'report'" in lines[0]
 
     def test_useless_job_file(self, tmp_path):
@@ -179,7 +213,11 @@ class TestTakes:
         save_room(tmp_path)
         bad = take('report = "bad.json"', name="bad", goals='[{ object = "Throne", action = "sit" }]')
         goals = '[{ object = "Chair", action = "sit", hold = 1.0 }]'
-        good = take('report = "good.json"\nout = "made/good.blend"\nbvh = "good.bvh"\nsheet = "good.png"', name="good", goals=goals)
+        good = take(
+            'report = "good.json"\nout = "made/good.blend"\nbvh = "good.bvh"\nsheet = "good.png"',
+            name="good",
+            goals=goals,
+        )
         code, lines = run(write_job(tmp_path, 'scene = "room.blend"\n' + bad + good))
         assert code == 1 and any("Throne" in line for line in lines)
         assert set(json.loads((tmp_path / "bad.json").read_text())) == {"name", "error"}
@@ -199,7 +237,11 @@ class TestTakes:
         save_room(tmp_path)
         text = 'scene = "room.blend"\n'
         for name, seed in (("a", 3), ("b", 3), ("c", 4)):
-            text += take(f'seed = {seed}\nbvh = "{name}.bvh"', name=name, goals='[{ action = "walk", location = [1, -1, 0], hold = 0.5 }]')
+            text += take(
+                f'seed = {seed}\nbvh = "{name}.bvh"',
+                name=name,
+                goals='[{ action = "walk", location = [1, -1, 0], hold = 0.5 }]',
+            )
         code, lines = run(write_job(tmp_path, text))
         assert code == 0, lines
         a, b = ((tmp_path / f"{name}.bvh").read_text() for name in "ab")

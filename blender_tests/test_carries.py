@@ -1,4 +1,6 @@
-"""Whole carries with meshes: from far off a table's edge onto another table, a shelf and the floor, measured on the keyed scene."""
+"""Whole carries with meshes: from far off a table's edge onto another table, a shelf and the floor, measured
+on the keyed scene.
+"""
 
 from __future__ import annotations
 
@@ -48,18 +50,28 @@ def table(name, location, turn=0.0, width=1.2, depth=0.9, top=0.74):
 def shelf(name, location, turn=0.0, width=0.9, depth=0.36, levels=(0.06, 0.42), top=1.0):
     """Open towards -Y of its own frame."""
     x, y, t = width / 2, depth / 2, 0.025
-    sides = [((-x, -y, 0), (-x + t, y, top)), ((x - t, -y, 0), (x, y, top)), ((-x + t, y - t, 0), (x - t, y, top - t))]
+    sides = [
+        ((-x, -y, 0), (-x + t, y, top)),
+        ((x - t, -y, 0), (x, y, top)),
+        ((-x + t, y - t, 0), (x - t, y, top - t)),
+    ]
     return boards(name, [*sides, *[((-x + t, -y, z - t), (x - t, y - t, z)) for z in levels], ((-x + t, -y, top - t), (x - t, y, top))],
                   location, turn)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def carried() -> Carried:
-    """One character takes one box from 15 cm behind a table's edge to 18 cm behind another's, onto a shelf, and to the floor."""
+    """One character takes one box from 15 cm behind a table's edge to 18 cm behind another's, onto a shelf,
+    and to the floor.
+    """
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     scene.render.fps = 30
-    pieces = [table("Table", (0.0, 0.0)), table("Desk", (2.2, -1.6), -math.pi / 2), shelf("Shelf", (0.2, -3.6), math.pi)]
+    pieces = [
+        table("Table", (0.0, 0.0)),
+        table("Desk", (2.2, -1.6), -math.pi / 2),
+        shelf("Shelf", (0.2, -3.6), math.pi),
+    ]
     half = np.array(SIZE) * (0.5, 0.5, 1.0)
     box = mesh_of_boxes("Box", [((-half[0], -half[1], 0), tuple(half))], (0.0, -0.45 + 0.15 + half[1], 0.74))
     desk = empty("On the desk", (2.2 - 0.45 + 0.18 + half[1], -1.6, 0.74), math.pi / 2)
@@ -103,7 +115,9 @@ def test_the_box_moves_in_hands_alone(carried):
 
 def test_thighs_stay_out_of_tables_and_the_body_out_of_everything(carried):
     body = carried.body
-    distance = carried.still.signed_distance(body.centres.reshape(-1, 3).astype(np.float32), 0.2).reshape(body.radii.shape)
+    distance = carried.still.signed_distance(body.centres.reshape(-1, 3).astype(np.float32), 0.2).reshape(
+        body.radii.shape
+    )
     depth = body.radii - distance
     thighs = [k for k, name in enumerate(body.names) if name in ("LeftHip-LeftKnee", "RightHip-RightKnee")]
     assert depth[:, thighs].max() < 0.02

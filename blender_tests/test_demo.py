@@ -43,7 +43,9 @@ def test_the_character_does_not_start_in_the_furniture(all_actions):
         corners = np.array([piece.matrix_world @ Vector(c) for c in piece.bound_box])
         if corners[:, 2].max() < 0.03:  # floor and rug
             continue
-        gap = np.maximum(corners[:, :2].min(0) - room.start, np.array(room.start) - corners[:, :2].max(0)).max()
+        gap = np.maximum(
+            corners[:, :2].min(0) - room.start, np.array(room.start) - corners[:, :2].max(0)
+        ).max()
         assert gap > 0.3, f"{name} is too near"
 
 
@@ -90,13 +92,21 @@ def test_the_house_has_a_place_for_every_action_and_ways_between_them():
     _, open_, carry, climb, _ = request.goals
     assert set(things) == {"Door", "Box"}
     leaf = open_.prop
-    np.testing.assert_allclose(leaf.pose[:2], bpy.data.objects["Door"].location[:2], atol=1e-4)  # the hinge is found
+    np.testing.assert_allclose(
+        leaf.pose[:2], bpy.data.objects["Door"].location[:2], atol=1e-4
+    )  # the hinge is found
     assert leaf.width == pytest.approx(0.86, abs=0.02) and leaf.handle[2] == pytest.approx(1.02, abs=0.02)
     way = passage(leaf, request.goals[0].position[:2])
     assert way.push and way.heading == pytest.approx(np.pi / 2, abs=1e-5)
-    assert carry.position[2] == pytest.approx(0.82 + 0.125, abs=0.01) and climb.position[2] == pytest.approx(0.3, abs=0.01)
+    assert carry.position[2] == pytest.approx(0.82 + 0.125, abs=0.01) and climb.position[2] == pytest.approx(
+        0.3, abs=0.01
+    )
     places = np.array([request.start_position, *[g.position[:2] for g in request.goals]])
-    check_reachable(request.goals, FloorPlan(request.environment, (places.min(0) - 4, places.max(0) + 4)), request.start_position)
+    check_reachable(
+        request.goals,
+        FloorPlan(request.environment, (places.min(0) - 4, places.max(0) + 4)),
+        request.start_position,
+    )
     # Opened wide, the leaf meets no furniture and no wall but at its hinge.
     door = things["Door"]
     corners = np.array([c for c in bpy.data.objects["Door"].bound_box if c[0] > 0.3])

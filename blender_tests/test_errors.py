@@ -31,7 +31,9 @@ def settings():
 
 
 def refuse(settings, words: str) -> None:
-    """Generate must fail with one sentence that holds ``words``, show it in the sidebar, and change nothing."""
+    """Generate must fail with one sentence that holds ``words``, show it in the sidebar, and change
+    nothing.
+    """
     character = settings.character
     action, actions = character.animation_data.action, len(bpy.data.actions)
     with pytest.raises(RuntimeError) as caught:
@@ -131,7 +133,9 @@ def test_goal_points_say_what_is_wrong_and_keep_the_rest(settings):
     settings.goals.add().object = wall
     settings.goals[1].action = "sit"
     assert bpy.ops.nsm.goal_points() == {"FINISHED"}
-    assert {"NSM Goal Chair", "NSM Goal Wall"} <= set(bpy.data.objects.keys())  # where none is found there is one to move
+    assert {"NSM Goal Chair", "NSM Goal Wall"} <= set(
+        bpy.data.objects.keys()
+    )  # where none is found there is one to move
 
 
 def test_missing_foreign_and_truncated_weights(tmp_path):

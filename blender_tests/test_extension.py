@@ -26,19 +26,30 @@ print("all well")
 """
 
 
-@pytest.mark.skipif(bool(bpy.app.binary_path), reason="installs into the bpy package, not into a running application")
+@pytest.mark.skipif(
+    bool(bpy.app.binary_path), reason="installs into the bpy package, not into a running application"
+)
 def test_the_zip_validates_installs_and_works_away_from_the_repository(tmp_path):
     pytest.importorskip("setuptools")
     python = Path(sys.executable)
     stage = dev.stage_extension(python, tmp_path / "scratch")
     tool = [sys.executable, str(dev.extension_tool(python))]
-    for verb in (["validate", str(stage)], ["build", "--source-dir", str(stage), "--output-filepath", str(tmp_path / "nsm.zip")]):
+    for verb in (
+        ["validate", str(stage)],
+        ["build", "--source-dir", str(stage), "--output-filepath", str(tmp_path / "nsm.zip")],
+    ):
         done = subprocess.run([*tool, *verb], capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
     home = tmp_path / "home"
     home.mkdir()
-    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | {"BLENDER_USER_RESOURCES": str(home)}
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | {
+        "BLENDER_USER_RESOURCES": str(home)
+    }
     done = subprocess.run(
-        [sys.executable, "-c", CODE, str(tmp_path / "nsm.zip")], cwd=home, env=environment, capture_output=True, text=True
+        [sys.executable, "-c", CODE, str(tmp_path / "nsm.zip")],
+        cwd=home,
+        env=environment,
+        capture_output=True,
+        text=True,
     )
     assert done.returncode == 0 and "all well" in done.stdout, done.stdout + done.stderr

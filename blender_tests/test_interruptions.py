@@ -1,4 +1,6 @@
-"""Whatever happens while a take grows: what still exists is put back, nothing counts as running, one sentence says why."""
+"""Whatever happens while a take grows: what still exists is put back, nothing counts as running, one sentence
+says why.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ from nsm_core.errors import NsmError
 
 @pytest.fixture
 def modal():
-    """The modal operator in a scene where a character is to carry a box to a table, from a pose that is not keyed."""
+    """The modal operator in a scene where a character is to carry a box to a table, from a pose that is not
+    keyed.
+    """
     nsm_blender.register()
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("World")
@@ -28,7 +32,10 @@ def modal():
     scene.collection.children.link(people)
     character.users_collection[0].objects.unlink(character)
     people.objects.link(character)
-    carried, table = box("Box", (0.25, -1.35, 0), (0.55, -1.1, 0.3)), box("Table", (1.0, -1.6, 0), (1.7, -0.9, 0.72))
+    carried, table = (
+        box("Box", (0.25, -1.35, 0), (0.55, -1.1, 0.3)),
+        box("Table", (1.0, -1.6, 0), (1.7, -0.9, 0.72)),
+    )
     empty("Bystander", (5, 5, 0))
     character.pose.bones["LeftElbow"].rotation_quaternion = (0.8, 0.6, 0, 0)
     character.pose.bones["Chest"].location = (0, 0.05, 0)
@@ -49,7 +56,9 @@ def as_it_is() -> dict[str, object]:
 
 
 def grow(modal: Modal, moment: str) -> None:
-    """Bring a take to a moment: "begun" before its first tick, "reading" after it, "growing" when a pose is shown."""
+    """Bring a take to a moment: "begun" before its first tick, "reading" after it, "growing" when a pose is
+    shown.
+    """
     assert modal._start(modal.window) == {"RUNNING_MODAL"}
     if moment != "begun":
         modal.event("TIMER")
@@ -61,7 +70,9 @@ def settled(modal: Modal, words: str) -> None:
     """The take must have ended with one sentence that holds ``words``, and the panel must work."""
     assert running.current() is None and modal.window.timers == 0 and modal.window.status is None
     level, sentence = modal.reports[-1]
-    assert level == {"ERROR"} and words in sentence and sentence.endswith(".") and "\n" not in sentence, sentence
+    assert level == {"ERROR"} and words in sentence and sentence.endswith(".") and "\n" not in sentence, (
+        sentence
+    )
     assert "being generated" not in running.reason_not_ready(bpy.context)
     assert any(sentence == line.text for line in bpy.context.scene.nsm.results)
 
@@ -91,16 +102,37 @@ def other_armature():
 
 
 STOPPING = {
-    "character deleted": (lambda: bpy.data.objects.remove(bpy.data.objects["Character"]), "Character was deleted"),
-    "armature deleted": (lambda: bpy.data.armatures.remove(bpy.data.objects["Character"].data), "Character was deleted"),
+    "character deleted": (
+        lambda: bpy.data.objects.remove(bpy.data.objects["Character"]),
+        "Character was deleted",
+    ),
+    "armature deleted": (
+        lambda: bpy.data.armatures.remove(bpy.data.objects["Character"].data),
+        "Character was deleted",
+    ),
     "armature exchanged": (other_armature, "another armature"),
-    "collection deleted": (lambda: bpy.data.collections.remove(bpy.data.collections["People"]), "taken out of the scene"),
+    "collection deleted": (
+        lambda: bpy.data.collections.remove(bpy.data.collections["People"]),
+        "taken out of the scene",
+    ),
     "edit mode": (in_edit_mode, "Edit Mode"),
     "bone deleted": (without_a_bone, "The bone LeftToe"),
-    "bone renamed": (lambda: setattr(bpy.data.objects["Character"].data.bones["LeftKnee"], "name", "Knie"), "The bone LeftKnee"),
-    "box deleted": (lambda: bpy.data.objects.remove(bpy.data.objects["Box"]), "Box, a goal of the take, was deleted"),
-    "box's mesh deleted": (lambda: bpy.data.meshes.remove(bpy.data.objects["Box"].data), "Box, a goal of the take, was deleted"),
-    "table deleted": (lambda: bpy.data.objects.remove(bpy.data.objects["Table"]), "Table, a goal of the take, was deleted"),
+    "bone renamed": (
+        lambda: setattr(bpy.data.objects["Character"].data.bones["LeftKnee"], "name", "Knie"),
+        "The bone LeftKnee",
+    ),
+    "box deleted": (
+        lambda: bpy.data.objects.remove(bpy.data.objects["Box"]),
+        "Box, a goal of the take, was deleted",
+    ),
+    "box's mesh deleted": (
+        lambda: bpy.data.meshes.remove(bpy.data.objects["Box"].data),
+        "Box, a goal of the take, was deleted",
+    ),
+    "table deleted": (
+        lambda: bpy.data.objects.remove(bpy.data.objects["Table"]),
+        "Table, a goal of the take, was deleted",
+    ),
     "all objects deleted": (lambda: bpy.data.batch_remove(list(bpy.data.objects)), "Character was deleted"),
     "scene deleted": (without_the_scene, "The scene Scene was deleted"),
     "another scene": (other_scene, "Another scene"),
@@ -126,7 +158,9 @@ def test_a_take_that_loses_what_it_needs_ends_in_a_sentence(modal, what, moment)
     assert modal.event("TIMER") == {"CANCELLED"}
     settled(modal, words)
     after = as_it_is()
-    assert after["actions"] == [] and all(before["places"][name] == place for name, place in after["places"].items())
+    assert after["actions"] == [] and all(
+        before["places"][name] == place for name, place in after["places"].items()
+    )
     if what != "bone deleted":
         assert after["poses"] == before["poses"][: len(after["poses"])]
     if what != "scene deleted":
@@ -134,7 +168,10 @@ def test_a_take_that_loses_what_it_needs_ends_in_a_sentence(modal, what, moment)
 
 
 @pytest.mark.parametrize("stage", ["Making keys", "Checking"])
-@pytest.mark.parametrize("what", [what for what in STOPPING if "box" not in what and "table" not in what] + ["undo", "window closed"])
+@pytest.mark.parametrize(
+    "what",
+    [what for what in STOPPING if "box" not in what and "table" not in what] + ["undo", "window closed"],
+)
 def test_a_take_that_loses_what_it_needs_while_it_is_keyed_leaves_no_half(modal, what, stage):
     row = bpy.context.scene.nsm.goals[0]
     row.action, row.hold = "idle", 0.0
@@ -175,7 +212,9 @@ def test_what_a_take_does_not_need_may_go_meanwhile(modal, what):
     assert running.current() is None and modal.window.timers == 0 and modal.window.status is None
     after = as_it_is()
     assert after["poses"] == before["poses"] and bpy.context.scene.frame_current == 7
-    assert list(after["places"].values()) == [p for n, p in before["places"].items() if n in after["places"] or what == "objects renamed"]
+    assert list(after["places"].values()) == [
+        p for n, p in before["places"].items() if n in after["places"] or what == "objects renamed"
+    ]
 
 
 @pytest.mark.parametrize("moment", ["begun", "reading", "growing"])
@@ -206,7 +245,9 @@ def test_another_file_ends_the_take(modal, moment):
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert running.current() is None and modal.window.timers == 0 and modal.window.status is None
     modal.cancel(modal.window)  # as Blender does with the operators of windows that go
-    assert "no longer" not in running.reason_not_ready(bpy.context) and len(bpy.context.scene.nsm.results) == 0
+    assert (
+        "no longer" not in running.reason_not_ready(bpy.context) and len(bpy.context.scene.nsm.results) == 0
+    )
 
 
 @pytest.mark.parametrize("moment", ["begun", "reading", "growing"])
@@ -228,7 +269,9 @@ def test_a_closed_window_ends_the_take(modal):
     assert running.current() is None and modal.window.timers == 0 and as_it_is() == before
 
 
-@pytest.mark.parametrize("error", [KeyError("Hips"), MemoryError(), ZeroDivisionError("0")], ids=lambda e: type(e).__name__)
+@pytest.mark.parametrize(
+    "error", [KeyError("Hips"), MemoryError(), ZeroDivisionError("0")], ids=lambda e: type(e).__name__
+)
 def test_an_error_in_the_preview_ends_the_take(modal, monkeypatch, error):
     before = as_it_is()
     grow(modal, "growing")

@@ -1,4 +1,6 @@
-"""A process killed in the middle of writing leaves the old file or the new one, and what it leaves beside hinders nobody."""
+"""A process killed in the middle of writing leaves the old file or the new one, and what it leaves beside
+hinders nobody.
+"""
 
 from __future__ import annotations
 
@@ -60,8 +62,12 @@ while True:
 
 
 def begin(code: str, folder: Path) -> subprocess.Popen[str]:
-    """Start a process that writes numbered files into ``folder`` without end, and wait for the first of them."""
-    worker = subprocess.Popen([sys.executable, "-c", code + LOOP, str(folder)], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    """Start a process that writes numbered files into ``folder`` without end, and wait for the first
+    of them.
+    """
+    worker = subprocess.Popen(
+        [sys.executable, "-c", code + LOOP, str(folder)], cwd=ROOT, stdout=subprocess.PIPE, text=True
+    )
     assert any("ready" in line for line in worker.stdout)
     return worker
 
@@ -71,7 +77,9 @@ def hidden(folder: Path) -> set[str]:
 
 
 def kill_while_writing(code: str, folder: Path, ending: str, share: float) -> bool:
-    """Kill a process when a passing file has grown to a share of the finished one; whether it was still being written then."""
+    """Kill a process when a passing file has grown to a share of the finished one; whether it was still being
+    written then.
+    """
     older = hidden(folder)
     worker = begin(code, folder)
     size = (folder / f"a{ending}" if ending != ".npz" else folder / "w.npz").stat().st_size
@@ -92,7 +100,9 @@ def kill_while_writing(code: str, folder: Path, ending: str, share: float) -> bo
 
 def core_version(folder: Path) -> tuple[float, float]:
     with np.load(folder / "w.npz") as stored:
-        numbers = np.unique(np.concatenate([stored[name].ravel() for name in ("parameters/a", "statistics/n")]))
+        numbers = np.unique(
+            np.concatenate([stored[name].ravel() for name in ("parameters/a", "statistics/n")])
+        )
     clip = reader.read(folder / "a.bvh")
     assert len(clip) == 600 and np.ptp(clip.hips_position[:, 0]) < 1e-3 and len(numbers) == 1
     return float(numbers[0]), round(float(clip.hips_position[0, 0]) * 10)
@@ -123,7 +133,9 @@ def test_killed_at_any_moment(tmp_path, code, version, moments):
     for ending, share in moments:
         half += kill_while_writing(code, tmp_path, ending, share)  # beside what those before have left
         first, second = version(tmp_path)
-        assert first >= 0 and abs(first - second) <= 1  # whole, and of one round or of two that follow each other
+        assert (
+            first >= 0 and abs(first - second) <= 1
+        )  # whole, and of one round or of two that follow each other
     assert half >= len(moments) // 2  # else nobody was killed in the middle
     assert all("-new" in name for name in hidden(tmp_path))
     if code is CORE:

@@ -1,4 +1,6 @@
-"""Takes that move objects: what is read from the scene, what is refused, and which objects may not be moved."""
+"""Takes that move objects: what is read from the scene, what is refused, and which objects may not be
+moved.
+"""
 
 from __future__ import annotations
 
@@ -30,11 +32,17 @@ class TestTakes:
         lid.parent = target
         lid.matrix_parent_inverse = target.matrix_world.inverted()
         leaf = door((3.0, -3.0, 0.0))
-        specs = [GoalSpec("carry", target, to=here), GoalSpec("open", leaf), GoalSpec("carry", target, to=here)]
+        specs = [
+            GoalSpec("carry", target, to=here),
+            GoalSpec("open", leaf),
+            GoalSpec("carry", target, to=here),
+        ]
         request, _, things = finish(prepare(TakeSpec(character, specs), bpy.context.scene))
         assert set(things) == {"Box", "Door"} and things["Box"].object == target
         probes = np.array(((0, 0, 0.1), (0, 0, 0.4), (3.4, -3, 1), (2.5, -3, 1)), np.float32)
-        np.testing.assert_array_equal(request.environment.signed_distance(probes, 0.05) < 0.05, (False, False, False, True))
+        np.testing.assert_array_equal(
+            request.environment.signed_distance(probes, 0.05) < 0.05, (False, False, False, True)
+        )
         assert request.goals[0].prop is request.goals[2].prop
 
     def test_where_things_stand_is_read_at_the_first_frame(self):
@@ -45,7 +53,9 @@ class TestTakes:
         scene = bpy.context.scene
         scene.frame_set(7)
         kept = target.location.copy()
-        _, _, things = finish(prepare(TakeSpec(character, [GoalSpec("carry", target, to=here)], start_frame=50), scene))
+        _, _, things = finish(
+            prepare(TakeSpec(character, [GoalSpec("carry", target, to=here)], start_frame=50), scene)
+        )
         assert things["Box"].world.translation.x == pytest.approx(1.0)
         assert scene.frame_current == 7 and target.location == kept
 
@@ -59,7 +69,9 @@ class TestTakes:
     def test_an_action_that_the_weights_have_not_learned(self):
         character, target, here = self.scene()
         with pytest.raises(GoalError, match="has not learned to carry; it can do: sit, walk, idle"):
-            steps = generate(TakeSpec(character, [GoalSpec("carry", target, to=here)]), bpy.context.scene, _Untaught())
+            steps = generate(
+                TakeSpec(character, [GoalSpec("carry", target, to=here)]), bpy.context.scene, _Untaught()
+            )
             finish(steps)
         assert not bpy.data.actions
 
@@ -83,7 +95,12 @@ class TestWhatMayNotBeMoved:
         bpy.context.view_layer.update()
         character = add_character((0.0, -2.0, 0.0))
         with pytest.raises(NsmError, match="Box is linked from another file"):
-            finish(prepare(TakeSpec(character, [GoalSpec("carry", target, to=empty("Here", (2, 1, 0)))]), bpy.context.scene))
+            finish(
+                prepare(
+                    TakeSpec(character, [GoalSpec("carry", target, to=empty("Here", (2, 1, 0)))]),
+                    bpy.context.scene,
+                )
+            )
 
     def test_parts_and_parents_of_the_character(self):
         character, hat = add_character(), crate(name="Hat")

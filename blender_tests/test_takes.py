@@ -30,7 +30,9 @@ AWAY = (0.4, -2.3)
 
 
 def room(kind: str = "chair", at: tuple[float, float] = AWAY, heading: float = 0.5, **where):
-    """A character and a seat from a seed that training never draws; ``where`` may move, turn and scale the character."""
+    """A character and a seat from a seed that training never draws; ``where`` may move, turn and scale the
+    character.
+    """
     character = add_character(where.get("location", (0.0, 0.0, 0.0)))
     character.rotation_euler.z = where.get("turn", 0.0)
     character.scale = (where.get("scale", 1.0),) * 3
@@ -49,11 +51,26 @@ def step_aside(character, **options) -> TakeSpec:
 
 def everything(scene: bpy.types.Scene, character: bpy.types.Object):
     """All that a cancelled take must leave alone, in values that can be compared."""
-    pose = {b.name: tuple(map(tuple, b.matrix_basis)) + tuple(b.rotation_quaternion) + tuple(b.location) for b in character.pose.bones}
+    pose = {
+        b.name: tuple(map(tuple, b.matrix_basis)) + tuple(b.rotation_quaternion) + tuple(b.location)
+        for b in character.pose.bones
+    }
     data = character.animation_data
-    counts = {kind: len(getattr(bpy.data, kind)) for kind in ("objects", "meshes", "actions", "armatures", "materials", "collections")}
-    action = (data.action.name, data.action.users, data.action.use_fake_user) if data and data.action else None
-    return pose, counts, action, scene.frame_current, scene.frame_subframe, tuple(o.name for o in bpy.context.selected_objects)
+    counts = {
+        kind: len(getattr(bpy.data, kind))
+        for kind in ("objects", "meshes", "actions", "armatures", "materials", "collections")
+    }
+    action = (
+        (data.action.name, data.action.users, data.action.use_fake_user) if data and data.action else None
+    )
+    return (
+        pose,
+        counts,
+        action,
+        scene.frame_current,
+        scene.frame_subframe,
+        tuple(o.name for o in bpy.context.selected_objects),
+    )
 
 
 def old_action(character: bpy.types.Object) -> bpy.types.Action:
@@ -117,9 +134,17 @@ class TestBeforeTheNetwork:
 
     def test_goals_start_where_the_one_before_ended(self):
         character, seat, _ = room()
-        goals = [GoalSpec("walk", None, location=(2.0, 0.0, 0.0)), GoalSpec("walk", None, location=(2.0, 2.0, 0.0)), GoalSpec("idle")]
+        goals = [
+            GoalSpec("walk", None, location=(2.0, 0.0, 0.0)),
+            GoalSpec("walk", None, location=(2.0, 2.0, 0.0)),
+            GoalSpec("idle"),
+        ]
         request, _, _ = finish(prepare(TakeSpec(character, goals), bpy.context.scene))
-        assert [round(g.heading, 3) for g in request.goals] == [round(math.pi / 2, 3), round(math.pi, 3), round(math.pi, 3)]
+        assert [round(g.heading, 3) for g in request.goals] == [
+            round(math.pi / 2, 3),
+            round(math.pi, 3),
+            round(math.pi, 3),
+        ]
         np.testing.assert_allclose(request.goals[2].position, (2, 2, 0), atol=1e-6)
 
     def test_own_objects_are_armature_body_and_clothes(self):
@@ -161,7 +186,9 @@ class TestOnTheNetwork:
         # What the report says is what the keys do, at the end of the hold.
         hips, local = read_back(character, [take.keyed.frame_end])
         positions, _ = forward_kinematics(hips, local)
-        point = show_goal_point(GoalSpec("sit", seat), scene, WorldFrame(), (np.zeros(2), 0.0)).matrix_world.translation
+        point = show_goal_point(
+            GoalSpec("sit", seat), scene, WorldFrame(), (np.zeros(2), 0.0)
+        ).matrix_world.translation
         assert np.linalg.norm(positions[0, HIPS] - (np.array(point) + (0, 0, HIP_OVER_SEAT))) < 0.08
 
     def test_keys_become_a_new_action_and_the_old_one_stays(self):
@@ -176,7 +203,9 @@ class TestOnTheNetwork:
         assert scene.frame_current == 3
 
     def test_a_scaled_turned_and_raised_character_does_the_same_in_its_size(self):
-        character, seat, piece = room(location=(1.0, 0.0, 0.5), scale=0.6, at=(1.0 + 0.6 * AWAY[0], 0.6 * AWAY[1]))
+        character, seat, piece = room(
+            location=(1.0, 0.0, 0.5), scale=0.6, at=(1.0 + 0.6 * AWAY[0], 0.6 * AWAY[1])
+        )
         seat.scale, seat.location.z = (0.6,) * 3, 0.5
         scene = bpy.context.scene
         take = finish(generate(sit_on(character, seat), scene))
@@ -190,7 +219,10 @@ class TestOnTheNetwork:
         scene = bpy.context.scene
         goals = [GoalSpec("walk", None, hold=0.5, location=(1.5, 0.5, 0.0)), GoalSpec("sit", seat, hold=0.5)]
         take = finish(generate(TakeSpec(character, goals), scene))
-        assert [(g["object"], g["action"], g["reached"]) for g in take.report["goals"]] == [("place", "walk", True), ("Seat", "sit", True)]
+        assert [(g["object"], g["action"], g["reached"]) for g in take.report["goals"]] == [
+            ("place", "walk", True),
+            ("Seat", "sit", True),
+        ]
         assert len(result_lines(take.report)) == 3
 
     def test_cancelling_leaves_no_trace(self):
@@ -243,7 +275,9 @@ class TestOnTheNetwork:
             take = session.tick(0.2)
         assert running.current() is None
         assert character.animation_data.action == take.keyed.action
-        assert all(np.allclose(np.array(m), np.eye(4), atol=1e-6) for _, m in take.keyed.previous_pose)  # not the preview's
+        assert all(
+            np.allclose(np.array(m), np.eye(4), atol=1e-6) for _, m in take.keyed.previous_pose
+        )  # not the preview's
 
     def test_sidebar_operator_reviews_its_take(self):
         nsm_blender.register()
@@ -293,7 +327,9 @@ class TestModalOperator:
             assert modal.event("TIMER") == {"RUNNING_MODAL"}
         assert "ESC" in modal.window.status and "%" in modal.window.status
         assert not bpy.ops.nsm.generate.poll()  # one at a time
-        assert modal.event("WHEELUPMOUSE") == {"PASS_THROUGH"} and modal.event("LEFTMOUSE") == {"RUNNING_MODAL"}
+        assert modal.event("WHEELUPMOUSE") == {"PASS_THROUGH"} and modal.event("LEFTMOUSE") == {
+            "RUNNING_MODAL"
+        }
         assert modal.event("ESC") == {"CANCELLED"}
         assert everything(scene, scene.nsm.character) == before
 

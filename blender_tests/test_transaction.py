@@ -1,4 +1,6 @@
-"""Keying a take is all or nothing: whatever is raised at whatever line, the file is then exactly as it was."""
+"""Keying a take is all or nothing: whatever is raised at whatever line, the file is then exactly as
+it was.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +32,18 @@ NOT_HERE = ("restore", "_try", "_set", "_bones", "finish")  # putting back, and 
 
 
 def curves(action):
-    bags = (b for layer in action.layers for strip in layer.strips for b in strip.channelbags) if hasattr(action, "layers") else [action]
-    return tuple(sorted((c.data_path, c.array_index, tuple(tuple(k.co) for k in c.keyframe_points)) for b in bags for c in b.fcurves))
+    bags = (
+        (b for layer in action.layers for strip in layer.strips for b in strip.channelbags)
+        if hasattr(action, "layers")
+        else [action]
+    )
+    return tuple(
+        sorted(
+            (c.data_path, c.array_index, tuple(tuple(k.co) for k in c.keyframe_points))
+            for b in bags
+            for c in b.fcurves
+        )
+    )
 
 
 def transform(moving):
@@ -45,7 +57,8 @@ def animation(target):
         return None
     slot = getattr(data, "action_slot", None)
     tracks = tuple(
-        (t.name, t.mute, t.is_solo, tuple((s.name, s.action.name, s.frame_start, s.mute) for s in t.strips)) for t in data.nla_tracks
+        (t.name, t.mute, t.is_solo, tuple((s.name, s.action.name, s.frame_start, s.mute) for s in t.strips))
+        for t in data.nla_tracks
     )
     settings = (
         data.use_nla,
@@ -62,14 +75,25 @@ def digest():
     scene = bpy.context.scene
     return {
         "counts": {
-            name: len(getattr(bpy.data, name)) for name in ("objects", "meshes", "actions", "armatures", "collections", "materials")
+            name: len(getattr(bpy.data, name))
+            for name in ("objects", "meshes", "actions", "armatures", "collections", "materials")
         },
-        "actions": {a.name: (a.users, a.use_fake_user, a.is_library_indirect, curves(a)) for a in bpy.data.actions},
-        "slots": {a.name: tuple((s.identifier, len(s.users())) for s in getattr(a, "slots", ())) for a in bpy.data.actions},
-        "objects": {o.name: (transform(o), tuple(map(tuple, o.matrix_world)), animation(o)) for o in bpy.data.objects},
+        "actions": {
+            a.name: (a.users, a.use_fake_user, a.is_library_indirect, curves(a)) for a in bpy.data.actions
+        },
+        "slots": {
+            a.name: tuple((s.identifier, len(s.users())) for s in getattr(a, "slots", ()))
+            for a in bpy.data.actions
+        },
+        "objects": {
+            o.name: (transform(o), tuple(map(tuple, o.matrix_world)), animation(o)) for o in bpy.data.objects
+        },
         "poses": {(o.name, b.name): transform(b) for o in bpy.data.objects if o.pose for b in o.pose.bones},
         "frame": (scene.frame_current, scene.frame_subframe, scene.frame_start, scene.frame_end),
-        "selection": (tuple(o.name for o in bpy.context.selected_objects), bpy.context.view_layer.objects.active.name),
+        "selection": (
+            tuple(o.name for o in bpy.context.selected_objects),
+            bpy.context.view_layer.objects.active.name,
+        ),
     }
 
 
@@ -81,12 +105,23 @@ def keyed_before(target, path="location"):
 
 @pytest.fixture(params=["bare", "animated"])
 def job(request):
-    """A character and a box with or without a past, poses that nobody has keyed, and a motion that is to be keyed."""
+    """A character and a box with or without a past, poses that nobody has keyed, and a motion that is to be
+    keyed.
+    """
     scene = bpy.context.scene
     scene.render.fps = 30
-    character, thing, other = build_armature("Hero"), box("Box", (1, -1, 0), (1.3, -0.7, 0.3)), empty("Other", (3, 0, 0))
+    character, thing, other = (
+        build_armature("Hero"),
+        box("Box", (1, -1, 0), (1.3, -0.7, 0.3)),
+        empty("Other", (3, 0, 0)),
+    )
     if request.param == "animated":
-        keyed_before(character), keyed_before(character.pose.bones["Hips"]), keyed_before(thing), keyed_before(other)
+        (
+            keyed_before(character),
+            keyed_before(character.pose.bones["Hips"]),
+            keyed_before(thing),
+            keyed_before(other),
+        )
         character.animation_data.action.name, thing.animation_data.action.name = "Old", "Old of box"
         track = thing.animation_data.nla_tracks.new()
         track.strips.new("below", 1, thing.animation_data.action)
@@ -102,7 +137,9 @@ def job(request):
     frame = WorldFrame.of(character)
     solid = Cuboids([((0.0, 0.0), 0.0, np.full((1, 3), -0.15), np.full((1, 3), 0.15))])
     pose = np.append(frame.to_core(np.array(thing.matrix_world.translation)), 0.0)
-    prop = Box("Box", solid, interaction_sensor(solid, np.zeros(3), np.full(3, 0.3), 0.0), pose, size=np.full(3, 0.3))
+    prop = Box(
+        "Box", solid, interaction_sensor(solid, np.zeros(3), np.full(3, 0.3), 0.0), pose, size=np.full(3, 0.3)
+    )
     hips, local = wandering_take(FRAMES)
     poses = pose + np.linspace(0, 1, FRAMES)[:, None] * (0.3, 0.1, 0.2, 0.5)
     zeros = np.zeros((FRAMES, 7), np.float32)
@@ -121,7 +158,9 @@ class Injected(BaseException):
 
 
 def traced(steps, at=None):
-    """Run steps and raise ``Injected`` at the line number ``at`` that the add-on comes to; else the distinct lines' first numbers."""
+    """Run steps and raise ``Injected`` at the line number ``at`` that the add-on comes to; else the distinct
+    lines' first numbers.
+    """
     seen, first = 0, {}
 
     def tracer(frame, event, _):
@@ -200,5 +239,9 @@ def test_a_whole_take_leaves_what_was_moved_without_a_key(job):
     other = bpy.data.objects["Other"]
     frame, place = bpy.context.scene.frame_current, tuple(other.location)
     take = finish(steps())
-    assert take.report["shown_off_cm"] < 0.1 and not take.report["warnings"] and take.report["goals"][0]["reached"]
+    assert (
+        take.report["shown_off_cm"] < 0.1
+        and not take.report["warnings"]
+        and take.report["goals"][0]["reached"]
+    )
     assert bpy.context.scene.frame_current == frame and tuple(other.location) == place

@@ -1,4 +1,6 @@
-"""Whatever units scene, object and bones are in, a character is as large as its legs are long, and does the same."""
+"""Whatever units scene, object and bones are in, a character is as large as its legs are long, and does the
+same.
+"""
 
 from __future__ import annotations
 
@@ -21,20 +23,27 @@ from nsm_core.errors import SkeletonError
 from nsm_core.rotations import quat_normalize
 
 
-def character(bones: float = 1.0, scale: float = 1.0, y_up: bool = False, location=(1.5, -2.0, 0.0)) -> bpy.types.Object:
-    """The bundled character as importers leave it: bones ``bones`` times as long, perhaps Y up, the object scaled and turned back."""
+def character(
+    bones: float = 1.0, scale: float = 1.0, y_up: bool = False, location=(1.5, -2.0, 0.0)
+) -> bpy.types.Object:
+    """The bundled character as importers leave it: bones ``bones`` times as long, perhaps Y up, the object
+    scaled and turned back.
+    """
     made = add_character(location)
     for child in list(made.children):
         bpy.data.objects.remove(child)
     bpy.context.view_layer.objects.active = made
-    made.data.transform(Matrix.Scale(bones, 4) @ (Matrix.Rotation(-math.pi / 2, 4, "X") if y_up else Matrix()))
+    made.data.transform(
+        Matrix.Scale(bones, 4) @ (Matrix.Rotation(-math.pi / 2, 4, "X") if y_up else Matrix())
+    )
     made.scale, made.rotation_euler.x = (scale,) * 3, math.pi / 2 if y_up else 0.0
     bpy.context.view_layer.update()
     return made
 
 
 @pytest.mark.parametrize(
-    ("bones", "scale", "y_up"), [(100, 0.01, False), (100, 0.01, True), (1, 100, False), (0.01, 1, True), (2, 1.5, False)]
+    ("bones", "scale", "y_up"),
+    [(100, 0.01, False), (100, 0.01, True), (1, 100, False), (0.01, 1, True), (2, 1.5, False)],
 )
 def test_size_place_and_keys_whatever_the_units(bones, scale, y_up):
     made, size = character(bones, scale, y_up), bones * scale
@@ -95,7 +104,9 @@ def test_a_room_reads_the_same_in_any_units(units):
     one, other = read(1.0), read(units)
     np.testing.assert_allclose(other.start_position, one.start_position, atol=1e-5)
     np.testing.assert_allclose(other.goals[0].position, one.goals[0].position, atol=1e-5)
-    np.testing.assert_allclose(other.goals[0].interaction.occupancy, one.goals[0].interaction.occupancy, atol=1e-4)
+    np.testing.assert_allclose(
+        other.goals[0].interaction.occupancy, one.goals[0].interaction.occupancy, atol=1e-4
+    )
     a, b = (q.environment.signed_distance(points, 0.3) for q in (one, other))
     np.testing.assert_allclose(a, b, atol=1e-4)
     assert (a < 0.3).any()
@@ -115,4 +126,8 @@ def test_an_imported_character_sits_on_an_ordinary_chair():
 def test_the_frame_of_the_query_is_the_characters():
     box("Crate", (0, 0, 1), (200, 100, 101))
     query = gather_colliders(bpy.context.scene, None, (), WorldFrame(100.0, 1.0))
-    np.testing.assert_allclose(query.signed_distance(np.array(((2.2, 0.5, 0.5), (1, 0.5, 0.9)), np.float32), 0.5), (0.2, -0.1), atol=1e-5)
+    np.testing.assert_allclose(
+        query.signed_distance(np.array(((2.2, 0.5, 0.5), (1, 0.5, 0.9)), np.float32), 0.5),
+        (0.2, -0.1),
+        atol=1e-5,
+    )

@@ -1,4 +1,6 @@
-"""A scripted character for the tests of carrying and opening: it does what the goal series says, as a network would."""
+"""A scripted character for the tests of carrying and opening: it does what the goal series says, as a network
+would.
+"""
 
 from __future__ import annotations
 
@@ -25,13 +27,23 @@ HANGING = np.array(((-0.24, -0.05, 0.78), (0.24, -0.05, 0.78)))
 
 
 class Actor:
-    """Walks at 1.2 m/s to where the series leads, reaches for what is commanded, holds it, and lets go when it is there.
+    """Walks at 1.2 m/s to where the series leads, reaches for what is commanded, holds it, and lets go when
+    it is there.
 
-    ``error`` (3,) metres by which its hands miss, ``skew`` radians by which the axis of its hands is turned, ``grips`` False for
-    hands that never come near.
+    ``error`` (3,) metres by which its hands miss, ``skew`` radians by which the axis of its hands is turned,
+    ``grips`` False for hands that never come near.
     """
 
-    def __init__(self, goals: list[Goal], solids=None, root=(0.0, 0.0, 0.0), error=(0.0, 0.0, 0.0), skew=0.0, grips=True, **options):
+    def __init__(
+        self,
+        goals: list[Goal],
+        solids=None,
+        root=(0.0, 0.0, 0.0),
+        error=(0.0, 0.0, 0.0),
+        skew=0.0,
+        grips=True,
+        **options,
+    ):
         self.solids = Cuboids() if solids is None else solids
         self.goals, self.props = own_props(goals)
         self.scene = Scene(self.solids, self.props.values())
@@ -69,7 +81,15 @@ class Actor:
         contacts[FOOT_CONTACTS] = 1
         contacts[HAND_CONTACTS] = self.labels
         hips = np.append(self.root[:2], 0.9)
-        return Moment(self.root.astype(np.float32), hips, float(self.root[2]), self.speed, self.style.copy(), self.wrists.copy(), contacts)
+        return Moment(
+            self.root.astype(np.float32),
+            hips,
+            float(self.root[2]),
+            self.speed,
+            self.style.copy(),
+            self.wrists.copy(),
+            contacts,
+        )
 
     def _walk(self, position, heading, action) -> None:
         hot = {name for k, name in enumerate(GOAL_ACTIONS) if action[6, k] > 0.5}
@@ -103,7 +123,9 @@ class Actor:
                 wanted, touch = self._open(hot, grasp, wanted)
         change = wanted - self.wrists
         size = np.linalg.norm(change, axis=1, keepdims=True)
-        self.wrists += change * np.minimum(1, np.minimum(0.25, (1.4 / 30 + self.speed / 30) / np.maximum(size, 1e-9)))
+        self.wrists += change * np.minimum(
+            1, np.minimum(0.25, (1.4 / 30 + self.speed / 30) / np.maximum(size, 1e-9))
+        )
         self.labels = np.clip(self.labels + np.where(touch > 0.5, 0.25, -0.25), 0, 1)
 
     def _missed(self, places: np.ndarray) -> np.ndarray:
@@ -116,7 +138,9 @@ class Actor:
         if hot == {"carry"}:
             wanted = self._missed(grasp.grasps() + box.shown - box.raised)
             near = self.distance < 0.1
-            return (wanted if near else self._world(HANGING)), np.linalg.norm(self.wrists - wanted, axis=1) < 0.03
+            return (wanted if near else self._world(HANGING)), np.linalg.norm(
+                self.wrists - wanted, axis=1
+            ) < 0.03
         held = np.array((0.0, -(box.stand_off(grasp.facing) + 0.05), 1.0))
         turned = rotate_planar(local - (0, 0, local[0, 2]), -grasp.facing)
         wanted = self._world(turned + held)
@@ -135,7 +159,9 @@ class Actor:
         elif hot != {"open"} and grasp.state == "held":
             # Ahead of the leaf by what a hand that swings it is, as far as the arm reaches.
             leaf, shoulder = grasp.prop, Pose(*self.frames[-1]["pose"], self.wrists).arms()[0][hand]
-            places = [leaf.grip(grasp.way.side, leaf.angle + lead) + self.error for lead in (0.2, 0.12, 0.06, 0.0)]
+            places = [
+                leaf.grip(grasp.way.side, leaf.angle + lead) + self.error for lead in (0.2, 0.12, 0.06, 0.0)
+            ]
             wanted[hand] = next((p for p in places if np.linalg.norm(p - shoulder) < 0.52), places[-1])
             touch[hand] = 1
         return wanted, touch
@@ -182,7 +208,9 @@ class Actor:
     @cached_property
     def joints(self) -> np.ndarray:
         """Joints (T, 23, 3) as they are kept; ask when it is over."""
-        return forward_kinematics(*(np.array(c) for c in zip(*(f["pose"] for f in self.frames), strict=True)))[0]
+        return forward_kinematics(
+            *(np.array(c) for c in zip(*(f["pose"] for f in self.frames), strict=True))
+        )[0]
 
 
 def drive(goals: list[Goal], **options) -> Actor:

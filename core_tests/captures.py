@@ -1,4 +1,6 @@
-"""A small capture folder by computation: quiet stands, walks that start, turn and stop, and sits; and what is composed of it."""
+"""A small capture folder by computation: quiet stands, walks that start, turn and stop, and sits; and what is
+composed of it.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ def _body(headings: np.ndarray) -> np.ndarray:
     return local
 
 
-def _legs(hips: np.ndarray, local: np.ndarray, toes: np.ndarray, pitch: np.ndarray, headings: np.ndarray) -> np.ndarray:
+def _legs(
+    hips: np.ndarray, local: np.ndarray, toes: np.ndarray, pitch: np.ndarray, headings: np.ndarray
+) -> np.ndarray:
     feet = quat_mul(heading_quat(headings), quat_from_rotvec(pitch[..., None] * np.array((1.0, 0, 0))))
     return place_limbs(hips, local, LEGS, toes - quat_rotate(feet, np.broadcast_to(TOE, toes.shape)), feet)
 
@@ -53,8 +57,11 @@ def _home(root: np.ndarray, heading: np.ndarray) -> np.ndarray:
     return np.stack([root + 0.1 * ahead + sign * 0.09 * left for sign in (-1, 1)], axis=1)
 
 
-def walk(distance: float, turn: float, seconds: float, rest: float = 1.2, travel: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Stand, walk ``distance`` metres while turning by ``turn`` radians, and stand: hips (T, 3), local rotations (T, 23, 4).
+def walk(
+    distance: float, turn: float, seconds: float, rest: float = 1.2, travel: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Stand, walk ``distance`` metres while turning by ``turn`` radians, and stand: hips (T, 3), local
+    rotations (T, 23, 4).
 
     ``travel`` is the angle between the way that is walked and the way that is faced.
     """
@@ -92,7 +99,9 @@ def stand(frames: int = 150) -> tuple[np.ndarray, np.ndarray]:
     """A quiet stand that sways by a few millimetres."""
     t = np.arange(frames)
     hips = np.stack((0.004 * np.sin(t / 17), 0.003 * np.sin(t / 23), HEIGHT + 0.002 * np.sin(t / 11)), axis=1)
-    toes = np.concatenate((_home(np.zeros((1, 2)), np.zeros(1)), np.full((1, 2, 1), TOE_HEIGHT)), axis=2).repeat(frames, 0)
+    toes = np.concatenate(
+        (_home(np.zeros((1, 2)), np.zeros(1)), np.full((1, 2, 1), TOE_HEIGHT)), axis=2
+    ).repeat(frames, 0)
     return hips, _legs(hips, _body(np.zeros(frames)), toes, np.zeros((frames, 2)), np.zeros((frames, 2)))
 
 
@@ -104,7 +113,9 @@ def sit(height: float = 0.52, back: float = 0.42) -> tuple[np.ndarray, np.ndarra
     local = _body(np.zeros(len(t)))
     lean = 0.6 * np.sin(np.pi * w) ** 2
     local[:, INDEX["Chest"]] = quat_from_rotvec(lean[:, None] * np.array((1.0, 0, 0)))
-    toes = np.concatenate((_home(np.zeros((1, 2)), np.zeros(1)), np.full((1, 2, 1), TOE_HEIGHT)), axis=2).repeat(len(t), 0)
+    toes = np.concatenate(
+        (_home(np.zeros((1, 2)), np.zeros(1)), np.full((1, 2, 1), TOE_HEIGHT)), axis=2
+    ).repeat(len(t), 0)
     return hips, _legs(hips, local, toes, np.zeros((len(t), 2)), np.zeros((len(t), 2)))
 
 
@@ -152,7 +163,13 @@ def capture_folder(tmp_path_factory) -> Path:
 def data_folder(tmp_path_factory) -> Path:
     """A minute and a half of training data composed from it, exported once per run of the tests."""
     if "data" not in _made:
-        _made["data"] = export(str(capture_folder(tmp_path_factory)), tmp_path_factory.mktemp("data") / "set", 1.5, seed=3, workers=1)
+        _made["data"] = export(
+            str(capture_folder(tmp_path_factory)),
+            tmp_path_factory.mktemp("data") / "set",
+            1.5,
+            seed=3,
+            workers=1,
+        )
     return _made["data"]
 
 
@@ -164,13 +181,17 @@ def source(folder: Path) -> Source:
 
 @cache
 def seeded(folder: Path) -> dict[int, ComposedTake]:
-    """The first takes that the seeds from 0 compose, by seed: some with seats, some led along, some among furniture."""
+    """The first takes that the seeds from 0 compose, by seed: some with seats, some led along, some among
+    furniture.
+    """
     composer, found = Composer(source(folder), {"sit": 0.68, "walk": 0.27, "run": 0.05}), {}
     for seed in range(60):
         take = composer.compose(seed)
         if take is not None:
             found[seed] = take
-        seats, pieces = (sum(len(getattr(t, kind)) for t in found.values()) for kind in ("things", "obstacles"))
+        seats, pieces = (
+            sum(len(getattr(t, kind)) for t in found.values()) for kind in ("things", "obstacles")
+        )
         led = any(c.position is None for t in found.values() for c in t.commands)
         if len(found) > 2 and seats > 1 and pieces > 3 and led:
             return found

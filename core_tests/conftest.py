@@ -17,12 +17,21 @@ from nsm_core.model.inference.weights_file import save_weights
 from nsm_core.model.networks.nsm_config import NsmConfig
 
 LAYOUT = layout_description()
-SHARING = ("test_composer", "test_codec", "test_fresh_takes", "test_swap_objects", "test_training", "test_single_clips")
+SHARING = (
+    "test_composer",
+    "test_codec",
+    "test_fresh_takes",
+    "test_swap_objects",
+    "test_training",
+    "test_single_clips",
+)
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items) -> None:
-    """On several cores a file's tests stay together, and so do the files that look at the same composed takes."""
+    """On several cores a file's tests stay together, and so do the files that look at the same composed
+    takes.
+    """
     if config.pluginmanager.hasplugin("xdist"):
         for item in items:
             name = item.path.stem
@@ -39,7 +48,9 @@ def random_arrays(config: NsmConfig, seed: int = 0) -> tuple[dict[str, np.ndarra
         elif name.endswith("_mean"):
             statistics[name] = rng.normal(size=shape).astype(np.float32)
         elif name.endswith("weight"):
-            parameters[name] = rng.normal(size=shape).astype(np.float32) * np.float32(1.4 / np.sqrt(shape[-1]))
+            parameters[name] = rng.normal(size=shape).astype(np.float32) * np.float32(
+                1.4 / np.sqrt(shape[-1])
+            )
         else:
             parameters[name] = rng.normal(size=shape).astype(np.float32) * np.float32(0.1)
     return parameters, statistics
@@ -50,7 +61,9 @@ def full_weights(tmp_path_factory) -> Path:
     """Weights file of a network of the shipped size, random values."""
     config = NsmConfig()
     path = tmp_path_factory.mktemp("weights") / "full.npz"
-    return save_weights(path, *random_arrays(config), config=config, layout=LAYOUT, credits=["nobody"], seeds={"init": 0})
+    return save_weights(
+        path, *random_arrays(config), config=config, layout=LAYOUT, credits=["nobody"], seeds={"init": 0}
+    )
 
 
 @pytest.fixture

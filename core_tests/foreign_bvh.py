@@ -1,4 +1,6 @@
-"""Write motions as other programs do: any names, axes, units and rest poses, without the project's own writer."""
+"""Write motions as other programs do: any names, axes, units and rest poses, without the project's own
+writer.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +24,10 @@ def foreign(
     twists: dict[str, np.ndarray] | None = None,
     rest_frame: bool = False,
 ) -> Path:
-    """Write a motion on the joints of ``names`` only.  ``unit``: metres a unit; ``size``: how much bigger the performer is;
-    ``axes``: from our axes to the file's; ``twists``: world turns (4,) of joints' own axes in the T-pose, by joint."""
+    """Write a motion on the joints of ``names`` only.  ``unit``: metres a unit; ``size``: how much bigger the
+    performer is;
+    ``axes``: from our axes to the file's; ``twists``: world turns (4,) of joints' own axes in the T-pose, by
+    joint."""
     hips, local = motion
     _, world = forward_kinematics(hips, local)
     kept = [j for j in range(J) if JOINTS[j] in names]
@@ -45,8 +49,18 @@ def foreign(
         p = parent(j)
         offset = quat_rotate(quat_conjugate(turn[p]), rest[j] - rest[p]) if p >= 0 else np.zeros(3)
         order.append(j)
-        channels[j] = "6 Xposition Yposition Zposition Yrotation Xrotation Zrotation" if p < 0 else "3 Yrotation Xrotation Zrotation"
-        lines.extend([f"{'JOINT' if p >= 0 else 'ROOT'} {names[JOINTS[j]]}", "{", f"OFFSET {numbers(axes @ offset * size / unit)}"])
+        channels[j] = (
+            "6 Xposition Yposition Zposition Yrotation Xrotation Zrotation"
+            if p < 0
+            else "3 Yrotation Xrotation Zrotation"
+        )
+        lines.extend(
+            [
+                f"{'JOINT' if p >= 0 else 'ROOT'} {names[JOINTS[j]]}",
+                "{",
+                f"OFFSET {numbers(axes @ offset * size / unit)}",
+            ]
+        )
         lines.append(f"CHANNELS {channels[j]}")
         for child in kept:
             if parent(child) == j:
@@ -67,7 +81,15 @@ def foreign(
             p = parent(j)
             q = turned[t, j] if p < 0 else quat_mul(quat_conjugate(turned[t, p]), turned[t, j])
             m = axes @ quat_to_matrix(q) @ axes.T  # Ry Rx Rz
-            row += np.degrees((np.arctan2(m[0, 2], m[2, 2]), np.arcsin(np.clip(-m[1, 2], -1, 1)), np.arctan2(m[1, 0], m[1, 1]))).tolist()
+            row += np.degrees(
+                (
+                    np.arctan2(m[0, 2], m[2, 2]),
+                    np.arcsin(np.clip(-m[1, 2], -1, 1)),
+                    np.arctan2(m[1, 0], m[1, 1]),
+                )
+            ).tolist()
         rows.append(numbers(np.array(row)))
-    path.write_text("\n".join([*lines, "MOTION", f"Frames: {len(rows)}", "Frame Time: 0.0333333", *rows]) + "\n")
+    path.write_text(
+        "\n".join([*lines, "MOTION", f"Frames: {len(rows)}", "Frame Time: 0.0333333", *rows]) + "\n"
+    )
     return path

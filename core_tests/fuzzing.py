@@ -1,4 +1,6 @@
-"""Seeded damage for the readers' tests: bytes, words and lines changed at random, and what a reader may do with it."""
+"""Seeded damage for the readers' tests: bytes, words and lines changed at random, and what a reader may do
+with it.
+"""
 
 from __future__ import annotations
 
@@ -67,7 +69,9 @@ def _cut(data: bytes, rng: random.Random) -> bytes:
 
 @contextmanager
 def bounded(megabytes: float) -> Iterator[None]:
-    """Let this process have so much more memory than now: what asks for more gets a MemoryError.  On Linux alone."""
+    """Let this process have so much more memory than now: what asks for more gets a MemoryError.  On Linux
+    alone.
+    """
     if not sys.platform.startswith("linux"):
         yield
         return
@@ -82,8 +86,11 @@ def bounded(megabytes: float) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, before)
 
 
-def survives(read: Callable[[bytes], None], data: bytes, count: int, seed: int, megabytes: float = 200) -> tuple[int, int]:
-    """Feed ``count`` damaged copies to a reader: it returns, or raises NsmError in one sentence, in bounded memory.
+def survives(
+    read: Callable[[bytes], None], data: bytes, count: int, seed: int, megabytes: float = 200
+) -> tuple[int, int]:
+    """Feed ``count`` damaged copies to a reader: it returns, or raises NsmError in one sentence, in bounded
+    memory.
 
     Returns how many were read and how many refused.
     """
@@ -100,7 +107,9 @@ def survives(read: Callable[[bytes], None], data: bytes, count: int, seed: int, 
                 text = str(error)
                 assert text.endswith(".") and "\n" not in text and len(text) < 1200, (seed, k, text)
             except Exception as error:
-                raise AssertionError(f"seed {seed}, copy {k}: {type(error).__name__}: {error}\n{copy[:3000]!r}") from error
+                raise AssertionError(
+                    f"seed {seed}, copy {k}: {type(error).__name__}: {error}\n{copy[:3000]!r}"
+                ) from error
     return done, refused
 
 

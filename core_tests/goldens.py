@@ -1,23 +1,29 @@
-"""Golden takes and golden composed data: what is made today, in digests that tell which joint and which frame came to differ.
+"""Golden takes and golden composed data: what is made today, in digests that tell which joint and which frame
+came to differ.
 
-A digest keeps every ``EVERY``-th frame of a take: of the keyed pose and of the network's own pose each joint's place and where
-it faces, over 10 cm, so that a twist shows too, the roots, labels, contacts, phase, props and what became of
-the goals; of composed data the arrays that are written for training and the network's own features and targets by name.
-Everything is made by code with fixed seeds: the scenes below, the shipped weights and the captures of ``captures``.
+A digest keeps every ``EVERY``-th frame of a take: of the keyed pose and of the network's own pose each
+joint's place and where it faces, over 10 cm, so that a twist shows too, the roots, labels, contacts, phase,
+props and what became of the goals; of composed data the arrays that are written for training and the
+network's own features and targets by name. Everything is made by code with fixed seeds: the scenes below, the
+shipped weights and the captures of ``captures``.
 
-The tolerance is 4 mm, of other values 0.004, and no frame more or less.  What floats make of it was measured: starts moved by
-1e-6 m and rad, OpenBLAS kernels for AVX2 and for processors without (``OPENBLAS_CORETYPE=Haswell`` and ``Nehalem``, numpy's own
-AVX2 and FMA switched off), and numpy 2.5.5 instead of 1.26.4 move no joint and no prop by more than 0.02 mm, no label or phase by
-more than 0.0001, no feature by more than 0.0002 and no goal by a frame: noise does not grow in these takes, since contacts and
-goals hold them, so their length is bounded by the time they cost alone.  Much longer or freer takes may do otherwise.
-Composing chooses among captured frames, and where two are nearly as good noise may choose the other: the seeds are such that
-captures off by 2e-6 m choose the same (joints then move by 0.02 mm, on seats by 0.8 mm; kernels alone by a hundredth of that).
+The tolerance is 4 mm, of other values 0.004, and no frame more or less.  What floats make of it was measured:
+starts moved by 1e-6 m and rad, OpenBLAS kernels for AVX2 and for processors without
+(``OPENBLAS_CORETYPE=Haswell`` and ``Nehalem``, numpy's own AVX2 and FMA switched off), and numpy 2.5.5
+instead of 1.26.4 move no joint and no prop by more than 0.02 mm, no label or phase by more than 0.0001, no
+feature by more than 0.0002 and no goal by a frame: noise does not grow in these takes, since contacts and
+goals hold them, so their length is bounded by the time they cost alone.  Much longer or freer takes may do
+otherwise.  Composing chooses among captured frames, and where two are nearly as good noise may choose the
+other: the seeds are such that captures off by 2e-6 m choose the same (joints then move by 0.02 mm, on seats
+by 0.8 mm; kernels alone by a hundredth of that).
 
-They stay as they are through every change that is to change no motion.  After one that is meant to change it, look at the
-motion (``evaluate``, contact sheets), then write them anew and say in the commit what changed and why:
+They stay as they are through every change that is to change no motion.  After one that is meant to change it,
+look at the motion (``evaluate``, contact sheets), then write them anew and say in the commit what changed and
+why:
 
     python core_tests/goldens.py            # compares all, as the tests do
-    python core_tests/goldens.py --write    # writes all anew and tells how far each moved; names may follow: --write sit open
+    python core_tests/goldens.py --write    # writes all anew and tells how far each moved; names may follow:
+    --write sit open
 
 Never write them to make a test pass that nobody expected to fail.
 """
@@ -68,7 +74,8 @@ POINTS = ("joints", "facing", "network_joints", "network_facing")  # places; com
 
 TOLERANCE = 0.004  # by which a value may be off: metres, or parts of one, with the rounding to UNIT in it
 
-# --- scenes of the takes -----------------------------------------------------------------------------------------
+# --- scenes of the takes
+# -----------------------------------------------------------------------------------------
 
 
 def _free(action: str, *goal: float, still: tuple = (), hold: float = 0.3) -> TakeRequest:
@@ -95,12 +102,16 @@ def _carry() -> TakeRequest:
     facing = 0.5
     top, still = carry.support(rng, (0.5, 0.5), crate, np.array((1.3, 0.9)), facing, None)
     box, goal = np.array((0, 0, 0.13, 0.2)), np.array((1.3, 0.9, top + 0.13, facing))
-    return carry.request(carry.CarryTrial(0, "", np.array((0.1, 0.9)), 0.2, crate, box, goal, facing, tuple(still)), hold=0.3)
+    return carry.request(
+        carry.CarryTrial(0, "", np.array((0.1, 0.9)), 0.2, crate, box, goal, facing, tuple(still)), hold=0.3
+    )
 
 
 def _open(push: bool) -> TakeRequest:
     door = make_door(np.random.default_rng(5), width=0.85, near=2.0, far=2.0)
-    return doors.request(doors.DoorTrial(0, "", np.array((0.5, -1.0)), 2.8, door, np.zeros(4), 1.0 if push else -1.0), hold=0.2)
+    return doors.request(
+        doors.DoorTrial(0, "", np.array((0.5, -1.0)), 2.8, door, np.zeros(4), 1.0 if push else -1.0), hold=0.2
+    )
 
 
 def _climb() -> TakeRequest:
@@ -120,11 +131,13 @@ SCENES: dict[str, Callable[[], TakeRequest]] = {
 }
 LONGEST = 400  # frames
 
-# --- composed data: the share that is drawn, and a seed whose take is short and that noise does not change ------
+# --- composed data: the share that is drawn, and a seed whose take is short and that noise does not change
+# ------
 
 COMPOSED: dict[str, int] = {"walk": 11, "run": 2, "sit": 7, "carry": 2, "open": 12, "climb": 3}
 
-# --- digests -----------------------------------------------------------------------------------------------------
+# --- digests
+# -----------------------------------------------------------------------------------------------------
 
 
 def _turned(angles: np.ndarray) -> np.ndarray:
@@ -134,7 +147,10 @@ def _turned(angles: np.ndarray) -> np.ndarray:
 
 def _posed(prefix: str, hips: np.ndarray, rotations: np.ndarray) -> Digest:
     joints, world = forward_kinematics(hips.astype(np.float64), rotations.astype(np.float64))
-    return {f"{prefix}joints": joints, f"{prefix}facing": quat_rotate(world, np.broadcast_to(AHEAD, joints.shape))}
+    return {
+        f"{prefix}joints": joints,
+        f"{prefix}facing": quat_rotate(world, np.broadcast_to(AHEAD, joints.shape)),
+    }
 
 
 @cache
@@ -143,7 +159,9 @@ def _model() -> object:
 
 
 def take(name: str, change: Callable[[TakeRequest, object], None] | None = None) -> Digest:
-    """Roll the take ``name`` out and digest it; ``change`` may alter the request before it starts and see the model."""
+    """Roll the take ``name`` out and digest it; ``change`` may alter the request before it starts and see the
+    model.
+    """
     asked = SCENES[name]()
     if change is not None:
         change(asked, _model())
@@ -177,7 +195,9 @@ def source() -> object:
         folder = captures.write_captures(Path(scratch))
         bvh_writer.write(folder / "clips" / "accad_male1" / "male1_a5_pickupbox.bvh", *pick_up())
         for n, (distance, turn) in enumerate(((4.5, 0), (5.0, 0.5), (4.0, 1.0))):
-            bvh_writer.write(folder / "clips" / "accad_male2" / f"male2_run{n}.bvh", *captures.walk(distance, turn, 2.1))
+            bvh_writer.write(
+                folder / "clips" / "accad_male2" / f"male2_run{n}.bvh", *captures.walk(distance, turn, 2.1)
+            )
         return load(str(folder))
 
 
@@ -185,7 +205,9 @@ def composed(name: str, source: object = None) -> Digest:
     """Compose the take of an action's seed and digest it as training data."""
     made = Composer(globals()["source"]() if source is None else source, {name: 1.0}).compose(COMPOSED[name])
     if made is None:
-        raise ValueError(f"Seed {COMPOSED[name]} composes no take of {name} any more; put another into COMPOSED.")
+        raise ValueError(
+            f"Seed {COMPOSED[name]} composes no take of {name} any more; put another into COMPOSED."
+        )
     data = captures.data_of(made)
     arrays, kept = data.arrays, slice(0, None, EVERY["data"])
     digest = _posed("", made.hips[kept], made.rotations[kept])
@@ -198,7 +220,9 @@ def composed(name: str, source: object = None) -> Digest:
         "goal_heading": _turned(arrays["goal_heading"][kept, 6]),
         "goal_action": arrays["goal_action"][kept, 6],
         "thing": arrays["object"][kept, None],
-        "thing_pose": np.concatenate((arrays["object_pose"][kept, :3], _turned(arrays["object_pose"][kept, 3])), axis=-1),
+        "thing_pose": np.concatenate(
+            (arrays["object_pose"][kept, :3], _turned(arrays["object_pose"][kept, 3])), axis=-1
+        ),
         "held": arrays["held"][kept, None],
     }
     obstacles = [(*o.position[:2], o.heading, *o.furniture.size) for o in made.obstacles]
@@ -215,7 +239,9 @@ def composed(name: str, source: object = None) -> Digest:
 
 
 def _features(data: object) -> Digest:
-    """Input and target of the network by their names at a few frames spread over a take; sensors as means of neighbours."""
+    """Input and target of the network by their names at a few frames spread over a take; sensors as means of
+    neighbours.
+    """
     frames = np.linspace(0, len(data.frames) - 2, FEATURE_FRAMES).astype(int)
     state, following = data.state(frames), data.state(frames + 1)
     x, gating = build_inputs(state, data.surroundings(frames, state.root))
@@ -224,7 +250,11 @@ def _features(data: object) -> Digest:
     found |= {f"goal.{n}": GOAL.get(INPUT.get(x, "goal"), n) for n in GOAL.shapes}
     found |= {f"target.{n}": OUTPUT.get(y, n) for n in OUTPUT.shapes}
     found = {n: v.reshape(len(frames), -1) for n, v in found.items()}
-    for name, values in (("environment", INPUT.get(x, "environment")), ("interaction", INPUT.get(x, "interaction")), ("gating", gating)):
+    for name, values in (
+        ("environment", INPUT.get(x, "environment")),
+        ("interaction", INPUT.get(x, "interaction")),
+        ("gating", gating),
+    ):
         spans = np.arange(0, values.shape[1], POOLED)
         found[name] = np.add.reduceat(values, spans, axis=1) / np.diff(np.append(spans, values.shape[1]))
     return found
@@ -237,7 +267,8 @@ ROWS = {
     "obstacles": ("x", "y", "heading", "width", "depth", "height"),
 }
 
-# --- stored, compared and written --------------------------------------------------------------------------------
+# --- stored, compared and written
+# --------------------------------------------------------------------------------
 
 
 def path_of(kind: str, name: str) -> Path:
@@ -246,23 +277,37 @@ def path_of(kind: str, name: str) -> Path:
 
 
 def write(kind: str, name: str, digest: Digest) -> None:
-    """Store a digest as whole numbers of ``UNIT``, all in one array, since every array of a file costs its head."""
+    """Store a digest as whole numbers of ``UNIT``, all in one array, since every array of a file costs its
+    head.
+    """
     layout = json.dumps({k: np.shape(v) for k, v in digest.items()})
-    values = np.concatenate([np.round(np.ravel(v).astype(np.float64) / UNIT) for v in digest.values()]).astype(np.int32)
+    values = np.concatenate(
+        [np.round(np.ravel(v).astype(np.float64) / UNIT) for v in digest.values()]
+    ).astype(np.int32)
     # Bytes of the same weight together are packed better.
-    np.savez_compressed(path_of(kind, name), layout=np.array(layout), values=values.view(np.uint8).reshape(-1, 4).T)
+    np.savez_compressed(
+        path_of(kind, name), layout=np.array(layout), values=values.view(np.uint8).reshape(-1, 4).T
+    )
 
 
 def read(kind: str, name: str) -> Digest:
     """The golden digest, in metres and the like again."""
     with np.load(path_of(kind, name)) as file:
-        layout, values = json.loads(str(file["layout"])), np.ascontiguousarray(file["values"].T).view(np.int32).ravel() * UNIT
+        layout, values = (
+            json.loads(str(file["layout"])),
+            np.ascontiguousarray(file["values"].T).view(np.int32).ravel() * UNIT,
+        )
     ends = np.cumsum([int(np.prod(shape)) for shape in layout.values()])
-    return {k: part.reshape(shape) for (k, shape), part in zip(layout.items(), np.split(values, ends[:-1]), strict=True)}
+    return {
+        k: part.reshape(shape)
+        for (k, shape), part in zip(layout.items(), np.split(values, ends[:-1]), strict=True)
+    }
 
 
 def apart(golden: Digest, now: Digest) -> dict[str, np.ndarray]:
-    """How far two digests are apart by name: of places their distance in metres, of other values the difference."""
+    """How far two digests are apart by name: of places their distance in metres, of other values the
+    difference.
+    """
     off = {}
     for name in golden.keys() & now.keys():
         a, b = np.asarray(golden[name], dtype=np.float64), np.asarray(now[name], dtype=np.float64)
@@ -273,7 +318,9 @@ def apart(golden: Digest, now: Digest) -> dict[str, np.ndarray]:
 
 
 def differences(kind: str, golden: Digest, now: Digest) -> list[str]:
-    """What came to differ by more than is allowed: a sentence for each name, with the first and the largest deviation."""
+    """What came to differ by more than is allowed: a sentence for each name, with the first and the largest
+    deviation.
+    """
     found = [f"{name} is new; write the goldens anew." for name in sorted(now.keys() - golden.keys())]
     found += [f"{name} is not made any more." for name in sorted(golden.keys() - now.keys())]
     off = apart(golden, now)
@@ -288,8 +335,13 @@ def differences(kind: str, golden: Digest, now: Digest) -> list[str]:
         wrong = np.argwhere(~(off[name] <= TOLERANCE))
         if len(wrong):
             most = np.array(np.unravel_index(np.nan_to_num(off[name], nan=np.inf).argmax(), off[name].shape))
-            first, most = (f"{_where(kind, name, at)} by {off[name][tuple(at)]:.4f}" for at in (wrong[0], most))
-            found.append(f"{name} is off in {len(wrong)} of {off[name].size} values, first {first}, most {most} (allowed: {TOLERANCE:g}).")
+            first, most = (
+                f"{_where(kind, name, at)} by {off[name][tuple(at)]:.4f}" for at in (wrong[0], most)
+            )
+            found.append(
+                f"{name} is off in {len(wrong)} of {off[name].size} values, first {first}, most {most} "
+                f"(allowed: {TOLERANCE:g})."
+            )
     return found
 
 

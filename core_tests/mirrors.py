@@ -15,5 +15,9 @@ def _partners(points: np.ndarray) -> np.ndarray:
     return away.argmin(1)
 
 
-ENVIRONMENT_MIRROR = _partners(ENVIRONMENT_POINTS)  # environment[ENVIRONMENT_MIRROR] is the reading in the reflected world
-INTERACTION_MIRROR = _partners(UNIT_CELLS)  # and occupancy[INTERACTION_MIRROR] that of an object reflected in its own frame
+ENVIRONMENT_MIRROR = _partners(
+    ENVIRONMENT_POINTS
+)  # environment[ENVIRONMENT_MIRROR] is the reading in the reflected world
+INTERACTION_MIRROR = _partners(
+    UNIT_CELLS
+)  # and occupancy[INTERACTION_MIRROR] that of an object reflected in its own frame

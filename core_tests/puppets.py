@@ -18,9 +18,18 @@ EMPTY = FloorPlan(Cuboids(), ROOM)
 class Puppet:
     """Goes where the goal series says at 1.2 m/s at most, and sits where it is told to, close enough."""
 
-    def __init__(self, goals: list[Goal], root=(0.0, 0.0, 0.0), plan: FloorPlan = EMPTY, seed: int = 0, time_limit: float = 20.0):
+    def __init__(
+        self,
+        goals: list[Goal],
+        root=(0.0, 0.0, 0.0),
+        plan: FloorPlan = EMPTY,
+        seed: int = 0,
+        time_limit: float = 20.0,
+    ):
         self.root, self.sitting, self.speed = np.array(root, dtype=np.float64), 0.0, 0.0
-        self.director = Director(goals, plan, self.root.astype(np.float32), np.random.default_rng(seed), time_limit)
+        self.director = Director(
+            goals, plan, self.root.astype(np.float32), np.random.default_rng(seed), time_limit
+        )
         self.position, self.heading, self.action, self.sensed, self.roots = [], [], [], [], []
         self.obedient = True
         self.lifts: np.ndarray | None = None  # a place (3,) about which the ground is as high
@@ -39,7 +48,12 @@ class Puppet:
         if self.director.done:
             return False
         position, heading, action, sensed = self.director.update(self.moment())
-        for kept, value in ((self.position, position), (self.heading, heading), (self.action, action), (self.sensed, sensed)):
+        for kept, value in (
+            (self.position, position),
+            (self.heading, heading),
+            (self.action, action),
+            (self.sensed, sensed),
+        ):
             kept.append(value)
         self.roots.append(self.root.copy())
         if self.obedient:

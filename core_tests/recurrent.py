@@ -1,4 +1,6 @@
-"""A small network with memory, complete in all its forms, that exists in the tests alone: h' = tanh(W x + U h + b), y = V h' + d."""
+"""A small network with memory, complete in all its forms, that exists in the tests alone: h' = tanh(W x + U h
++ b), y = V h' + d.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,12 @@ class NumpyElman:
     backend = "numpy"
 
     def __init__(self, config: ElmanConfig, weights: Weights) -> None:
-        self.config, self.metadata, self._p, self._s = config, weights.metadata, weights.parameters, weights.statistics
+        self.config, self.metadata, self._p, self._s = (
+            config,
+            weights.metadata,
+            weights.parameters,
+            weights.statistics,
+        )
 
     def start(self, batch: int = 1):
         return self.config.start(batch)
@@ -64,11 +71,17 @@ def _module(config: ElmanConfig):
     class Elman(Trainable):
         def __init__(self) -> None:
             super().__init__(config)
-            self.read, self.again = nn.Linear(config.inputs, config.hidden), nn.Linear(config.hidden, config.hidden, bias=False)
+            self.read, self.again = (
+                nn.Linear(config.inputs, config.hidden),
+                nn.Linear(config.hidden, config.hidden, bias=False),
+            )
             self.tell = nn.Linear(config.hidden, config.outputs)
 
         def forward(self, inputs: Inputs, memory):
-            h = torch.tanh(self.read(inputs.features) + self.again(memory["hidden"])) + config.recall * memory["hidden"]
+            h = (
+                torch.tanh(self.read(inputs.features) + self.again(memory["hidden"]))
+                + config.recall * memory["hidden"]
+            )
             return self.tell(h).float(), {"hidden": h, "frames": memory["frames"] + 1}, {}
 
     return Elman()

@@ -1,4 +1,6 @@
-"""What a script needs stands in nsm_core itself, costs nothing until it is used, and does what docs/script.py shows."""
+"""What a script needs stands in nsm_core itself, costs nothing until it is used, and does what docs/script.py
+shows.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ def python(code: str, *arguments: str) -> str:
         "            raise ImportError('refused: ' + name)\n"
         "sys.meta_path.insert(0, Refuse())\n"
     )
-    done = subprocess.run([sys.executable, "-c", refuse + code, *arguments], cwd=ROOT, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", refuse + code, *arguments], cwd=ROOT, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -62,5 +66,9 @@ def test_an_unknown_name_is_an_error_as_in_any_module():
 def test_the_script_of_the_documents(tmp_path):
     out = tmp_path / "sit.bvh"
     said = python("import runpy\nrunpy.run_path('docs/script.py')\n", str(out)).splitlines()
-    assert len(said) == 2 and said[0].startswith("sit chair: reached") and said[1].startswith("walk away: reached")
+    assert (
+        len(said) == 2
+        and said[0].startswith("sit chair: reached")
+        and said[1].startswith("walk away: reached")
+    )
     assert 5 < len(read(out).hips_position) / 30 < 60

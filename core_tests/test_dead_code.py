@@ -1,4 +1,6 @@
-"""Nothing stands in the product that only tests use, or nobody: every name is read somewhere else, or is public."""
+"""Nothing stands in the product that only tests use, or nobody: every name is read somewhere else, or is
+public.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,17 @@ ROOT = Path(__file__).resolve().parents[1]
 PRODUCT = sorted(path for folder in ("nsm_core", "nsm_blender") for path in (ROOT / folder).rglob("*.py"))
 USERS = [*PRODUCT, ROOT / "dev.py", ROOT / "docs" / "take.py"]
 # Called or read by Blender, by Python or by a file format, each by its name.
-CALLED_FROM_OUTSIDE = {"register", "unregister", "draw", "draw_item", "execute", "invoke", "modal", "poll", "description"}
+CALLED_FROM_OUTSIDE = {
+    "register",
+    "unregister",
+    "draw",
+    "draw_item",
+    "execute",
+    "invoke",
+    "modal",
+    "poll",
+    "description",
+}
 CALLED_FROM_OUTSIDE |= {"create_module", "exec_module"}
 Span = tuple[Path, int, int]
 
@@ -33,7 +45,9 @@ def definitions(path: Path, tree: ast.Module):
 
 
 def uses(path: Path, tree: ast.Module):
-    """(name, line) of everything that a file reads, also under another name, or spells in a string (fields are read so too)."""
+    """(name, line) of everything that a file reads, also under another name, or spells in a string (fields
+    are read so too).
+    """
     renamed = {
         alias.asname: alias.name.split(".")[-1]
         for node in ast.walk(tree)
@@ -76,5 +90,7 @@ def test_the_search_finds_what_is_not_used(tmp_path):
 
 def test_every_name_is_used():
     public = {kept.rpartition(":")[2] for kept in nsm_core._KEPT.values()}
-    dead = [line for line in unused(PRODUCT, USERS) if line.rpartition(" ")[2] not in public | CALLED_FROM_OUTSIDE]
+    dead = [
+        line for line in unused(PRODUCT, USERS) if line.rpartition(" ")[2] not in public | CALLED_FROM_OUTSIDE
+    ]
     assert not dead, "used by nobody, or by tests alone; delete it:\n" + "\n".join(dead)

@@ -65,12 +65,21 @@ def test_everything_is_pinned():
 
 
 def test_modules_whose_types_are_let_off_exist():
-    let_off = [module for entry in dev.project()["tool"]["mypy"]["overrides"] for module in entry["module"] if "*" not in module]
-    assert let_off and all((ROOT / module.replace(".", "/")).with_suffix(".py").exists() for module in let_off)
+    let_off = [
+        module
+        for entry in dev.project()["tool"]["mypy"]["overrides"]
+        for module in entry["module"]
+        if "*" not in module
+    ]
+    assert let_off and all(
+        (ROOT / module.replace(".", "/")).with_suffix(".py").exists() for module in let_off
+    )
 
 
 def test_running_needs_no_torch():
-    assert not any("torch" in pin for pin in dev.requirements((), "4.5.15") + dev.requirements(("test",), "4.5.15"))
+    assert not any(
+        "torch" in pin for pin in dev.requirements((), "4.5.15") + dev.requirements(("test",), "4.5.15")
+    )
     assert any("torch==" in pin for pin in dev.requirements(("train",), None))
     assert "bpy==4.5.15" in dev.requirements((), "4.5.15")
 
@@ -79,7 +88,9 @@ def test_versions_agree():
     manifest = tomllib.loads((ROOT / "manifest.toml").read_text(encoding="utf-8"))
     assert manifest["version"] == nsm_core.__version__
     assert manifest["wheels"] == [f"./wheels/nsm_core-{nsm_core.__version__}-py3-none-any.whl"]
-    assert min(tuple(map(int, v.split("."))) for v in dev.wheels()) >= tuple(map(int, manifest["blender_version_min"].split(".")))
+    assert min(tuple(map(int, v.split("."))) for v in dev.wheels()) >= tuple(
+        map(int, manifest["blender_version_min"].split("."))
+    )
 
 
 def test_manifest_obeys_the_store():
@@ -112,11 +123,15 @@ def test_suites_named_by_arguments(arguments, expected):
 
 def test_a_failing_suite_fails_the_command(tmp_path, monkeypatch, capsys):
     (tmp_path / "core_tests").mkdir()
-    (tmp_path / "core_tests" / "test_a.py").write_text("def test_good(): pass\ndef test_bad(): assert False\n")
+    (tmp_path / "core_tests" / "test_a.py").write_text(
+        "def test_good(): pass\ndef test_bad(): assert False\n"
+    )
     monkeypatch.setattr(dev, "ROOT", tmp_path)
     assert dev.run_suite(Path(sys.executable), "core_tests", "here", ["-q"])[1].startswith("FAILED")
     assert dev.run_suite(Path(sys.executable), "core_tests", "here", ["-q", "-k", "good"])[1] == "passed"
-    assert dev.run_suite(Path(sys.executable), "core_tests", "here", ["-q", "-k", "nothing"])[1].startswith("skipped")
+    assert dev.run_suite(Path(sys.executable), "core_tests", "here", ["-q", "-k", "nothing"])[1].startswith(
+        "skipped"
+    )
 
 
 def tiny_wheel(folder: Path, version: str) -> str:
@@ -126,7 +141,9 @@ def tiny_wheel(folder: Path, version: str) -> str:
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("tiny.py", f"VERSION = {version!r}\n")
         archive.writestr(f"{info}/METADATA", f"Metadata-Version: 2.1\nName: tiny\nVersion: {version}\n")
-        archive.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+        archive.writestr(
+            f"{info}/WHEEL", "Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
+        )
         archive.writestr(f"{info}/RECORD", "")
     return f"tiny @ {path.as_uri()}"
 
@@ -136,7 +153,9 @@ def test_environments_are_made_reused_and_refreshed(tmp_path, capsys):
     first, second = tiny_wheel(tmp_path, "1.0"), tiny_wheel(tmp_path, "2.0")
 
     def version(python):
-        return subprocess.run([python, "-c", "import tiny; print(tiny.VERSION)"], capture_output=True, text=True).stdout.strip()
+        return subprocess.run(
+            [python, "-c", "import tiny; print(tiny.VERSION)"], capture_output=True, text=True
+        ).stdout.strip()
 
     python = dev.ensure(folder, sys.executable, [first])
     assert version(python) == "1.0"
@@ -164,7 +183,12 @@ def test_staged_extension(tmp_path):
     pytest.importorskip("setuptools")
     stage = dev.stage_extension(Path(sys.executable), tmp_path)
     names = {path.name for path in stage.iterdir()}
-    assert {"__init__.py", "blender_manifest.toml", "LICENSE", "wheels"} <= names and "manifest.toml" not in names
+    assert {
+        "__init__.py",
+        "blender_manifest.toml",
+        "LICENSE",
+        "wheels",
+    } <= names and "manifest.toml" not in names
     [wheel] = (stage / "wheels").iterdir()
     packed = set(zipfile.ZipFile(wheel).namelist())
     sources = {str(path.relative_to(ROOT).as_posix()) for path in (ROOT / "nsm_core").rglob("*.py")}
@@ -172,7 +196,9 @@ def test_staged_extension(tmp_path):
     assert not [name for name in packed if "test" in name.lower() or "__pycache__" in name]
     if importlib.util.find_spec("bpy"):
         tool = dev.extension_tool(Path(sys.executable))
-        done = subprocess.run([sys.executable, str(tool), "validate", str(stage)], capture_output=True, text=True)
+        done = subprocess.run(
+            [sys.executable, str(tool), "validate", str(stage)], capture_output=True, text=True
+        )
         assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -185,10 +211,14 @@ def test_missing_weights_stop_the_build(monkeypatch, tmp_path, capsys):
 
 def test_core_commands_are_listed_and_errors_are_short(tmp_path):
     def core(*arguments):
-        return subprocess.run([sys.executable, "-m", "nsm_core", *arguments], cwd=ROOT, capture_output=True, text=True)
+        return subprocess.run(
+            [sys.executable, "-m", "nsm_core", *arguments], cwd=ROOT, capture_output=True, text=True
+        )
 
     done = core("--help")
-    assert done.returncode == 0 and all(name in done.stdout for name in ("train", "evaluate", "bench", "compose"))
+    assert done.returncode == 0 and all(
+        name in done.stdout for name in ("train", "evaluate", "bench", "compose")
+    )
     assert core("dance").returncode == 2
     done = core("bench", "--weights", str(tmp_path / "none.npz"))
     assert done.returncode == 1 and "no weights file" in done.stderr and "Traceback" not in done.stderr

@@ -21,7 +21,9 @@ def test_an_earlier_name_is_what_stands_there_now(name):
     for target in earlier.MOVED[name]:
         now = importlib.import_module(target)
         for public in (n for n in vars(now) if not n.startswith("_")):
-            assert getattr(module, public) is getattr(importlib.import_module(earlier.MOVED[name][0]), public, getattr(now, public))
+            assert getattr(module, public) is getattr(
+                importlib.import_module(earlier.MOVED[name][0]), public, getattr(now, public)
+            )
 
 
 def test_every_earlier_name_leads_to_modules_that_are_there():
@@ -29,7 +31,9 @@ def test_every_earlier_name_leads_to_modules_that_are_there():
     for name, targets in earlier.MOVED.items():
         for target in targets:
             path = root.joinpath(*target.split("."))
-            assert path.with_suffix(".py").exists() or (path / "__init__.py").exists(), f"{name} leads to {target}"
+            assert path.with_suffix(".py").exists() or (path / "__init__.py").exists(), (
+                f"{name} leads to {target}"
+            )
 
 
 def test_what_is_set_under_an_earlier_name_is_set_where_it_is_now():
@@ -45,4 +49,7 @@ def test_a_name_that_never_was_is_not_there():
     with pytest.raises(ImportError):
         importlib.import_module("nsm_core.never_was")
     with pytest.warns(DeprecationWarning), pytest.raises(ImportError):
-        exec("from importlib import reload, import_module; reload(import_module('nsm_core.clip')); from nsm_core.clip import never_was")
+        exec(
+            "from importlib import reload, import_module; reload(import_module('nsm_core.clip')); from "
+            "nsm_core.clip import never_was"
+        )

@@ -25,21 +25,35 @@ def test_the_new_file_or_the_old_one_and_nothing_beside(tmp_path):
     (tmp_path / "link.txt").symlink_to(final)
     with atomic_path(tmp_path / "link.txt") as path:
         path.write_text("new")
-    assert final.read_text() == "new" and (tmp_path / "link.txt").is_symlink() and final.stat().st_mode & 0o777 == 0o640
+    assert (
+        final.read_text() == "new"
+        and (tmp_path / "link.txt").is_symlink()
+        and final.stat().st_mode & 0o777 == 0o640
+    )
     with pytest.raises(OSError), atomic_path(tmp_path / "gone" / "a.txt") as path:
         path.write_text("nowhere")
     with atomic_path(Path(os.devnull)) as path:
         path.write_text("away")
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32", "latin-1"])
+@pytest.mark.parametrize(
+    "encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32", "latin-1"]
+)
 def test_texts_of_any_encoding(tmp_path, encoding):
     (tmp_path / "a.txt").write_bytes("größe = 1\n".encode(encoding))
     assert validate.read_text(tmp_path / "a.txt", CaptureError) == "größe = 1\n"
 
 
 @pytest.mark.parametrize(
-    "content", [b"a = " + b"[" * 100_000, b"a = " + b"9" * 10_000, b"a = \x00", b"a = 1979-99-99", b"a = 1\na = 2", b"\xff\xfe\x00"]
+    "content",
+    [
+        b"a = " + b"[" * 100_000,
+        b"a = " + b"9" * 10_000,
+        b"a = \x00",
+        b"a = 1979-99-99",
+        b"a = 1\na = 2",
+        b"\xff\xfe\x00",
+    ],
 )
 def test_what_is_no_toml_is_a_sentence(tmp_path, content):
     (tmp_path / "a.toml").write_bytes(content)
@@ -47,7 +61,11 @@ def test_what_is_no_toml_is_a_sentence(tmp_path, content):
         validate.read_toml(tmp_path / "a.toml", CaptureError)
 
 
-@pytest.mark.parametrize("value", [True, "1", None, float("nan"), float("inf"), 10**400, 10**9999, 11, [1]], ids=lambda v: type(v).__name__)
+@pytest.mark.parametrize(
+    "value",
+    [True, "1", None, float("nan"), float("inf"), 10**400, 10**9999, 11, [1]],
+    ids=lambda v: type(v).__name__,
+)
 def test_what_is_no_number_in_bounds_is_shown_in_short(value):
     with pytest.raises(CaptureError, match=r"^a\.toml: size is .{1,45}; it must be a number from 0 to 10\.$"):
         validate.number(value, "a.toml: size", CaptureError, 0, 10)

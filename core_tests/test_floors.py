@@ -13,8 +13,13 @@ from nsm_core.evaluation.trials.suite import PARTS, parts_named
 from nsm_core.world.actions import ACTIONS, BY_KEY, Aim
 
 ROOT = Path(__file__).resolve().parents[1]
-# Labels and commands of the network, which bear the names of actions: what captures are annotated with, and what is trained on.
-OF_LABELS = ("nsm_core/data/annotation/", "nsm_core/data/augmentation/", "nsm_core/evaluation/trials/locomotion.py")
+# Labels and commands of the network, which bear the names of actions: what captures are annotated with, and
+# what is trained on.
+OF_LABELS = (
+    "nsm_core/data/annotation/",
+    "nsm_core/data/augmentation/",
+    "nsm_core/evaluation/trials/locomotion.py",
+)
 
 
 def test_every_action_is_performed():
@@ -31,7 +36,11 @@ def test_every_action_is_composed_or_made_of_labels_that_others_teach():
 def test_every_action_is_judged():
     assert {key for part in PARTS.values() for key in part.judges} == set(BY_KEY)
     assert set(OFFERS) <= set(BY_KEY)
-    assert parts_named("run") == ["travel", "response", "interrupt"] and parts_named("sit") == ["sit"] and not parts_named("fly")
+    assert (
+        parts_named("run") == ["travel", "response", "interrupt"]
+        and parts_named("sit") == ["sit"]
+        and not parts_named("fly")
+    )
 
 
 def dispatches(tree: ast.AST):
@@ -39,14 +48,20 @@ def dispatches(tree: ast.AST):
     for node in ast.walk(tree):
         if isinstance(node, ast.Compare):
             sides = [node.left, *node.comparators]
-            asked = any(isinstance(s, ast.Attribute | ast.Name) and ast.unparse(s).split(".")[-1] == "action" for s in sides)
+            asked = any(
+                isinstance(s, ast.Attribute | ast.Name) and ast.unparse(s).split(".")[-1] == "action"
+                for s in sides
+            )
             words = {c.value for s in sides for c in ast.walk(s) if isinstance(c, ast.Constant)}
             if asked and words & set(BY_KEY):
                 yield node.lineno
 
 
 def test_no_room_asks_which_action_it_is():
-    assert list(dispatches(ast.parse('if goal.action == "sit" or action in ("walk", "run"):\n    pass'))) == [1, 1]
+    assert list(dispatches(ast.parse('if goal.action == "sit" or action in ("walk", "run"):\n    pass'))) == [
+        1,
+        1,
+    ]
     files = [*(ROOT / "nsm_core").rglob("*.py"), *(ROOT / "nsm_blender").rglob("*.py")]
     named = [(path, path.relative_to(ROOT).as_posix()) for path in files]
     found = [

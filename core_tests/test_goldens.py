@@ -1,4 +1,6 @@
-"""Golden takes and golden composed data are made today as they were made before; see ``goldens`` for when they may be written anew."""
+"""Golden takes and golden composed data are made today as they were made before; see ``goldens`` for when
+they may be written anew.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ def test_what_is_made_is_what_was_made(kind, name):
 
 
 def test_every_golden_is_of_something_that_is_made():
-    assert sorted(path.name for path in goldens.FOLDER.iterdir()) == sorted(goldens.path_of(*each).name for each in goldens.ALL)
+    assert sorted(path.name for path in goldens.FOLDER.iterdir()) == sorted(
+        goldens.path_of(*each).name for each in goldens.ALL
+    )
 
 
 @pytest.mark.parametrize("kind, name", goldens.ALL, ids=lambda part: str(part))
@@ -22,7 +26,9 @@ def test_a_centimetre_in_any_joint_or_prop_shows_and_is_named(kind, name):
     golden = goldens.read(kind, name)
     assert not goldens.differences(kind, golden, golden)
     rng = np.random.default_rng(0)
-    places = [n for n in golden if n in goldens.POINTS or n.startswith("prop_") or n in ("root", "thing_pose")]
+    places = [
+        n for n in golden if n in goldens.POINTS or n.startswith("prop_") or n in ("root", "thing_pose")
+    ]
     assert {"joints", "root"} < set(places)
     for where in places:
         moved = {k: v.copy() for k, v in golden.items()}

@@ -1,4 +1,6 @@
-"""The core needs no Blender anywhere and no torch to be stepped, and no import runs up from a room to one above it."""
+"""The core needs no Blender anywhere and no torch to be stepped, and no import runs up from a room to one
+above it.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +19,24 @@ FILES = sorted(CORE.rglob("*.py"))
 BLENDER = {"bpy", "mathutils", "bmesh", "gpu", "blf", "bpy_extras", "nsm_blender"}
 # Rooms that may import torch at the top of a file; everywhere else only inside a function.
 TORCH_ROOMS = ("model/networks/", "training/", "evaluation/", "commands/train.py")
-# What a take in Blender, its report and its files import; none of it may pull in torch, scipy or anything else that Blender lacks.
+# What a take in Blender, its report and its files import; none of it may pull in torch, scipy or anything
+# else that Blender lacks.
 STEPPING_ROOMS = ("world", "body", "model", "control", "data/captures", "evaluation/measures")
 ASIDE = (
     "world/assets/", "model/networks/nsm.py", "model/networks/trainable.py", "model/networks/allocator.py",
     "evaluation/measures/data_baseline.py", "__main__.py",
 )  # fmt: skip
-# Floors of the house from below; a file directly in nsm_core belongs to the ground.  Rooms of one floor do not know each other.
-FLOORS = [("ground",), ("world",), ("body",), ("model",), ("control", "data"), ("training", "evaluation"), ("commands", "nsm_blender")]
+# Floors of the house from below; a file directly in nsm_core belongs to the ground.  Rooms of one floor do
+# not know each other.
+FLOORS = [
+    ("ground",),
+    ("world",),
+    ("body",),
+    ("model",),
+    ("control", "data"),
+    ("training", "evaluation"),
+    ("commands", "nsm_blender"),
+]
 
 
 def module_of(path: Path) -> str:
@@ -40,7 +52,8 @@ def inside(path: Path, room: str) -> bool:
 STEPPING = [
     module_of(path)
     for path in FILES
-    if (path.parent == CORE or any(inside(path, room + "/") for room in STEPPING_ROOMS)) and not any(inside(path, a) for a in ASIDE)
+    if (path.parent == CORE or any(inside(path, room + "/") for room in STEPPING_ROOMS))
+    and not any(inside(path, a) for a in ASIDE)
 ]
 
 
@@ -57,7 +70,11 @@ def imports(tree: ast.AST, top_level: bool = False):
             yield from (alias.name.split(".")[0] for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
             yield node.module.split(".")[0]
-        elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("__import__", "import_module", "importlib.import_module"):
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) in (
+            "__import__",
+            "import_module",
+            "importlib.import_module",
+        ):
             if node.args and isinstance(node.args[0], ast.Constant):
                 yield str(node.args[0].value).split(".")[0]
         nodes.extend(ast.iter_child_nodes(node))
@@ -76,7 +93,10 @@ def arrows(paths: list[Path]):
             elif isinstance(node, ast.ImportFrom):
                 start = package[: len(package) - node.level + 1] if node.level else []
                 base = ".".join([*start, *([node.module] if node.module else [])])
-                named = [f"{base}.{alias.name}" if f"{base}.{alias.name}" in known else base for alias in node.names]
+                named = [
+                    f"{base}.{alias.name}" if f"{base}.{alias.name}" in known else base
+                    for alias in node.names
+                ]
             yield from ((here, name) for name in named if name.split(".")[0] in ("nsm_core", "nsm_blender"))
 
 
@@ -96,13 +116,22 @@ def room(module: str) -> str:
 
 
 EVERYTHING = sorted([*FILES, *(ROOT / "nsm_blender").rglob("*.py")])
-DOORS = ("nsm_core", "nsm_core.__main__")  # what scripts and the command line come in by: they know every room, and no room knows them
+DOORS = (
+    "nsm_core",
+    "nsm_core.__main__",
+)  # what scripts and the command line come in by: they know every room, and no room knows them
 ARROWS = [(a, b) for a, b in arrows(EVERYTHING) if a not in DOORS]
 
 
 def test_the_walk_finds_imports():
-    tree = ast.parse("import a.b\nfrom c import d\ndef f():\n    import e\nimportlib.import_module('g.h')\nfrom . import i")
-    assert set(imports(tree)) == {"a", "c", "e", "g"} and set(imports(tree, top_level=True)) == {"a", "c", "g"}
+    tree = ast.parse(
+        "import a.b\nfrom c import d\ndef f():\n    import e\nimportlib.import_module('g.h')\nfrom . import i"
+    )
+    assert set(imports(tree)) == {"a", "c", "e", "g"} and set(imports(tree, top_level=True)) == {
+        "a",
+        "c",
+        "g",
+    }
     assert len(FILES) > 10
     assert ("nsm_core.control.take", "nsm_core.control.director") in ARROWS
     assert ("nsm_blender.takes", "nsm_blender.goals.resolve") in ARROWS
@@ -134,7 +163,10 @@ def test_rooms_have_no_circle():
 
 def test_a_class_has_a_name_of_its_own():
     names = Counter(
-        node.name for path in EVERYTHING for node in ast.parse(path.read_text(encoding="utf-8")).body if isinstance(node, ast.ClassDef)
+        node.name
+        for path in EVERYTHING
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef)
     )
     assert not [name for name, count in names.items() if count > 1 and not name.startswith("_")]
 
@@ -152,12 +184,17 @@ def test_torch_only_where_the_plan_allows(path):
 
 
 def test_stepping_imports_nothing_that_blender_lacks():
-    assert {"nsm_core.model.inference.model", "nsm_core.control.take", "nsm_core.data.captures.bvh_writer"} <= set(STEPPING)
+    assert {
+        "nsm_core.model.inference.model",
+        "nsm_core.control.take",
+        "nsm_core.data.captures.bvh_writer",
+    } <= set(STEPPING)
     code = (
         "import sys\n"
         "class Refuse:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
-        "        if name.split('.')[0] in {'torch', 'scipy', 'matplotlib', 'trimesh', 'tqdm', 'bpy', 'mathutils'}:\n"
+        "        if name.split('.')[0] in {'torch', 'scipy', 'matplotlib', 'trimesh', 'tqdm', 'bpy', "
+        "'mathutils'}:\n"
         "            raise ImportError('refused: ' + name)\n"
         "sys.meta_path.insert(0, Refuse())\n"
         "import importlib\n"

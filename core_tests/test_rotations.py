@@ -59,7 +59,9 @@ def test_axis_angle(rng):
     axis = rng.normal(size=(N, 3))
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     angle = rng.uniform(-6, 6, N)
-    assert same_rotation(R.quat_from_axis_angle(axis, angle), scipy_rotation.from_rotvec(axis * angle[:, None]))
+    assert same_rotation(
+        R.quat_from_axis_angle(axis, angle), scipy_rotation.from_rotvec(axis * angle[:, None])
+    )
 
 
 @pytest.mark.parametrize("t", [0.0, 0.25, 0.5, 1.0])
@@ -79,7 +81,9 @@ def test_frames_from_forward_and_up(rng):
     m = R.matrix_from_forward_up(forward, up)
     np.testing.assert_allclose(m @ m.swapaxes(-1, -2), np.broadcast_to(np.eye(3), m.shape), atol=1e-9)
     np.testing.assert_allclose(np.linalg.det(m), 1, atol=1e-9)
-    np.testing.assert_allclose(-m[..., 1], forward / np.linalg.norm(forward, axis=1, keepdims=True), atol=1e-9)
+    np.testing.assert_allclose(
+        -m[..., 1], forward / np.linalg.norm(forward, axis=1, keepdims=True), atol=1e-9
+    )
     assert np.all((m[..., 2] * up).sum(-1) > 0)
 
 
@@ -98,12 +102,20 @@ def test_headings(rng):
 
 def test_single_precision_stays_single(rng):
     q, v = quats(rng, 5).astype(np.float32), rng.normal(size=(5, 3)).astype(np.float32)
-    for value in (R.quat_mul(q, q), R.quat_conjugate(q), R.quat_rotate(q, v), R.quat_to_matrix(q), R.quat_from_matrix(R.quat_to_matrix(q))):
+    for value in (
+        R.quat_mul(q, q),
+        R.quat_conjugate(q),
+        R.quat_rotate(q, v),
+        R.quat_to_matrix(q),
+        R.quat_from_matrix(R.quat_to_matrix(q)),
+    ):
         assert value.dtype == np.float32
 
 
 def homogeneous_fk(hips_position, local, offsets):
-    """Forward kinematics by 4x4 matrices built with scipy, one joint after another, from the table of names."""
+    """Forward kinematics by 4x4 matrices built with scipy, one joint after another, from the table of
+    names.
+    """
     world = {}
     for j, name in enumerate(S.JOINTS):
         m = np.eye(4)
@@ -177,4 +189,6 @@ def test_products_of_few_and_of_many_agree_and_keep_their_type(rng, dtype):
         assert many.dtype == few.dtype == dtype
         assert np.abs(many - few).max() < 100 * np.finfo(dtype).eps  # of values of a few units
     assert np.allclose(R.cross(v, w), np.cross(v, w), atol=1e-5)
-    assert np.allclose(R.quat_rotate(a[0], v), R.quat_rotate(np.tile(a[0], (N, 1)), v), atol=1e-5)  # one turn of many vectors
+    assert np.allclose(
+        R.quat_rotate(a[0], v), R.quat_rotate(np.tile(a[0], (N, 1)), v), atol=1e-5
+    )  # one turn of many vectors

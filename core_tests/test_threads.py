@@ -1,4 +1,6 @@
-"""The thread count of numpy's matrix library is lowered inside the block and comes back after it, errors included."""
+"""The thread count of numpy's matrix library is lowered inside the block and comes back after it, errors
+included.
+"""
 
 from __future__ import annotations
 

@@ -26,8 +26,12 @@ def seated_pose() -> tuple[np.ndarray, np.ndarray]:
 STRIDE, STANCE = 32, 0.6  # frames of a cycle and the share of it a foot stands
 
 
-def synthetic_walk(frames: int = 150, speed: float = 1.0, heading: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Hips (T, 3), local rotations (T, 23, 4) and foot contacts (T, 2) of a walk that does not slide; float64."""
+def synthetic_walk(
+    frames: int = 150, speed: float = 1.0, heading: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Hips (T, 3), local rotations (T, 23, 4) and foot contacts (T, 2) of a walk that does not slide;
+    float64.
+    """
     t = np.arange(frames)
     ahead = heading_to_direction(np.asarray(heading))
     left = np.array((-ahead[1], ahead[0]))

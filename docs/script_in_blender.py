@@ -1,7 +1,8 @@
-"""A take by script: the bundled character sits down on a crate, and keys, report and picture are saved in the folder that is named.
+"""A take by script: the bundled character sits down on a crate, and keys, report and picture are saved in the
+folder that is named.
 
-``python docs/script_in_blender.py out`` with the bpy package.  In a Blender that has the extension, the first import is
-``from bl_ext.user_default import nsm_blender as nsm``, and the scene is the one that is open.
+``python docs/script_in_blender.py out`` with the bpy package.  In a Blender that has the extension, the first
+import is ``from bl_ext.user_default import nsm_blender as nsm``, and the scene is the one that is open.
 """
 
 import sys

@@ -1,4 +1,6 @@
-"""Render docs/take.png: the demo's take at the moments that show its actions.  ``python docs/take.py`` under the bpy wheel."""
+"""Render docs/take.png: the demo's take at the moments that show its actions.  ``python docs/take.py`` under
+the bpy wheel.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +62,15 @@ def main() -> None:
     spec = TakeSpec(character, demo.goals_in(house), name="Demo")
     take = finish(generate(spec, bpy.context.scene))
     path = HERE / "take.png"
-    render.contact_sheet(take.keyed, path, columns=4, size=(320, 264), direction=house.view, frames=moments(take), numbers=False)
+    render.contact_sheet(
+        take.keyed,
+        path,
+        columns=4,
+        size=(320, 264),
+        direction=house.view,
+        frames=moments(take),
+        numbers=False,
+    )
 
 
 if __name__ == "__main__":

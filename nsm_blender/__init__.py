@@ -1,7 +1,7 @@
 """The NSM add-on: characters that walk to objects in a scene and use them.
 
-What a script needs is named here and loaded when it is first asked for; ``docs/script_in_blender.py`` shows it at work.  Whatever else
-the rooms below hold may change from version to version.
+What a script needs is named here and loaded when it is first asked for; ``docs/script_in_blender.py`` shows
+it at work.  Whatever else the rooms below hold may change from version to version.
 """
 
 from __future__ import annotations
@@ -81,7 +81,9 @@ def register() -> None:
     if not hasattr(bpy.types.Scene, "nsm"):
         bpy.types.Scene.nsm = bpy.props.PointerProperty(type=properties.NsmSettings)
     watch.install()
-    if bpy.app.module:  # the wheel complains of leaks, and can hang, when a program ends with classes registered
+    if (
+        bpy.app.module
+    ):  # the wheel complains of leaks, and can hang, when a program ends with classes registered
         atexit.unregister(unregister)
         atexit.register(unregister)
 

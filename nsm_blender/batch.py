@@ -54,7 +54,10 @@ def main(arguments: Sequence[str], say: Callable[[str], None] | None = None) -> 
     except NsmError as error:
         say(f"Error: {error}")
         return 2
-    failed = sum(not run_take(job, take, f"[{i}/{len(job.takes)}] {take.name}", say) for i, take in enumerate(job.takes, 1))
+    failed = sum(
+        not run_take(job, take, f"[{i}/{len(job.takes)}] {take.name}", say)
+        for i, take in enumerate(job.takes, 1)
+    )
     say(f"{len(job.takes) - failed} of {len(job.takes)} takes are as asked for.")
     return 1 if failed else 0
 
@@ -71,7 +74,8 @@ def run_take(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -
         missed = [g for g in report["goals"] if not g["reached"]]
         if missed:
             report["error"] = (
-                f"{len(missed)} of {len(report['goals'])} goals were not reached ({', '.join(g['object'] for g in missed)}); "
+                f"{len(missed)} of {len(report['goals'])} goals were not reached "
+                f"({', '.join(g['object'] for g in missed)}); "
                 "clear the way to them, start nearer, or try another seed."
             )
         _write(take, entry, title, say)
@@ -94,7 +98,10 @@ def _broken(entry: JobTake, error: Exception) -> dict[str, str]:
     """What a report says of a defect; the traceback goes to the error stream as well."""
     trace = "".join(traceback.format_exception(error))
     print(trace, file=sys.stderr, flush=True)
-    return {"error": f"Take '{entry.name}' broke off with {type(error).__name__}: {error}; please report this.", "traceback": trace}
+    return {
+        "error": f"Take '{entry.name}' broke off with {type(error).__name__}: {error}; please report this.",
+        "traceback": trace,
+    }
 
 
 def _make(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -> Take:
@@ -102,10 +109,16 @@ def _make(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -> T
     refuse_used(entry, bpy.utils.blend_paths(absolute=True))
     if bpy.app.autoexec_fail:
         blocked = bpy.app.autoexec_fail_message
-        say(f"{title}: scripts in the scene did not run ({blocked}); where you trust it, say `scripts = true` in the job file.")
+        say(
+            f"{title}: scripts in the scene did not run ({blocked}); where you trust it, say `scripts = "
+            "true` in the job file."
+        )
     spec = TakeSpec(
         character=_armature(scene, entry.character),
-        goals=[GoalSpec(g.action, _target(scene, g.object), g.hold, g.location, _target(scene, g.to, "to")) for g in entry.goals],
+        goals=[
+            GoalSpec(g.action, _target(scene, g.object), g.hold, g.location, _target(scene, g.to, "to"))
+            for g in entry.goals
+        ],
         name=entry.name,
         start_frame=entry.start_frame,
         seed=entry.seed,
@@ -135,7 +148,8 @@ def _open(path: Path, scripts: bool) -> bpy.types.Scene:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=scripts)
     except RuntimeError as error:
         raise JobError(
-            f"The scene {path} cannot be opened by Blender {bpy.app.version_string}; save it again with this version."
+            f"The scene {path} cannot be opened by Blender {bpy.app.version_string}; save it again with "
+            "this version."
         ) from error
     scene = bpy.context.scene
     bpy.context.view_layer.update()
@@ -144,14 +158,19 @@ def _open(path: Path, scripts: bool) -> bpy.types.Scene:
 
 def _named(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
     """The scene's object of that name; where a linked one has it too, the scene's own."""
-    return min((o for o in scene.objects if o.name == name), key=lambda o: o.library is not None, default=None)
+    return min(
+        (o for o in scene.objects if o.name == name), key=lambda o: o.library is not None, default=None
+    )
 
 
 def _armature(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
     found = _named(scene, name)
     if found is None:
         there = [o.name for o in scene.objects if o.type == "ARMATURE"]
-        raise SkeletonError(f"The scene has no character '{name}'; its armatures are {', '.join(there) or 'none'}: correct 'character'.")
+        raise SkeletonError(
+            f"The scene has no character '{name}'; its armatures are {', '.join(there) or 'none'}: correct "
+            "'character'."
+        )
     return found
 
 
@@ -173,7 +192,9 @@ def _require_writable(entry: JobTake) -> None:
 
 
 def _write(take: Take, entry: JobTake, title: str, say: Callable[[str], None]) -> None:
-    """Write what the take's entry asks for; what fails keeps the others from nothing.  Raises OutputError with all that failed."""
+    """Write what the take's entry asks for; what fails keeps the others from nothing.  Raises OutputError
+    with all that failed.
+    """
     writers: dict[str, Callable[[Path], object]] = {
         "out": lambda path: save_blend(path, "'out'"),
         "bvh": lambda path: bvh_writer.write(path, take.result.hips_position, take.result.local_rotations),

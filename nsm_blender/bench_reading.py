@@ -1,9 +1,12 @@
-"""How long scenes take to be read: a room, the same in centimetres, a chair of 1.2 million triangles, 8,000 copies.
+"""How long scenes take to be read: a room, the same in centimetres, a chair of 1.2 million triangles, 8,000
+copies.
 
 ``python nsm_blender/bench_reading.py`` under the bpy wheel, or
-``blender --background --python nsm_blender/bench_reading.py``.  For each scene: seconds until a take could begin, the longest time
-in which the window could not have been drawn, the same for the next take in the same scene, milliseconds of one reading of the
-environment sensor, and memory.  Blender's own evaluation of the scene is done before.  Ratios to the room hold on other machines.
+``blender --background --python nsm_blender/bench_reading.py``.  For each scene: seconds until a take could
+begin, the longest time in which the window could not have been drawn, the same for the next take in the same
+scene, milliseconds of one reading of the
+environment sensor, and memory.  Blender's own evaluation of the scene is done before.  Ratios to the room
+hold on other machines.
 """
 
 from __future__ import annotations
@@ -37,7 +40,9 @@ _COPIES = 8000
 
 def main() -> int:
     """Print the table; the exit code."""
-    print(f"{'':34}{'first':>8}{'longest':>10}{'again':>8}{'longest':>10}{'sensor':>9}{'memory':>9}{'x room':>8}")
+    print(
+        f"{'':34}{'first':>8}{'longest':>10}{'again':>8}{'longest':>10}{'sensor':>9}{'memory':>9}{'x room':>8}"
+    )
     room = None
     for name, build in (
         ("room", _room), ("room in centimetres", _room_in_centimetres), ("chair of 1.2 million triangles", _dense_chair),
@@ -49,7 +54,8 @@ def main() -> int:
         room = room or first
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         print(
-            f"{name:34}{first:6.2f} s{1e3 * longest:7.0f} ms{again:6.2f} s{1e3 * longest_again:7.0f} ms{1e3 * sensor:6.2f} ms"
+            f"{name:34}{first:6.2f} s{1e3 * longest:7.0f} ms{again:6.2f} s{1e3 * longest_again:7.0f} "
+            f"ms{1e3 * sensor:6.2f} ms"
             f"{peak:6.0f} MB{first / room:8.1f}",
             flush=True,
         )
@@ -62,7 +68,9 @@ def _fresh(build: Callable[[], TakeSpec]) -> TakeSpec:
     colliders.forget()
     spec = build()
     bpy.context.view_layer.update()
-    for instance in bpy.context.evaluated_depsgraph_get().object_instances:  # some modifiers are evaluated when first looked at
+    for instance in (
+        bpy.context.evaluated_depsgraph_get().object_instances
+    ):  # some modifiers are evaluated when first looked at
         if instance.object.type == "MESH":
             len(instance.object.data.vertices)
     return spec
@@ -118,7 +126,9 @@ def _dense_chair() -> TakeSpec:
     chair, character = _chair()
     dense = chair.modifiers.new("Dense", "SUBSURF")
     dense.subdivision_type = "SIMPLE"
-    dense.levels = int(np.ceil(np.log(1.2e6 / len(chair.data.polygons) / 6) / np.log(4))) + 1  # three quads of each triangle, then four
+    dense.levels = (
+        int(np.ceil(np.log(1.2e6 / len(chair.data.polygons) / 6) / np.log(4))) + 1
+    )  # three quads of each triangle, then four
     return TakeSpec(character, [GoalSpec("sit", chair)])
 
 

@@ -1,4 +1,5 @@
-"""Show the whole path: rooms and a character by code, a take of every action, and its scene, pictures and report.
+"""Show the whole path: rooms and a character by code, a take of every action, and its scene, pictures and
+report.
 
 ``python nsm_blender/demo.py --out out/demo`` under the bpy wheel, or
 ``blender --background --python nsm_blender/demo.py -- --out out/demo``.
@@ -56,7 +57,9 @@ def run(options: argparse.Namespace) -> int:
     goals = goals_in(room, options.hold)
     plan = ", ".join(f"{goal.action} {goal.label}" for goal in goals)
     print(f"Room with {len(room.objects)} objects; {character.name} is to {plan}.", flush=True)
-    spec = takes.TakeSpec(character, goals, name="Demo", start_frame=1, seed=options.seed, contact_ik=not options.no_contact_ik)
+    spec = takes.TakeSpec(
+        character, goals, name="Demo", start_frame=1, seed=options.seed, contact_ik=not options.no_contact_ik
+    )
     lines = [Line("Take"), Line("Contact sheet"), Line("Video")]
     with lines[0] as line:
         take = _generate(spec, scene, line)
@@ -65,7 +68,9 @@ def run(options: argparse.Namespace) -> int:
     outputs.save_blend(out / "demo.blend", compress=True)
     outputs.write_json(out / "demo.json", take.report)
     with lines[1] as line:
-        render.contact_sheet(take.keyed, out / "demo.png", tiles=options.tiles, direction=room.view, progress=line)
+        render.contact_sheet(
+            take.keyed, out / "demo.png", tiles=options.tiles, direction=room.view, progress=line
+        )
     if not options.no_video:
         with lines[2] as line:
             size = (options.width, options.width * 9 // 16)
@@ -92,7 +97,8 @@ def goals_in(room: DemoRoom, hold: float = 2.0) -> list[GoalSpec]:
 def build_scene(second_seat: str = "armchair", all_actions: bool = True) -> tuple[DemoRoom, bpy.types.Object]:
     """Replace the open file by the demo's room with the character in it; returns room and armature.
 
-    ``all_actions`` builds two rooms with a door, a box and a podium; without, one room with a chair and a ``second_seat``.
+    ``all_actions`` builds two rooms with a door, a box and a podium; without, one room with a chair and a
+    ``second_seat``.
     """
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
@@ -119,7 +125,10 @@ def print_report(report: dict[str, Any]) -> None:
         if isinstance(report.get(key), int | float):
             print(f"  {label:14} {report[key]:6.2f} {unit}")
     stages = report.get("ms_per_frame", {})
-    print("  ms per frame   " + ", ".join(f"{stage} {ms:.1f}" for stage, ms in stages.items() if isinstance(ms, int | float)))
+    print(
+        "  ms per frame   "
+        + ", ".join(f"{stage} {ms:.1f}" for stage, ms in stages.items() if isinstance(ms, int | float))
+    )
 
 
 class Line:
@@ -160,7 +169,9 @@ def _generate(spec: takes.TakeSpec, scene: bpy.types.Scene, line: Line) -> takes
 
 
 def _light_and_look(scene: bpy.types.Scene, room: DemoRoom) -> None:
-    """A camera over the whole room, a sun, a bright world and coloured viewports, for whoever opens the file."""
+    """A camera over the whole room, a sun, a bright world and coloured viewports, for whoever opens
+    the file.
+    """
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     direction = Vector(room.view).normalized()
     camera.data.lens = 32
@@ -184,19 +195,39 @@ def _light_and_look(scene: bpy.types.Scene, room: DemoRoom) -> None:
 def _parser() -> argparse.ArgumentParser:
     about = "Build two rooms, have a character sit, open a door, carry a box, climb and run, and save scene, pictures and report."
     parser = argparse.ArgumentParser(prog="demo", description=about)
-    parser.add_argument("--out", default="out/demo", help="folder for demo.blend, demo.png, demo.mp4 and demo.json")
+    parser.add_argument(
+        "--out", default="out/demo", help="folder for demo.blend, demo.png, demo.mp4 and demo.json"
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--hold", type=float, default=2.0, help="seconds to stay on each seat")
-    parser.add_argument("--two-seats", action="store_true", help="a shorter take in one room: walk, and sit on two seats")
-    parser.add_argument("--second-seat", default="armchair", choices=("armchair", "bench", "stool", "sofa"), help="with --two-seats")
+    parser.add_argument(
+        "--two-seats", action="store_true", help="a shorter take in one room: walk, and sit on two seats"
+    )
+    parser.add_argument(
+        "--second-seat",
+        default="armchair",
+        choices=("armchair", "bench", "stool", "sofa"),
+        help="with --two-seats",
+    )
     parser.add_argument("--no-contact-ik", action="store_true", help="show the network alone")
     parser.add_argument("--tiles", type=int, default=15, help="pictures on the contact sheet")
     parser.add_argument("--no-video", action="store_true")
     parser.add_argument("--width", type=int, default=384, help="width of the video, pixels")
-    parser.add_argument("--video-step", type=int, default=2, help="render every so many frames; 1 is the smoothest and slowest")
+    parser.add_argument(
+        "--video-step",
+        type=int,
+        default=2,
+        help="render every so many frames; 1 is the smoothest and slowest",
+    )
     return parser
 
 
 if __name__ == "__main__":
-    given = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [] if bpy.app.binary_path else sys.argv[1:]
+    given = (
+        sys.argv[sys.argv.index("--") + 1 :]
+        if "--" in sys.argv
+        else []
+        if bpy.app.binary_path
+        else sys.argv[1:]
+    )
     leave(main(given))

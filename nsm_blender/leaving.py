@@ -10,10 +10,13 @@ import bpy
 
 
 def leave(code: int) -> None:
-    """End the process with ``code``; the application itself is left only where that is not 0, as by every script.
+    """End the process with ``code``; the application itself is left only where that is not 0, as by every
+    script.
 
-    As a package Blender may wait for ever in its C++ destructors, once its thread that closes files late has begun (seen
-    with 4.5.15).  All our files are whole by then, so these steps are left out; only the session's folder is removed.
+    As a package Blender may wait for ever in its C++ destructors, once its thread that closes files late has
+    begun (seen
+    with 4.5.15).  All our files are whole by then, so these steps are left out; only the session's folder is
+    removed.
     """
     if bpy.app.binary_path:
         if code:

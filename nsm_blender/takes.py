@@ -62,13 +62,17 @@ class TakeSpec:
 
 @dataclass
 class Progress:
-    """How far a take is: what is being done, 0..1, and pose and moved objects of the newest frame where there is one."""
+    """How far a take is: what is being done, 0..1, and pose and moved objects of the newest frame where there
+    is one.
+    """
 
     stage: str
     fraction: float
     hips_world: Array | None = None  # (3,) Blender units
     local_rotations: Array | None = None  # (23, 4)
-    moved: list[tuple[bpy.types.Object, Matrix]] = field(default_factory=list)  # objects and their world matrices
+    moved: list[tuple[bpy.types.Object, Matrix]] = field(
+        default_factory=list
+    )  # objects and their world matrices
     waits: bool = False  # a thread does the work: asking again at once only waits for it
 
 
@@ -89,7 +93,9 @@ def shipped_model(path: str | None = None) -> inference_model.Model:
 
 
 def _loading() -> threading.Thread:
-    """Have the bundled network loaded while the scene is read; what goes wrong is told where the network is needed."""
+    """Have the bundled network loaded while the scene is read; what goes wrong is told where the network is
+    needed.
+    """
 
     def load() -> None:
         with suppress(NsmError):
@@ -100,7 +106,9 @@ def _loading() -> threading.Thread:
     return thread
 
 
-def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference_model.Model | None = None) -> Generator[Progress, None, Take]:
+def generate(
+    spec: TakeSpec, scene: bpy.types.Scene, model: inference_model.Model | None = None
+) -> Generator[Progress, None, Take]:
     """Generate and key one take, yielding every few milliseconds; the generator's value is the Take.
 
     Nothing in the file changes before the keys are made, but for the current frame, which is put back.
@@ -125,22 +133,35 @@ def generate(spec: TakeSpec, scene: bpy.types.Scene, model: inference_model.Mode
 
 
 def key_and_check(
-    spec: TakeSpec, scene: bpy.types.Scene, request: TakeRequest, result: TakeResult, frame: WorldFrame, things: dict[str, MovedObject]
+    spec: TakeSpec,
+    scene: bpy.types.Scene,
+    request: TakeRequest,
+    result: TakeResult,
+    frame: WorldFrame,
+    things: dict[str, MovedObject],
 ) -> Generator[Progress, None, Take]:
-    """Key a finished motion, look at what the scene shows of it, and report: all or nothing, whatever is raised or closed."""
+    """Key a finished motion, look at what the scene shows of it, and report: all or nothing, whatever is
+    raised or closed.
+    """
     with restored_on_failure(Kept(scene, [spec.character, *(thing.object for thing in things.values())])):
         begin, title, hips = time.perf_counter(), spec.title(), frame.to_world(result.hips_position)
-        steps = key_take_steps(spec.character, hips, result.local_rotations, spec.start_frame, FPS, title, scene)
+        steps = key_take_steps(
+            spec.character, hips, result.local_rotations, spec.start_frame, FPS, title, scene
+        )
         keyed = yield from _shown("Making keys", steps)
         moved = [(thing, result.props[thing.prop]) for thing in things.values()]
         yield from _shown("Making keys", key_things(keyed, moved, FPS, title, scene))
         keying_ms = (time.perf_counter() - begin) * 1000 / max(len(result.hips_position), 1)
         shown = yield from _shown("Checking", look_at(keyed, result, frame, things, scene))
-        report = yield from _waited("Checking", lambda _: build_report(title, result, shown, keyed, request, keying_ms))
+        report = yield from _waited(
+            "Checking", lambda _: build_report(title, result, shown, keyed, request, keying_ms)
+        )
         return Take(keyed, report, result, frame)
 
 
-def _shown(stage: str, steps: Generator[float, None, _T], waits: bool = False) -> Generator[Progress, None, _T]:
+def _shown(
+    stage: str, steps: Generator[float, None, _T], waits: bool = False
+) -> Generator[Progress, None, _T]:
     """Progress of a stage from the share that its steps yield; their value."""
     while True:
         try:
@@ -155,8 +176,12 @@ def _waited(stage: str, work: Callable[[Callable[[float], None]], _T]) -> Genera
     return _shown(stage, beside(work), waits=True)
 
 
-def _growing(runner: TakeRunner, frame: WorldFrame, things: dict[str, MovedObject]) -> Generator[Progress, None, TakeResult]:
-    """Progress of a motion that grows in a thread, as fast as it can, however long the window takes to draw; its result."""
+def _growing(
+    runner: TakeRunner, frame: WorldFrame, things: dict[str, MovedObject]
+) -> Generator[Progress, None, TakeResult]:
+    """Progress of a motion that grows in a thread, as fast as it can, however long the window takes to draw;
+    its result.
+    """
     newest: deque[tuple[float, Array, Array, dict[str, Array]]] = deque(maxlen=1)
 
     def grow(tell: Callable[[float], None]) -> TakeResult:
@@ -199,7 +224,8 @@ def finish(steps: Generator[Progress, None, _T]) -> _T:
 def prepare(
     spec: TakeSpec, scene: bpy.types.Scene
 ) -> Generator[Progress, None, tuple[TakeRequest, WorldFrame, dict[str, MovedObject]]]:
-    """Gather what a take needs from the scene as it is at the take's first frame, in slices; the current frame is put back.
+    """Gather what a take needs from the scene as it is at the take's first frame, in slices; the current
+    frame is put back.
 
     The last of the generator's value are the objects that it moves, by their names.
     """
@@ -217,10 +243,13 @@ def prepare(
             require_movable(target, spec.character)
         around = yield from surroundings_of(spec, scene, frame, moving)
         goals = yield from _shown(
-            "Finding the goals", beside(lambda _: resolve_goals(spec.goals, scene, frame, start, around), touches=True)
+            "Finding the goals",
+            beside(lambda _: resolve_goals(spec.goals, scene, frame, start, around), touches=True),
         )
         _go_to(scene, spec.start_frame)
-        things = {target.name: MovedObject.of(target, frame, around.left[target][0]) for target in moving_alone}
+        things = {
+            target.name: MovedObject.of(target, frame, around.left[target][0]) for target in moving_alone
+        }
         environment, ground = around.query, around.ground
     finally:
         state.restore()
@@ -236,10 +265,14 @@ def prepare(
     return request, frame, things
 
 
-def show_goal_points(spec: TakeSpec, scene: bpy.types.Scene) -> Generator[Progress, None, tuple[list[bpy.types.Object], list[str]]]:
-    """Show the goal points of a take's goals, reading the scene in slices: the points, and what is to be told of them.
+def show_goal_points(
+    spec: TakeSpec, scene: bpy.types.Scene
+) -> Generator[Progress, None, tuple[list[bpy.types.Object], list[str]]]:
+    """Show the goal points of a take's goals, reading the scene in slices: the points, and what is to be told
+    of them.
 
-    The goals are looked for in the scene as it is now.  One that has no point is told in its sentence, the others are shown.
+    The goals are looked for in the scene as it is now.  One that has no point is told in its sentence, the
+    others are shown.
     """
     frame, start = start_of(spec.character, scene)
     now = replace(spec, start_frame=scene.frame_current)
@@ -264,7 +297,9 @@ def show_goal_points(spec: TakeSpec, scene: bpy.types.Scene) -> Generator[Progre
 def surroundings_of(
     spec: TakeSpec, scene: bpy.types.Scene, frame: WorldFrame, moving: list[bpy.types.Object]
 ) -> Generator[Progress, None, Surroundings]:
-    """Read what is solid around a take at its first frame: the meshes are copied in slices, the rest is done by a thread."""
+    """Read what is solid around a take at its first frame: the meshes are copied in slices, the rest is done
+    by a thread.
+    """
 
     def evaluated() -> bpy.types.Depsgraph:
         _go_to(scene, spec.start_frame)  # whatever the window has done between two slices
@@ -290,9 +325,15 @@ def _go_to(scene: bpy.types.Scene, frame: int) -> None:
 
 
 def resolve_goals(
-    specs: list[GoalSpec], scene: bpy.types.Scene, frame: WorldFrame, start: tuple[Array, float], around: Surroundings
+    specs: list[GoalSpec],
+    scene: bpy.types.Scene,
+    frame: WorldFrame,
+    start: tuple[Array, float],
+    around: Surroundings,
 ) -> list[Goal]:
-    """Build the core's goals in their order; each knows from where the character comes and what was moved by then."""
+    """Build the core's goals in their order; each knows from where the character comes and what was moved by
+    then.
+    """
     goals: list[Goal] = []
     before = start
     for spec in specs:
@@ -301,8 +342,12 @@ def resolve_goals(
     return goals
 
 
-def start_of(character: bpy.types.Object | None, scene: bpy.types.Scene) -> tuple[WorldFrame, tuple[Array, float]]:
-    """The character's frame, and its ground point (2,) and heading in it as posed now; SkeletonError if it cannot act."""
+def start_of(
+    character: bpy.types.Object | None, scene: bpy.types.Scene
+) -> tuple[WorldFrame, tuple[Array, float]]:
+    """The character's frame, and its ground point (2,) and heading in it as posed now; SkeletonError if it
+    cannot act.
+    """
     require_character(character, scene)
     frame, pose = WorldFrame.of(character), read_pose(character)
     here = np.array((*pose.position[:2], frame.floor))
@@ -324,5 +369,8 @@ def require_character(character: bpy.types.Object | None, scene: bpy.types.Scene
     if character is None:
         raise SkeletonError("No character is chosen; choose its armature, or add the bundled character.")
     if not holds(scene, character):
-        raise SkeletonError(f"The character {character.name} is no longer in the scene; choose another one, or add the bundled character.")
+        raise SkeletonError(
+            f"The character {character.name} is no longer in the scene; choose another one, or add the "
+            "bundled character."
+        )
     require_skeleton(character)

@@ -1,4 +1,6 @@
-"""Command line of the core: python -m nsm_core train | evaluate | bench | annotate | pool | augment | compose [arguments]."""
+"""Command line of the core: python -m nsm_core train | evaluate | bench | annotate | pool | augment | compose
+[arguments].
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,10 @@ def main(arguments: list[str]) -> int:
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] == "nsm_core":
             raise
-        print(f"{name} needs the package {error.name}; run it as `python3 dev.py {name}`, which installs it.", file=sys.stderr)
+        print(
+            f"{name} needs the package {error.name}; run it as `python3 dev.py {name}`, which installs it.",
+            file=sys.stderr,
+        )
     except NsmError as error:
         print(f"{name}: {error}", file=sys.stderr)
     except KeyboardInterrupt:

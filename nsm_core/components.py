@@ -1,7 +1,8 @@
-"""Vectors and quaternions as tuples of their components: numbers where there is one pose, arrays (...) where there are many.
+"""Vectors and quaternions as tuples of their components: numbers where there is one pose, arrays (...) where
+there are many.
 
-A call of numpy costs as much as thirty products of plain numbers, so that what follows from one pose by many small steps is
-worked out in numbers, and the same lines serve whole takes with arrays.
+A call of numpy costs as much as thirty products of plain numbers, so that what follows from one pose by many
+small steps is worked out in numbers, and the same lines serve whole takes with arrays.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ class Arrays:
 
 
 Kind = type[Numbers] | type[Arrays]
+
 
 def clamp(x: float, low: float, high: float) -> float:
     """A number kept within two, as ``np.clip`` does, which costs fifty times as much for one."""

@@ -18,8 +18,11 @@ GOAL_ACTIONS = ("idle", "walk", "run", "carry", "open", "sit")
 # Contact order: hips, hands, feet.
 CONTACTS = ("Hips", "RightWrist", "LeftWrist", "RightAnkle", "LeftAnkle")
 
-# Places of what the rules ask about: labels of the trajectory, the hip contact, the hands' and the feet's contacts right then left.
-IDLE, WALK, RUN, CARRY, OPEN, SIT, CLIMB = (STYLES.index(name) for name in ("idle", "walk", "run", "carry", "open", "sit", "climb"))
+# Places of what the rules ask about: labels of the trajectory, the hip contact, the hands' and the feet's
+# contacts right then left.
+IDLE, WALK, RUN, CARRY, OPEN, SIT, CLIMB = (
+    STYLES.index(name) for name in ("idle", "walk", "run", "carry", "open", "sit", "climb")
+)
 INTERACTIONS = [CARRY, OPEN, SIT, CLIMB]  # labels of actions that have an object
 HIP_CONTACT = CONTACTS.index("Hips")
 HAND_CONTACTS = [CONTACTS.index("RightWrist"), CONTACTS.index("LeftWrist")]

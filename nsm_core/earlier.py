@@ -1,4 +1,5 @@
-"""Modules by the names they had before the rooms were laid out, so that scripts written for those go on working.
+"""Modules by the names they had before the rooms were laid out, so that scripts written for those go on
+working.
 
 Each such import warns with the name to write instead.  To be taken out with the next minor version.
 """
@@ -71,11 +72,15 @@ class _Divided(ModuleType):
 
 
 class _Earlier(MetaPathFinder, Loader):
-    def find_spec(self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None) -> ModuleSpec | None:
+    def find_spec(
+        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
         """The earlier module ``name``; None for every other."""
         if name not in MOVED:
             return None
-        return importlib.util.spec_from_loader(name, self, is_package=any(other.startswith(name + ".") for other in MOVED))
+        return importlib.util.spec_from_loader(
+            name, self, is_package=any(other.startswith(name + ".") for other in MOVED)
+        )
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         """An empty one: names are looked up when they are asked for."""
@@ -84,7 +89,9 @@ class _Earlier(MetaPathFinder, Loader):
     def exec_module(self, module: ModuleType) -> None:
         """Say what to write instead."""
         now = " or ".join(MOVED[module.__name__])
-        warnings.warn(f"{module.__name__} is now {now}; import it from there.", DeprecationWarning, stacklevel=2)
+        warnings.warn(
+            f"{module.__name__} is now {now}; import it from there.", DeprecationWarning, stacklevel=2
+        )
 
 
 def keep_names() -> None:

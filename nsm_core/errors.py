@@ -10,7 +10,8 @@ _LONGEST_WORD = 1000  # letters: more than any path that a system opens by name
 class NsmError(Exception):
     """Base of everything this project raises on bad input.
 
-    Whatever names of files, joints or objects a message quotes, it stays one line that any terminal can print.
+    Whatever names of files, joints or objects a message quotes, it stays one line that any terminal can
+    print.
     """
 
     def __init__(self, message: object = "") -> None:

@@ -15,10 +15,12 @@ from .validate import shown
 
 @contextmanager
 def atomic_path(final: Path) -> Iterator[Path]:
-    """Yield a temporary path beside ``final`` to write to; it takes the place of ``final`` at the end, or is removed on failure.
+    """Yield a temporary path beside ``final`` to write to; it takes the place of ``final`` at the end, or is
+    removed on failure.
 
-    A killed process or a full disk leaves the old file or the new one, never a half.  Links are followed, the mode of a file
-    that is replaced is kept, and what is no plain file (``/dev/null``) is written to directly.  OSError passes through.
+    A killed process or a full disk leaves the old file or the new one, never a half.  Links are followed, the
+    mode of a file that is replaced is kept, and what is no plain file (``/dev/null``) is written to directly.
+    OSError passes through.
     """
     final = Path(os.path.realpath(final))
     if final.exists() and not final.is_file():
@@ -41,7 +43,8 @@ def atomic_path(final: Path) -> Iterator[Path]:
 
 @contextmanager
 def output(final: str | Path, what: str) -> Iterator[Path]:
-    """Yield a temporary path as ``atomic_path`` does, the folder made where it is missing; OutputError where that fails.
+    """Yield a temporary path as ``atomic_path`` does, the folder made where it is missing; OutputError where
+    that fails.
 
     ``what`` begins the sentence: "The report".
     """
@@ -54,4 +57,6 @@ def output(final: str | Path, what: str) -> Iterator[Path]:
             yield temporary
     except OSError as error:
         where = f"{shown(str(final), 300)} ({error.strerror or error})"
-        raise OutputError(f"{what} cannot be written to {where}; choose another folder or file name.") from error
+        raise OutputError(
+            f"{what} cannot be written to {where}; choose another folder or file name."
+        ) from error

@@ -36,16 +36,22 @@ class Member:
 def read(path: Path, kinds: Mapping[str, str], most: int) -> dict[str, Array]:
     """All arrays of an .npz of at most ``most`` bytes, unpacked, by name.
 
-    ``kinds`` tells, by the beginning of a name, which kind of numbers it may hold ("f", "u", "i" or "b", as numpy names
-    them); other names and kinds are refused.  Raises DamagedArrays, and OSError where the file cannot be opened.
+    ``kinds`` tells, by the beginning of a name, which kind of numbers it may hold ("f", "u", "i" or "b", as
+    numpy names them); other names and kinds are refused.  Raises DamagedArrays, and OSError where the file
+    cannot be opened.
     """
     with open(path, "rb") as file:
         try:
             with zipfile.ZipFile(file) as archive:
-                return {name: _array(archive, info, kinds) for name, info in _entries(archive, kinds, most).items()}
+                return {
+                    name: _array(archive, info, kinds)
+                    for name, info in _entries(archive, kinds, most).items()
+                }
         except DamagedArrays:
             raise
-        except Exception as error:  # a dozen kinds: zip, zlib, struct, text and size errors, encryption, unknown methods
+        except (
+            Exception
+        ) as error:  # a dozen kinds: zip, zlib, struct, text and size errors, encryption, unknown methods
             raise DamagedArrays("it is truncated or damaged") from error
 
 
@@ -70,7 +76,14 @@ def _entries(archive: zipfile.ZipFile, kinds: Mapping[str, str], most: int) -> d
 
 
 def _kind(name: str, kinds: Mapping[str, str]) -> str | None:
-    return next((kind for beginning, kind in kinds.items() if name.startswith(beginning) and re.fullmatch(r"[\w./-]{1,200}", name)), None)
+    return next(
+        (
+            kind
+            for beginning, kind in kinds.items()
+            if name.startswith(beginning) and re.fullmatch(r"[\w./-]{1,200}", name)
+        ),
+        None,
+    )
 
 
 def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, kinds: Mapping[str, str]) -> Array:
@@ -84,10 +97,15 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, kinds: Mapping[str, 
         length = int.from_bytes(start[8:12] if wide else start[8:10], "little")
         if length > _MOST_HEADER:
             raise DamagedArrays(f"its entry {name} has a header of {length} bytes")
-        entry = _declared(b"" if wide else start[10:12], file.read(length if wide else max(length - 2, 0)), name)
+        entry = _declared(
+            b"" if wide else start[10:12], file.read(length if wide else max(length - 2, 0)), name
+        )
         if entry.dtype.kind != _kind(name, kinds):
             raise DamagedArrays(f"its entry {name} holds {entry.dtype.name} values")
-        size, held = int(np.prod(entry.shape, dtype=object)) * entry.dtype.itemsize, info.file_size - (12 if wide else 10) - length
+        size, held = (
+            int(np.prod(entry.shape, dtype=object)) * entry.dtype.itemsize,
+            info.file_size - (12 if wide else 10) - length,
+        )
         if size != held:
             raise DamagedArrays(f"its entry {name} declares {size} bytes of values and holds {max(held, 0)}")
         data = bytearray(size)  # of our own, so that what comes of it may be written to

@@ -1,7 +1,8 @@
 """Rotations as (..., 4) quaternions (w, x, y, z) and (..., 3, 3) matrices; planar headings.
 
-Everything is vectorised over leading axes and keeps the dtype of its input.  A frame has few rotations, and there every call
-counts; a take has many, and there every pass over memory does: the products stand in both ways.
+Everything is vectorised over leading axes and keeps the dtype of its input.  A frame has few rotations, and
+there every call counts; a take has many, and there every pass over memory does: the products stand in both
+ways.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ _FEW = 512  # numbers up to which the calls cost more than the memory
 
 
 def _products() -> tuple[Array, Array, Array]:
-    """The bilinear forms of the few: (4, 16) of a quaternion's matrix, (16, 9) of its rotation less identity, (9, 3) of a cross product."""
+    """The bilinear forms of the few: (4, 16) of a quaternion's matrix, (16, 9) of its rotation less identity,
+    (9, 3) of a cross product.
+    """
     matrix, rotation, cross = np.zeros((4, 16)), np.zeros((4, 4, 3, 3)), np.zeros((3, 3, 3))
     units = ((0, 1, 2, 3), (1, 0, 3, 2), (2, 3, 0, 1), (3, 2, 1, 0))
     signs = ((1, -1, -1, -1), (1, 1, -1, 1), (1, 1, 1, -1), (1, -1, 1, 1))
@@ -35,19 +38,25 @@ def _products() -> tuple[Array, Array, Array]:
 
 
 def _candidates() -> Array:
-    """Form (9, 16) that takes a rotation matrix to its quaternion's outer square (4, 4), four times, less identity."""
+    """Form (9, 16) that takes a rotation matrix to its quaternion's outer square (4, 4), four times, less
+    identity.
+    """
     out = np.zeros((3, 3, 4, 4))
     for k in range(3):
         out[k, k] = np.diag([1.0, *(1.0 if k == j else -1.0 for j in range(3))])
         i, j = (k + 1) % 3, (k + 2) % 3
         out[j, i, 0, 1 + k] = out[j, i, 1 + k, 0] = 1  # 4 w x = m21 - m12
         out[i, j, 0, 1 + k] = out[i, j, 1 + k, 0] = -1
-        out[i, j, 1 + i, 1 + j] = out[i, j, 1 + j, 1 + i] = out[j, i, 1 + i, 1 + j] = out[j, i, 1 + j, 1 + i] = 1  # 4 x y = m01 + m10
+        out[i, j, 1 + i, 1 + j] = out[i, j, 1 + j, 1 + i] = out[j, i, 1 + i, 1 + j] = out[
+            j, i, 1 + j, 1 + i
+        ] = 1  # 4 x y = m01 + m10
     return out.reshape(9, 16)
 
 
 _CANDIDATES = _candidates()
-_MATRIX, _ROTATION, _CROSS = ({np.dtype(t): form.astype(t) for t in (np.float32, np.float64)} for form in _products())
+_MATRIX, _ROTATION, _CROSS = (
+    {np.dtype(t): form.astype(t) for t in (np.float32, np.float64)} for form in _products()
+)
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -111,7 +120,9 @@ def quat_to_rotvec(q: Array) -> Array:
 
 def quat_from_matrix(m: Array) -> Array:
     """Quaternion (..., 4) of rotation matrices (..., 3, 3), by the largest of four candidates."""
-    candidates = (m.reshape(*m.shape[:-2], 9) @ _CANDIDATES.astype(m.dtype, copy=False)).reshape(*m.shape[:-2], 4, 4)
+    candidates = (m.reshape(*m.shape[:-2], 9) @ _CANDIDATES.astype(m.dtype, copy=False)).reshape(
+        *m.shape[:-2], 4, 4
+    )
     candidates = candidates + np.eye(4, dtype=m.dtype)
     diagonal = np.diagonal(candidates, axis1=-2, axis2=-1)
     best = np.argmax(diagonal, axis=-1)

@@ -12,7 +12,9 @@ from .rotations import Array, Scalars
 
 def intervals(on: Array) -> list[tuple[int, int]]:
     """Half-open intervals in which (T,) flags are set."""
-    edges = np.flatnonzero(np.diff(np.concatenate(((False,), np.asarray(on, bool), (False,))).astype(np.int8)))
+    edges = np.flatnonzero(
+        np.diff(np.concatenate(((False,), np.asarray(on, bool), (False,))).astype(np.int8))
+    )
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 

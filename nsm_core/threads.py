@@ -1,8 +1,8 @@
 """Keep numpy's matrix products on one thread while a single character is stepped.
 
-One character's matrices are too small to share: with a second thread a step takes no less time on an idle machine
-and many times more on a busy one, since the threads wait for each other (2 against 60 ms were measured beside a
-running render).
+One character's matrices are too small to share: with a second thread a step takes no less time on an idle
+machine and many times more on a busy one, since the threads wait for each other (2 against 60 ms were
+measured beside a running render).
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ _PREFIXES = ("scipy_openblas", "openblas")
 
 @functools.cache
 def _openblas() -> tuple[object, object] | None:
-    """Getter and setter of the thread count of the OpenBLAS that numpy brought along; None with another library."""
+    """Getter and setter of the thread count of the OpenBLAS that numpy brought along; None with another
+    library.
+    """
     package = Path(np.__file__).parent
     for folder in (package.parent / "numpy.libs", package / ".dylibs"):
         for path in sorted(folder.glob("*openblas*")) if folder.is_dir() else ():

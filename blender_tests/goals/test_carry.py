@@ -73,7 +73,10 @@ def test_a_box_with_children_a_turn_applied_to_its_mesh_and_a_tilt_is_read_uprig
     lid.parent = target
     prop = carry(target, empty("Here", (2, 2, 0))).prop
     np.testing.assert_allclose(sorted(prop.size), (0.3, 0.3, 0.4), atol=0.01)
-    assert abs(wrap_angle(2 * (prop.pose[3] - 0.5))) < 0.02 or abs(wrap_angle(2 * (prop.pose[3] - 0.5 - math.pi / 2))) < 0.02
+    assert (
+        abs(wrap_angle(2 * (prop.pose[3] - 0.5))) < 0.02
+        or abs(wrap_angle(2 * (prop.pose[3] - 0.5 - math.pi / 2))) < 0.02
+    )
 
 
 @pytest.mark.parametrize(("turn", "facing"), [(0.0, None), (0.5, None)])
@@ -152,7 +155,9 @@ def test_the_goal_point_of_a_destination_shows_it_and_wins():
     after = carry(target, to)
     np.testing.assert_allclose(after.position - before.position, (0.2, 0, 0), atol=1e-4)
     other = table((5.0, 3.0), name="Other")
-    assert np.linalg.norm(carry(target, other).position[:2] - (5, 3)) < 1  # the point is of the one destination only
+    assert (
+        np.linalg.norm(carry(target, other).position[:2] - (5, 3)) < 1
+    )  # the point is of the one destination only
 
 
 def test_furniture_of_the_parametric_set_takes_a_box():

@@ -31,12 +31,16 @@ def block(size, location=(0.0, 0.0), turn=0.0, name="Step"):
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.4, -0.3])
-@pytest.mark.parametrize(("come", "facing"), [((0, -3), (0, 1)), ((0, 3), (0, -1)), ((3, 0.2), (-1, 0)), ((-3, 0.2), (1, 0))])
+@pytest.mark.parametrize(
+    ("come", "facing"), [((0, -3), (0, 1)), ((0, 3), (0, -1)), ((3, 0.2), (-1, 0)), ((-3, 0.2), (1, 0))]
+)
 def test_one_stands_in_the_middle_of_a_step_and_faces_across_its_edge(come, facing, turn):
     goal = climb(block((1.2, 0.8, 0.3), turn=turn), (rotate_planar(np.array(come, float), turn), 0.0))
     middle = -0.2 * np.array(facing) if facing[0] else np.zeros(2)  # 0.4 m behind the edge, at most
     np.testing.assert_allclose(goal.position, (*rotate_planar(middle, turn), 0.3), atol=0.03)
-    np.testing.assert_allclose(heading_to_direction(np.array(goal.heading)), rotate_planar(np.array(facing, float), turn), atol=1e-3)
+    np.testing.assert_allclose(
+        heading_to_direction(np.array(goal.heading)), rotate_planar(np.array(facing, float), turn), atol=1e-3
+    )
     volume = goal.interaction
     np.testing.assert_allclose(sorted(volume.size), (0.3, 0.8, 1.2), atol=0.01)
     assert volume.occupancy.mean() > 0.9
@@ -67,7 +71,9 @@ def test_what_stands_on_a_podium_is_left_room():
 
 def test_a_stage_is_climbed_where_one_comes_to_it():
     stage = block((5.4, 4.8, 0.2), name="Stage")
-    np.testing.assert_allclose(climb(stage, (np.array((1.2, -5.0)), 0.0)).position, (1.2, -2.0, 0.2), atol=0.06)
+    np.testing.assert_allclose(
+        climb(stage, (np.array((1.2, -5.0)), 0.0)).position, (1.2, -2.0, 0.2), atol=0.06
+    )
 
 
 def test_the_goal_point_wins():
@@ -90,7 +96,9 @@ def test_a_giant_climbs_what_others_cannot():
 
 class TestWhatCannotBeClimbed:
     def test_too_high_and_too_low(self):
-        with pytest.raises(GoalError, match="Rock is 0.90 m high; one climbs what is between 0.12 and 0.65 m"):
+        with pytest.raises(
+            GoalError, match="Rock is 0.90 m high; one climbs what is between 0.12 and 0.65 m"
+        ):
             climb(block((1, 1, 0.9), name="Rock"))
         with pytest.raises(GoalError, match="Mat is 0.05 m high.*choose walk"):
             climb(block((1, 1, 0.05), name="Mat"))
@@ -111,7 +119,9 @@ class TestWhatCannotBeClimbed:
             climb(podium)
 
 
-@pytest.mark.parametrize(("here", "facing"), [((-0.8, 0.0), (1, 0)), ((1.2, 0.4), (-1, 0)), ((0.6, -3.0), (0, 1))])
+@pytest.mark.parametrize(
+    ("here", "facing"), [((-0.8, 0.0), (1, 0)), ((1.2, 0.4), (-1, 0)), ((0.6, -3.0), (0, 1))]
+)
 def test_who_stands_on_a_top_faces_as_one_walks_on_up_there(here, facing):
     podium = block((3.0, 2.0, 0.4), name="Podium")
     around = Surroundings(bpy.context.scene, WorldFrame())

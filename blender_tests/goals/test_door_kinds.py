@@ -1,4 +1,6 @@
-"""What is no door to be swung open: each kind gets a sentence that says what was found, and ordinary doors get none."""
+"""What is no door to be swung open: each kind gets a sentence that says what was found, and ordinary doors
+get none.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,10 @@ def test_a_name_tells_unless_the_animator_gives_it_a_hinge(name, how):
     assert opening(leaf).width > 0.7
 
 
-@pytest.mark.parametrize("name", ["Handrail door", "Landslide Lodge Door", "Closet Door", "Door.Slate", "Oven Room Door", "Outside Door"])
+@pytest.mark.parametrize(
+    "name",
+    ["Handrail door", "Landslide Lodge Door", "Closet Door", "Door.Slate", "Oven Room Door", "Outside Door"],
+)
 def test_words_within_words_and_rooms_named_like_furniture_tell_nothing(name):
     opening(door(name=name))
 
@@ -102,7 +107,10 @@ class TestFurniture:
         return body, leaf
 
     def test_a_cupboard_is_too_shallow_to_walk_into(self):
-        refused(self.cupboard()[1], "Door is the door of a cupboard: what is behind it ends after 0.5[0-9] m, too soon to walk in")
+        refused(
+            self.cupboard()[1],
+            "Door is the door of a cupboard: what is behind it ends after 0.5[0-9] m, too soon to walk in",
+        )
 
     def test_its_name_or_that_of_its_parent_tells_which(self):
         body, leaf = self.cupboard(name="Kitchen Fridge")
@@ -110,9 +118,14 @@ class TestFurniture:
         refused(leaf, "Door is the door of a fridge: what is behind it ends")
 
     def test_its_flaps_and_drawers(self):
-        refused(box("FridgeDoor", (0, -0.02, 1.3), (0.7, 0, 1.8)), "FridgeDoor measures .*: it is the door of a fridge")
+        refused(
+            box("FridgeDoor", (0, -0.02, 1.3), (0.7, 0, 1.8)),
+            "FridgeDoor measures .*: it is the door of a fridge",
+        )
         refused(box("top_drawer", (0, -0.02, 0.3), (0.7, 0.4, 0.5)), "top_drawer measures .*: it is a drawer")
-        refused(box("Flap", (0, -0.02, 0.1), (0.7, 0, 0.8)), "Flap measures .*: it is low, as a cupboard's door")
+        refused(
+            box("Flap", (0, -0.02, 0.1), (0.7, 0, 0.8)), "Flap measures .*: it is low, as a cupboard's door"
+        )
 
     def test_a_wall_at_some_way_or_furniture_before_a_door_is_no_cupboard(self):
         leaf = door()
@@ -139,7 +152,11 @@ def test_leaves_of_a_double_door_too_narrow_for_one_to_pass():
     assert opening(left).width > 0.75
     for leaf, x in ((left, 0.2), (right, 0.605)):
         leaf.scale.x, leaf.location.x = 0.5, x
-    refused(left, "Left measures 0.40 .*: it is too narrow to walk through while the other leaf of this double door stays shut")
+    refused(
+        left,
+        "Left measures 0.40 .*: it is too narrow to walk through while the other leaf of this double door "
+        "stays shut",
+    )
     bpy.data.objects.remove(right)
     refused(left, "Left measures 0.40 .*: it is too narrow to walk through\\.")
 

@@ -83,7 +83,9 @@ def test_the_handle_is_at_the_free_edge_wherever_the_origin_is():
     np.testing.assert_allclose(prop.pose[:2], (LEAF[0], 0), atol=1e-3)
     np.testing.assert_allclose(prop.grip(0)[:2], (0.06, 0), atol=1e-3)
     leaf.scale.x = 1
-    leaf.data.transform(Matrix.Translation((-LEAF[0] / 2, 0, 0)))  # the origin at the lock, as in a double door modelled in place
+    leaf.data.transform(
+        Matrix.Translation((-LEAF[0] / 2, 0, 0))
+    )  # the origin at the lock, as in a double door modelled in place
     leaf.location.x += LEAF[0] / 2
     np.testing.assert_allclose(opening(leaf).prop.pose[:2], (0, 0), atol=1e-3)
 
@@ -166,7 +168,11 @@ def test_a_mirrored_leaf():
 
 class TestWhatCannotBeOpened:
     def test_things_that_are_no_leaf(self):
-        for name, low, high in (("Cube", (0, 0, 0), (1, 1, 2)), ("Plank", (0, 0, 0), (1, 0.05, 0.3)), ("Gate", (0, 0, 0), (3, 0.1, 2))):
+        for name, low, high in (
+            ("Cube", (0, 0, 0), (1, 1, 2)),
+            ("Plank", (0, 0, 0), (1, 0.05, 0.3)),
+            ("Gate", (0, 0, 0), (3, 0.1, 2)),
+        ):
             with pytest.raises(GoalError, match=f"{name} measures .* is no leaf of a door"):
                 opening(box(name, low, high))
 

@@ -1,4 +1,6 @@
-"""Goals from Blender objects: where the seat is, what the animator's goal point changes, what cannot be a goal."""
+"""Goals from Blender objects: where the seat is, what the animator's goal point changes, what cannot be a
+goal.
+"""
 
 from __future__ import annotations
 
@@ -104,7 +106,9 @@ def test_goal_point_marks_the_seat_and_the_animators_edit_wins():
     assert np.linalg.norm(np.array(point.matrix_world.translation) - (hips - (0, 0, HIP_OVER_SEAT))) < 0.05
     assert_close(sit_goal(chair), hips, heading)
     before = sit_goal(chair)
-    point.matrix_world = Matrix.Translation((0.05, -0.1, 0.03)) @ point.matrix_world @ Matrix.Rotation(0.5, 4, "Z")
+    point.matrix_world = (
+        Matrix.Translation((0.05, -0.1, 0.03)) @ point.matrix_world @ Matrix.Rotation(0.5, 4, "Z")
+    )
     after = sit_goal(chair)
     np.testing.assert_allclose(after.position - before.position, (0.05, -0.1, 0.03), atol=1e-5)
     assert after.heading == pytest.approx(before.heading + 0.5, abs=1e-5)
@@ -152,7 +156,9 @@ def test_walk_goals():
     assert marked.heading == pytest.approx(0.8, abs=1e-6)
     table, piece = furnish("table", "Table", (3.0, 0.0), math.pi / 2)
     before = resolve(GoalSpec("walk", table), scene, WorldFrame(), START)
-    assert before.position[0] > 3.0 + piece.size[1] / 2 + 0.3  # its front, -Y turned to +X, with room to stand
+    assert (
+        before.position[0] > 3.0 + piece.size[1] / 2 + 0.3
+    )  # its front, -Y turned to +X, with room to stand
     assert abs(wrap_angle(before.heading + math.pi / 2)) < 1e-5
     still = resolve(GoalSpec("idle"), scene, WorldFrame(), (np.array((4.0, 5.0)), 0.7))
     np.testing.assert_allclose(still.position, (4, 5, 0))

@@ -88,7 +88,10 @@ LEGS = [((x - 0.02, y - 0.02, 0), (x + 0.02, y + 0.02, 0.4)) for x in (-0.2, 0.2
 
 def loose_chair(turn: float = 0.0, at=(0.0, 0.0)) -> list[bpy.types.Object]:
     """A chair whose seat, back and legs are objects of their own; its back is at +Y of it."""
-    parts = [("Seat", [((-0.22, -0.22, 0.4), (0.22, 0.22, 0.45))]), ("Back", [((-0.22, 0.18, 0.45), (0.22, 0.22, 0.95))])]
+    parts = [
+        ("Seat", [((-0.22, -0.22, 0.4), (0.22, 0.22, 0.45))]),
+        ("Back", [((-0.22, 0.18, 0.45), (0.22, 0.22, 0.95))]),
+    ]
     parts += [(f"Leg {i}", [leg]) for i, leg in enumerate(LEGS)]
     return [mesh_of_boxes(name, boxes, (*at, 0.0), turn) for name, boxes in parts]
 
@@ -97,7 +100,9 @@ def loose_chair(turn: float = 0.0, at=(0.0, 0.0)) -> list[bpy.types.Object]:
 @pytest.mark.parametrize("chosen", ["Seat", "Back", "Leg 1"])
 def test_a_chair_in_loose_parts_is_one_chair(chosen, turn):
     loose_chair(turn, (1.0, 2.0))
-    for part in bpy.data.objects:  # the back tells where the front is, whichever way the parts themselves look
+    for (
+        part
+    ) in bpy.data.objects:  # the back tells where the front is, whichever way the parts themselves look
         part.data.transform(part.matrix_world)
         part.matrix_world.identity()
     box("Floor", (-4, -4, -0.1), (4, 4, 0))
@@ -106,8 +111,12 @@ def test_a_chair_in_loose_parts_is_one_chair(chosen, turn):
     found = goal("sit", bpy.data.objects[chosen])
     along = heading_to_direction(np.array(found.heading))
     np.testing.assert_allclose(along, heading_to_direction(np.array(turn)), atol=0.02)
-    assert np.linalg.norm(found.position[:2] - (1.0, 2.0)) < 0.15 and found.position[2] == pytest.approx(0.54, abs=0.02)
-    assert max(found.interaction.size[:2]) < 0.7 and found.interaction.size[2] == pytest.approx(0.95, abs=0.02)
+    assert np.linalg.norm(found.position[:2] - (1.0, 2.0)) < 0.15 and found.position[2] == pytest.approx(
+        0.54, abs=0.02
+    )
+    assert max(found.interaction.size[:2]) < 0.7 and found.interaction.size[2] == pytest.approx(
+        0.95, abs=0.02
+    )
 
 
 def test_what_lies_on_a_seat_raises_it_and_what_stands_on_it_does_not():
@@ -125,7 +134,9 @@ class TestPointsAreMadeAnyhow:
         rock = mesh_of_boxes("Rock", [((-0.07, -0.07, 0), (0.07, 0.07, 0.5))], (1.0, 0.0, 0.0))
         assert "sat on" in refused("sit", rock)
         point, told = shown(GoalSpec("sit", rock))
-        assert "sat on" in told and "move it" in told and goal_point_of(bpy.context.scene, rock, "sit") == point
+        assert (
+            "sat on" in told and "move it" in told and goal_point_of(bpy.context.scene, rock, "sit") == point
+        )
         point.location.y += 0.02
         point.rotation_euler.z = 0.5
         found = goal("sit", rock)

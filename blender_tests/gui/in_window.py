@@ -1,4 +1,6 @@
-"""Runs inside the graphical Blender for measure.py: builds a room, presses Generate, notes every moment the add-on takes."""
+"""Runs inside the graphical Blender for measure.py: builds a room, presses Generate, notes every moment the
+add-on takes.
+"""
 
 from __future__ import annotations
 
@@ -66,7 +68,11 @@ def scatter(blades: int) -> None:
     lawn = bpy.context.object
     lawn.name = "Lawn"
     mesh = bpy.data.meshes.new("Blade")
-    mesh.from_pydata([(-0.005, 0, 0), (0.005, 0, 0), (0, 0.01, 0), (0, 0, 0.06)], [], [(0, 1, 2), (0, 1, 3), (1, 2, 3), (2, 0, 3)])
+    mesh.from_pydata(
+        [(-0.005, 0, 0), (0.005, 0, 0), (0, 0.01, 0), (0, 0, 0.06)],
+        [],
+        [(0, 1, 2), (0, 1, 3), (1, 2, 3), (2, 0, 3)],
+    )
     blade = bpy.data.objects.new("Blade", mesh)
     bpy.context.scene.collection.objects.link(blade)
     blade.location, blade.hide_render = (50, 50, 0), True
@@ -75,7 +81,11 @@ def scatter(blades: int) -> None:
         tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
     new, link = tree.nodes.new, tree.links.new
     source, result = new("NodeGroupInput"), new("NodeGroupOutput")
-    points, each, what = new("GeometryNodeDistributePointsOnFaces"), new("GeometryNodeInstanceOnPoints"), new("GeometryNodeObjectInfo")
+    points, each, what = (
+        new("GeometryNodeDistributePointsOnFaces"),
+        new("GeometryNodeInstanceOnPoints"),
+        new("GeometryNodeObjectInfo"),
+    )
     join = new("GeometryNodeJoinGeometry")
     what.inputs["Object"].default_value, what.inputs["As Instance"].default_value = blade, True
     points.inputs["Density"].default_value = blades / 400
@@ -106,7 +116,9 @@ class Log:
     """Every moment that the add-on spends on the window's own thread, and every redraw."""
 
     def __init__(self) -> None:
-        self.rows: list[tuple[str, float, float, float]] = []  # what, begin, seconds by the clock, seconds of this thread's processor
+        self.rows: list[
+            tuple[str, float, float, float]
+        ] = []  # what, begin, seconds by the clock, seconds of this thread's processor
         self.stage: list[str] = []
         self.motion: float | None = None
 
@@ -120,12 +132,22 @@ class Log:
                 return inner(*args)
             finally:
                 state = part("ui.running").current()
-                where = f"tick, {state.text.rpartition(' ')[0] if '%' in state.text else state.text}" if what == "tick" and state else what
+                where = (
+                    f"tick, {state.text.rpartition(' ')[0] if '%' in state.text else state.text}"
+                    if what == "tick" and state
+                    else what
+                )
                 self.rows.append((where, begin, time.perf_counter() - begin, time.thread_time() - processor))
 
         # Blender counts the arguments of what it calls.
         draws = what == "sidebar"
-        setattr(owner, name, (lambda self, context: timed(self, context)) if draws else lambda self, context, e: timed(self, context, e))
+        setattr(
+            owner,
+            name,
+            (lambda self, context: timed(self, context))
+            if draws
+            else lambda self, context, e: timed(self, context, e),
+        )
 
     def note_motion(self) -> None:
         """Have the preview note when it first shows a pose."""
@@ -149,7 +171,9 @@ class Log:
         return longest
 
     def figures(self) -> dict[str, object]:
-        """What all rows say, milliseconds; ``cpu`` is this thread's own time, which a busy machine does not lengthen."""
+        """What all rows say, milliseconds; ``cpu`` is this thread's own time, which a busy machine does not
+        lengthen.
+        """
         own = self.own()
         what, _, seconds, _ = max(own, key=lambda row: row[3])
         ticks = [row for row in own if row[0].startswith("tick")]
@@ -164,12 +188,19 @@ class Log:
             "ticks": len(ticks),
             "in_ticks_s": sum(row[2] for row in ticks),
             "in_ticks_cpu_s": sum(row[3] for row in ticks),
-            "worst": [(w, round(1000 * s), round(1000 * c)) for w, _, s, c in sorted(own, key=lambda row: -row[3])[:12]],
+            "worst": [
+                (w, round(1000 * s), round(1000 * c))
+                for w, _, s, c in sorted(own, key=lambda row: -row[3])[:12]
+            ],
         }
 
     def since(self, begun: float) -> list[tuple[str, int, int]]:
         """What has happened since ``begun``: what, after how many milliseconds, and how many it took."""
-        return [(w, round(1000 * (at - begun)), round(1000 * s)) for w, at, s, _ in sorted(self.rows, key=lambda r: r[1]) if at >= begun]
+        return [
+            (w, round(1000 * (at - begun)), round(1000 * s))
+            for w, at, s, _ in sorted(self.rows, key=lambda r: r[1])
+            if at >= begun
+        ]
 
     def silence(self) -> float:
         """Longest time by the clock between two redraws, seconds."""
@@ -205,8 +236,12 @@ def steps(log: Log):
         log.watch(operator, name, "tick" if name == "modal" else "click")
     log.watch(part("ui.panels").NSM_PT_take, "draw", "sidebar")
     log.note_motion()
-    bpy.types.SpaceView3D.draw_handler_add(lambda: log.rows.append(("redraw", time.perf_counter(), 0, 0)), (), "WINDOW", "POST_PIXEL")
-    bpy.types.SpaceView3D.draw_handler_add(lambda: log.rows.append(("redraw", time.perf_counter(), 0, 0)), (), "UI", "POST_PIXEL")
+    bpy.types.SpaceView3D.draw_handler_add(
+        lambda: log.rows.append(("redraw", time.perf_counter(), 0, 0)), (), "WINDOW", "POST_PIXEL"
+    )
+    bpy.types.SpaceView3D.draw_handler_add(
+        lambda: log.rows.append(("redraw", time.perf_counter(), 0, 0)), (), "UI", "POST_PIXEL"
+    )
     running = part("ui.running")
     figures = {
         "blender": bpy.app.version_string,
@@ -294,5 +329,7 @@ def drive(run) -> None:
 
 
 bpy.context.preferences.view.show_splash = False
-bpy.context.preferences.system.viewport_aa = "OFF"  # which draws every picture eight times over: too slow without a graphics card
+bpy.context.preferences.system.viewport_aa = (
+    "OFF"  # which draws every picture eight times over: too slow without a graphics card
+)
 drive(steps(Log()))

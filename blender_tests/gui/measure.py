@@ -1,11 +1,15 @@
 #!/usr/bin/env python3
-"""Measure how long the add-on keeps the window of the real, graphical Blender from answering; no part of the test suites.
+"""Measure how long the add-on keeps the window of the real, graphical Blender from answering; no part of the
+test suites.
 
-  python3 blender_tests/gui/measure.py [--zip dist/nsm_blender-0.1.0.zip] [--out out/gui] [--rooms room,centimetres]
+  python3 blender_tests/gui/measure.py [--zip dist/nsm_blender-0.1.0.zip] [--out out/gui] [--rooms
+  room,centimetres]
 
-It needs Blender 4.5 or newer ($BLENDER or `blender` on the path), and without a screen Xvfb; screenshots need ImageMagick.
-Where there is none it says so and ends with 0.  For each room it installs the zip into a profile of its own, opens the NSM tab,
-fills the queue, presses Generate, and once more with ESC in the middle; `measured.json` and pictures land in the output folder.
+It needs Blender 4.5 or newer ($BLENDER or `blender` on the path), and without a screen Xvfb; screenshots need
+ImageMagick.
+Where there is none it says so and ends with 0.  For each room it installs the zip into a profile of its own,
+opens the NSM tab, fills the queue, presses Generate, and once more with ESC in the middle; `measured.json`
+and pictures land in the output folder.
 """
 
 from __future__ import annotations
@@ -49,7 +53,9 @@ def main() -> int:
         measured[room] = measure(blender, asked.zip, room, asked.out, asked.timeout)
         print(line(room, measured[room]), flush=True)
     (asked.out / "measured.json").write_text(json.dumps(measured, indent=1) + "\n", encoding="utf-8")
-    return 0 if all("error" not in m and m["longest_block_cpu_ms"] <= LONGEST for m in measured.values()) else 1
+    return (
+        0 if all("error" not in m and m["longest_block_cpu_ms"] <= LONGEST for m in measured.values()) else 1
+    )
 
 
 def newest_zip() -> Path | None:
@@ -61,10 +67,21 @@ def measure(blender: str, extension: Path, room: str, out: Path, timeout: int) -
     """Figures of one room, from a fresh profile."""
     with tempfile.TemporaryDirectory() as profile:
         environment = {**os.environ, "BLENDER_USER_RESOURCES": profile, "LIBGL_ALWAYS_SOFTWARE": "1"}
-        install = [blender, "--command", "extension", "install-file", "-r", "user_default", "-e", str(extension)]
+        install = [
+            blender,
+            "--command",
+            "extension",
+            "install-file",
+            "-r",
+            "user_default",
+            "-e",
+            str(extension),
+        ]
         done = subprocess.run(install, env=environment, capture_output=True, text=True)
         if done.returncode:
-            return {"error": f"the extension could not be installed: {done.stdout[-300:]}{done.stderr[-300:]}"}
+            return {
+                "error": f"the extension could not be installed: {done.stdout[-300:]}{done.stderr[-300:]}"
+            }
         figures = out.resolve() / f"{room}.json"
         figures.unlink(missing_ok=True)
         command = [blender, "--enable-event-simulate", "--window-geometry", "0", "0", "1280", "720"]
@@ -86,9 +103,12 @@ def line(room: str, m: dict) -> str:
     if "error" in m:
         return f"{room:12} {m['error']}"
     return (
-        f"{room:12} {m['objects']:5} objects {m['triangles']:8} triangles: first motion {m['first_motion_s']:.1f} s after the click, "
-        f"again {m['first_motion_again_s']:.1f} s; keys after {m['keys_s']:.1f} s; longest block {m['longest_block_cpu_ms']:.0f} ms "
-        f"({m['longest_block_ms']:.0f} ms by the clock, in {m['longest_block_in']}); ESC heard after {m['escape_ms']:.0f} ms, "
+        f"{room:12} {m['objects']:5} objects {m['triangles']:8} triangles: first motion "
+        f"{m['first_motion_s']:.1f} s after the click, "
+        f"again {m['first_motion_again_s']:.1f} s; keys after {m['keys_s']:.1f} s; longest block "
+        f"{m['longest_block_cpu_ms']:.0f} ms "
+        f"({m['longest_block_ms']:.0f} ms by the clock, in {m['longest_block_in']}); ESC heard after "
+        f"{m['escape_ms']:.0f} ms, "
         f"{'all put back' if m['put_back'] else 'NOT PUT BACK'}"
     )
 

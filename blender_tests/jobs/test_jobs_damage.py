@@ -67,7 +67,9 @@ def room(tmp_path) -> Path:
 
 @contextlib.contextmanager
 def small_files(size: int):
-    """No file may grow beyond ``size`` bytes, as on a full disk; only inside, since pytest's own output may go to a larger file."""
+    """No file may grow beyond ``size`` bytes, as on a full disk; only inside, since pytest's own output may
+    go to a larger file.
+    """
     resource = pytest.importorskip("resource")
     handled, before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN), resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
@@ -80,7 +82,10 @@ def small_files(size: int):
 
 class TestNothingIsWrittenOver:
     @pytest.mark.parametrize("key", ["out", "report", "bvh"])
-    @pytest.mark.parametrize("name", ["room.blend", "sub/../room.blend", "./link.blend", "folder/room.blend", "Room.BLEND", "JOB.toml"])
+    @pytest.mark.parametrize(
+        "name",
+        ["room.blend", "sub/../room.blend", "./link.blend", "folder/room.blend", "Room.BLEND", "JOB.toml"],
+    )
     def test_the_scene_and_the_job(self, room, key, name):
         (room / "link.blend").symlink_to("room.blend")
         (room / "folder").symlink_to(".")
@@ -92,7 +97,9 @@ class TestNothingIsWrittenOver:
 
     @pytest.mark.parametrize("key", ["sheet", "video"])
     def test_no_picture_is_meant_for_a_scene(self, tmp_path, key):
-        assert "end its name so" in read_job(write_job(tmp_path, take(f'{key} = "room.blend"'))).takes[0].error
+        assert (
+            "end its name so" in read_job(write_job(tmp_path, take(f'{key} = "room.blend"'))).takes[0].error
+        )
 
     @pytest.mark.parametrize("second", ['report = "x/../r.json"', 'bvh = "R.json"', 'out = "here/r.json"'])
     def test_the_later_of_two_takes_with_one_file_is_refused(self, tmp_path, second):
@@ -102,7 +109,9 @@ class TestNothingIsWrittenOver:
         assert "is the same file as 'report' of take 'one'" in job.takes[1].error and not job.takes[1].outputs
 
     def test_names_that_begin_alike_are_two_files(self, tmp_path):
-        body = 'out = "sit.blend"\nsheet = "sit.blend.png"\nvideo = "sit"\nbvh = "sit.bvh"\nreport = "sit.json"'
+        body = (
+            'out = "sit.blend"\nsheet = "sit.blend.png"\nvideo = "sit"\nbvh = "sit.bvh"\nreport = "sit.json"'
+        )
         one = read_job(write_job(tmp_path, take(body))).takes[0]
         assert one.error is None and {p.name for p in one.outputs.values()} == {
             "sit.blend", "sit.blend.png", "sit.mp4", "sit.bvh", "sit.json"
@@ -134,14 +143,23 @@ class TestOneTakeOfMany:
         ("first", "words"),
         [
             (take('report = "a\\u0000b.json"'), "'report' in take 'one' is 'a\\x00b.json'"),
-            (take("", goals="[{ action = 'idle', hold = 1" + "0" * 400 + " }]"), "'hold' in goal 1 of take 'one'"),
+            (
+                take("", goals="[{ action = 'idle', hold = 1" + "0" * 400 + " }]"),
+                "'hold' in goal 1 of take 'one'",
+            ),
             (take('out = "' + "a" * 300 + '.blend"'), "too long"),
             (take('bvh = "' + "abcdefgh/" * 120 + '"'), "too long"),
             (take("start_frame = 4294967296"), "from -1048574 to 1000000"),
             (take("seed = 2147483648"), "from 0 to 2147483647"),
-            (take("", goals="[{ action = 'walk', location = [nan, 0, 0] }]"), "'location' in goal 1 of take 'one' is nan"),
+            (
+                take("", goals="[{ action = 'walk', location = [nan, 0, 0] }]"),
+                "'location' in goal 1 of take 'one' is nan",
+            ),
             (take("", goals="[{ action = 'walk', location = [0, 1e300, 0] }]"), "'location' in goal 1"),
-            (take("", goals="[{ action = 'walk', object = 'a\\u0000' }]".replace("'", '"')), "'object' in goal 1"),
+            (
+                take("", goals="[{ action = 'walk', object = 'a\\u0000' }]".replace("'", '"')),
+                "'object' in goal 1",
+            ),
             (take("", goals="[[[[]]]]"), "goal 1 of take 'one'"),
             (take('out = "//one.blend"'), "leave '//' away"),
             (take("overwrite = 1"), "'overwrite' in take 'one' is 1; it must be true or false"),
@@ -167,19 +185,36 @@ class TestOneTakeOfMany:
     def test_no_job_file(self, path):
         assert run(Path(path))[0] == 2
 
-    def test_a_defect_is_reported_with_its_traceback_and_the_next_take_is_made(self, room, monkeypatch, capfd):
+    def test_a_defect_is_reported_with_its_traceback_and_the_next_take_is_made(
+        self, room, monkeypatch, capfd
+    ):
         make = batch._make
-        monkeypatch.setattr(batch, "_make", lambda job, entry, *rest: 1 // 0 if entry.name == "one" else make(job, entry, *rest))
+        monkeypatch.setattr(
+            batch,
+            "_make",
+            lambda job, entry, *rest: 1 // 0 if entry.name == "one" else make(job, entry, *rest),
+        )
         code, lines = run(write_job(room, take('report = "one.json"') + take('report = "two.json"', "two")))
-        assert code == 1 and "Take 'one' broke off with ZeroDivisionError" in lines[0] and "please report this" in lines[0]
-        assert "Traceback" in json.loads((room / "one.json").read_text())["traceback"] and "Traceback" in capfd.readouterr().err
+        assert (
+            code == 1
+            and "Take 'one' broke off with ZeroDivisionError" in lines[0]
+            and "please report this" in lines[0]
+        )
+        assert (
+            "Traceback" in json.loads((room / "one.json").read_text())["traceback"]
+            and "Traceback" in capfd.readouterr().err
+        )
         assert "error" not in json.loads((room / "two.json").read_text())
 
     def test_names_that_a_terminal_lacks(self, tmp_path):
         code = "from nsm_blender.batch import _say; _say('座る')"
         root = Path(__file__).resolve().parents[2]
         done = subprocess.run(
-            [sys.executable, "-c", code], cwd=root, capture_output=True, env={**os.environ, "PYTHONIOENCODING": "ascii"}, timeout=120
+            [sys.executable, "-c", code],
+            cwd=root,
+            capture_output=True,
+            env={**os.environ, "PYTHONIOENCODING": "ascii"},
+            timeout=120,
         )
         assert done.returncode == 0 and b"\\u5ea7" in done.stdout
 
@@ -190,7 +225,9 @@ def test_scripts_of_a_scene_run_only_where_the_job_says_so(room, scripts):
     text.write("import bpy; bpy.data.objects['Mark']['ran'] = True")
     text.use_module = True
     bpy.ops.wm.save_as_mainfile(filepath=str(room / "room.blend"))
-    (room / "job.toml").write_text(f'scene = "room.blend"\nscripts = {str(scripts).lower()}\n' + take('out = "one.blend"'))
+    (room / "job.toml").write_text(
+        f'scene = "room.blend"\nscripts = {str(scripts).lower()}\n' + take('out = "one.blend"')
+    )
     code, lines = run(room / "job.toml")
     assert code == 0 and any("scripts in the scene did not run" in line for line in lines) != scripts
     assert ("ran" in bpy.data.objects["Mark"]) == scripts
@@ -206,7 +243,10 @@ class TestFullDisk:
 
     def test_a_picture(self, tmp_path):
         path = self.keep(tmp_path, "one.png")
-        with small_files(16384), pytest.raises(OutputError, match=r"cut short; the disk may be full.*make room"):
+        with (
+            small_files(16384),
+            pytest.raises(OutputError, match=r"cut short; the disk may be full.*make room"),
+        ):
             render.write_png(path, np.random.default_rng(0).random((300, 300, 4), np.float32))
         self.check(path)
 
@@ -268,7 +308,9 @@ def damaged(random_: random.Random) -> bytes:
         elif kind == 3:
             del lines[at]
         else:
-            lines[at] = lines[at].replace(random_.choice("=[]{}\"',0123"), random_.choice("=[]{}\"',0123\0é"), 1)
+            lines[at] = lines[at].replace(
+                random_.choice("=[]{}\"',0123"), random_.choice("=[]{}\"',0123\0é"), 1
+            )
         data = "\n".join(lines)
     raw = bytearray(data.encode())
     if random_.random() < 0.3 and raw:
@@ -297,12 +339,21 @@ def require_right(job: Job) -> None:
     assert job.takes and type(job.scripts) is bool and "\0" not in str(job.scene)
     for entry in job.takes:
         assert entry.name.isprintable() and all("\0" not in str(path) for path in entry.outputs.values())
-        assert all(Path(os.path.realpath(path)) not in (job.path, job.scene) for path in entry.outputs.values())
+        assert all(
+            Path(os.path.realpath(path)) not in (job.path, job.scene) for path in entry.outputs.values()
+        )
         if entry.error is not None:
             assert len(entry.error) < 600
             continue
-        assert type(entry.seed) is int and 0 <= entry.seed < 2**31 and type(entry.start_frame) is int and abs(entry.start_frame) < 2**21
+        assert (
+            type(entry.seed) is int
+            and 0 <= entry.seed < 2**31
+            and type(entry.start_frame) is int
+            and abs(entry.start_frame) < 2**21
+        )
         assert type(entry.contact_ik) is bool and isinstance(entry.character, str) and entry.goals
         for goal in entry.goals:
             assert 0 <= goal.hold <= 600 and all(isinstance(n, str | None) for n in (goal.object, goal.to))
-            assert goal.location is None or (len(goal.location) == 3 and all(map(math.isfinite, goal.location)))
+            assert goal.location is None or (
+                len(goal.location) == 3 and all(map(math.isfinite, goal.location))
+            )

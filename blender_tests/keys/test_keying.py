@@ -18,7 +18,9 @@ from nsm_core.errors import NsmError, SkeletonError
 
 
 def angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    chord = np.minimum(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))  # exact for small angles, unlike the arc cosine
+    chord = np.minimum(
+        np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1)
+    )  # exact for small angles, unlike the arc cosine
     return 4 * np.arcsin(np.minimum(chord / 2, 1))
 
 
@@ -45,7 +47,9 @@ def test_joints_land_in_the_world_wherever_the_armature_stands(place):
     read_hips, read_local = read_back(armature, range(5, 45))
     assert np.abs(read_hips - hips).max() < 1e-4
     assert angle_between(read_local, local).max() < 1e-4
-    assert np.allclose(armature.matrix_world, PLACES[place], atol=1e-6), "the armature's own transform is untouched"
+    assert np.allclose(armature.matrix_world, PLACES[place], atol=1e-6), (
+        "the armature's own transform is untouched"
+    )
 
 
 @pytest.mark.parametrize(("fps", "base"), [(24, 1.0), (25, 1.0), (60, 1.0), (30, 1.001), (24, 1.001)])
@@ -144,7 +148,9 @@ def test_a_discarded_first_take_gives_the_pose_back():
     hips, local = wandering_take()
     discard_take(key_take(armature, hips, local))
     assert armature.animation_data.action is None and not bpy.data.actions
-    assert list(armature.pose.bones["LeftElbow"].rotation_quaternion) == pytest.approx((0.8, 0.6, 0, 0), abs=1e-5)
+    assert list(armature.pose.bones["LeftElbow"].rotation_quaternion) == pytest.approx(
+        (0.8, 0.6, 0, 0), abs=1e-5
+    )
     assert list(armature.pose.bones["Hips"].location) == pytest.approx((0, 0, 0), abs=1e-6)
 
 
@@ -181,7 +187,9 @@ def test_hand_moved_bones_and_a_posed_root_bone_do_not_bend_the_take():
 
 def test_the_start_is_read_from_the_pose_in_the_world():
     armature = build_armature("Character")
-    armature.matrix_world = Matrix.Translation((2, -3, 0)) @ Matrix.Rotation(math.radians(50), 4, "Z") @ Matrix.Scale(1.2, 4)
+    armature.matrix_world = (
+        Matrix.Translation((2, -3, 0)) @ Matrix.Rotation(math.radians(50), 4, "Z") @ Matrix.Scale(1.2, 4)
+    )
     start = read_pose(armature)
     assert start.position == pytest.approx((2, -3), abs=1e-5)
     assert math.degrees(start.heading) == pytest.approx(50, abs=1e-3)

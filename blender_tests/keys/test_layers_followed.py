@@ -145,7 +145,9 @@ def combine_without_tracks(armature):
 
 
 def what_moves_nothing(armature):
-    """Constraints and drivers that are muted, without influence or target, on other bones, or on channels not in use."""
+    """Constraints and drivers that are muted, without influence or target, on other bones, or on channels not
+    in use.
+    """
     extra = with_root(armature)
     bones = armature.data.edit_bones
     bpy.ops.object.mode_set(mode="EDIT")

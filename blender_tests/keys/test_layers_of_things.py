@@ -40,7 +40,9 @@ def test_a_thing_whose_keys_would_not_rule_is_refused(how):
         track.is_solo = how == "solo"
         thing.animation_data.action_blend_type = "COMBINE" if how == "combine" else "REPLACE"
     elif "driver" in how:
-        thing.driver_add("rotation_quaternion" if how == "unused driver" else "delta_location", 0).driver.expression = "1"
+        thing.driver_add(
+            "rotation_quaternion" if how == "unused driver" else "delta_location", 0
+        ).driver.expression = "1"
     else:
         thing.hide_viewport = True
     bpy.context.view_layer.update()

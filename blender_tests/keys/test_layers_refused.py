@@ -1,4 +1,6 @@
-"""What else moves a character and cannot be followed: refused in a sentence that names it, before anything is made."""
+"""What else moves a character and cannot be followed: refused in a sentence that names it, before anything is
+made.
+"""
 
 from __future__ import annotations
 
@@ -221,7 +223,13 @@ def root_driven_to_grow(armature):
 
 @pytest.mark.parametrize(
     "layer",
-    [object_copies_a_scale, root_copies_a_scale, parent_copies_a_scale, root_grows_on_a_strip, root_driven_to_grow],
+    [
+        object_copies_a_scale,
+        root_copies_a_scale,
+        parent_copies_a_scale,
+        root_grows_on_a_strip,
+        root_driven_to_grow,
+    ],
     ids=lambda f: f.__name__,
 )
 def test_a_size_that_changes_by_whatever_means_is_refused_with_nothing_keyed(armature, layer):

@@ -49,7 +49,9 @@ def thing_of(target, frame=None):
     bpy.context.view_layer.update()
     frame = frame or WorldFrame()
     place = frame.to_core(np.array(target.matrix_world.translation))
-    prop = Prop(target.name, Cuboids(), None, np.append(place + (0.1, -0.2, 0.05), 0.4))  # its frame is not the object's own
+    prop = Prop(
+        target.name, Cuboids(), None, np.append(place + (0.1, -0.2, 0.05), 0.4)
+    )  # its frame is not the object's own
     return MovedObject.of(target, frame, prop)
 
 
@@ -74,6 +76,7 @@ def world_at(target, frame):
 
 def expected(pose, first, world):
     """World matrix after the rigid move that brings the prop from ``first`` to ``pose``."""
+
     def matrix(p):
         return np.array(Matrix.Translation(p[:3]) @ Matrix.Rotation(p[3], 4, "Z"))
 
@@ -129,7 +132,10 @@ def tilted(target):
     target.rotation_euler = (0.4, -0.3, 1.0)
 
 
-CASES = {f.__name__: f for f in (parented, parented_keeping_its_place, on_a_moving_holder, shifted, mirrored, tilted)}
+CASES = {
+    f.__name__: f
+    for f in (parented, parented_keeping_its_place, on_a_moving_holder, shifted, mirrored, tilted)
+}
 CASES |= {name: mode(name) for name in ("XYZ", "ZYX", "QUATERNION", "AXIS_ANGLE")}
 
 
@@ -162,7 +168,11 @@ def test_a_leaf_turns_about_its_hinge_and_its_parts_go_along():
     open_by = world_at(target, 5 + FRAMES - 1)
     np.testing.assert_allclose(open_by[:3, 3], (1, 0, 0), atol=1e-5)
     assert math.atan2(open_by[1, 0], open_by[0, 0]) == pytest.approx(1.5 * leaf.swing, abs=1e-4)
-    np.testing.assert_allclose(knob.matrix_world.translation[:2], (1, 0) + rotate_planar(np.array((0.75, 0)), 1.5 * leaf.swing), atol=1e-4)
+    np.testing.assert_allclose(
+        knob.matrix_world.translation[:2],
+        (1, 0) + rotate_planar(np.array((0.75, 0)), 1.5 * leaf.swing),
+        atol=1e-4,
+    )
 
 
 @pytest.mark.parametrize(("fps", "base"), [(24, 1.0), (60, 1.0), (30, 1.001)])
@@ -173,12 +183,16 @@ def test_the_scene_rate_is_honoured(fps, base):
     poses = carried(thing.pose)
     take = standing_take()
     last(key_things(take, [(thing, poses)], 30, "Carry", scene))
-    np.testing.assert_allclose(world_at(target, take.frame_end), expected(poses[-1], thing.pose, np.array(thing.world)), atol=1e-4)
+    np.testing.assert_allclose(
+        world_at(target, take.frame_end), expected(poses[-1], thing.pose, np.array(thing.world)), atol=1e-4
+    )
     half = round(20 / 30 * fps / base)
     at = half * base / fps * 30
     poses[:, 3] = np.unwrap(poses[:, 3])
     between = poses[int(at)] + (at - int(at)) * (poses[int(at) + 1] - poses[int(at)])
-    np.testing.assert_allclose(world_at(target, 5 + half), expected(between, thing.pose, np.array(thing.world)), atol=1e-3)
+    np.testing.assert_allclose(
+        world_at(target, 5 + half), expected(between, thing.pose, np.array(thing.world)), atol=1e-3
+    )
 
 
 def test_keys_lie_where_it_moves_and_at_both_ends():
@@ -186,7 +200,9 @@ def test_keys_lie_where_it_moves_and_at_both_ends():
     thing = thing_of(target)
     take = key(thing, carried(thing.pose))
     bag = channels_of(target).bag
-    assert {(f.data_path, f.array_index) for f in bag.fcurves} == {(p, i) for p in ("location", "rotation_euler") for i in range(3)}
+    assert {(f.data_path, f.array_index) for f in bag.fcurves} == {
+        (p, i) for p in ("location", "rotation_euler") for i in range(3)
+    }
     frames = [round(k.co.x) for k in bag.fcurves[0].keyframe_points]
     assert frames[0] == 5 and frames[-1] == 5 + FRAMES - 1
     assert frames[1:-1] == list(range(5 + 10, 5 + FRAMES - 10))
@@ -273,7 +289,9 @@ def test_preview_moves_objects_and_escape_puts_them_back():
     rotations[:, 0] = 1
     Preview(character).show((0, 0, 0.97), rotations, [(target, thing.world_at(pose))])
     bpy.context.view_layer.update()
-    np.testing.assert_allclose(np.array(target.matrix_world), expected(pose, thing.pose, np.array(thing.world)), atol=1e-4)
+    np.testing.assert_allclose(
+        np.array(target.matrix_world), expected(pose, thing.pose, np.array(thing.world)), atol=1e-4
+    )
     state.restore()
     assert (tuple(target.location), tuple(target.rotation_quaternion), tuple(target.scale)) == before
 

@@ -1,4 +1,6 @@
-"""A report tells how far hands are from what they take on the bones and objects that are seen, not in the motion that was made."""
+"""A report tells how far hands are from what they take on the bones and objects that are seen, not in the
+motion that was made.
+"""
 
 from __future__ import annotations
 
@@ -25,23 +27,40 @@ _WRISTS = [arm[2] for arm in ARMS]
 
 
 def taking(hero, hands):
-    """Key a motion whose hands are exactly where they should be on a box that turns; the report's line about it."""
+    """Key a motion whose hands are exactly where they should be on a box that turns; the report's line about
+    it.
+    """
     scene = bpy.context.scene
     scene.render.fps = 30
     crate = box("Box", (1, -1, 0), (1.3, -0.7, 0.3))
     frame = WorldFrame.of(hero)
     solid = Cuboids([((0.0, 0.0), 0.0, np.full((1, 3), -0.15), np.full((1, 3), 0.15))])
     pose = np.append(frame.to_core(np.array(crate.bound_box).mean(0)), 0.0)
-    prop = Box("Box", solid, interaction_sensor(solid, np.zeros(3), np.full(3, 0.3), 0.0), pose, size=np.full(3, 0.3))
+    prop = Box(
+        "Box", solid, interaction_sensor(solid, np.zeros(3), np.full(3, 0.3), 0.0), pose, size=np.full(3, 0.3)
+    )
     hips, local = wandering_take(FRAMES)
     poses = pose + np.linspace(0, 1, FRAMES)[:, None] * (0.3, 0.1, 0.2, 0.5)
     wrists = forward_kinematics(hips[GRASP], local[GRASP])[0][_WRISTS]
     taken = Taken(hands, prop.to_local(wrists[hands], poses[GRASP]), GRASP)
     assert taken.errors(wrists, poses[GRASP])[0] == pytest.approx(0, abs=1e-9)
     zeros = np.zeros((FRAMES, 7), np.float32)
-    goal = GoalResult("Box", "carry", True, 1.0, 0.0, 0.0, end_frame=FRAMES - 1, place=poses[-1, :3], facing=0.5, hand_error_cm=0.0)
+    goal = GoalResult(
+        "Box",
+        "carry",
+        True,
+        1.0,
+        0.0,
+        0.0,
+        end_frame=FRAMES - 1,
+        place=poses[-1, :3],
+        facing=0.5,
+        hand_error_cm=0.0,
+    )
     goal.taken, goal.hand_rotation_deg = taken, 0.0 if len(hands) == 2 else np.nan
-    result = TakeResult(hips, local, hips, local, zeros[:, :5], zeros[:, :3], zeros, zeros, [goal], {}, {"Box": poses})
+    result = TakeResult(
+        hips, local, hips, local, zeros[:, :5], zeros[:, :3], zeros, zeros, [goal], {}, {"Box": poses}
+    )
     asked = TakeRequest(np.zeros(2), 0.0, [Goal("carry", "Box", poses[-1, :3], 0.5, prop=prop)], Cuboids())
     things = {"Box": MovedObject.of(crate, frame, prop)}
     return finish(key_and_check(TakeSpec(hero, [], "New", 3), scene, asked, result, frame, things)).report

@@ -39,7 +39,15 @@ def settings(scene: bpy.types.Scene) -> dict:
     """Everything of a scene's settings that could be seen to change."""
     found = {}
     render, display = scene.render, scene.display
-    owners = (scene, render, render.image_settings, render.ffmpeg, display, display.shading, scene.view_settings)
+    owners = (
+        scene,
+        render,
+        render.image_settings,
+        render.ffmpeg,
+        display,
+        display.shading,
+        scene.view_settings,
+    )
     for owner in owners:
         label = type(owner).__name__
         for prop in owner.bl_rna.properties:
@@ -57,7 +65,9 @@ def data_counts() -> dict[str, int]:
 
 def test_a_contact_sheet_shows_the_character_in_every_tile(take, tmp_path):
     heard = []
-    path = render.contact_sheet(take, tmp_path / "new folder" / "sheet", tiles=3, columns=3, size=(96, 80), progress=heard.append)
+    path = render.contact_sheet(
+        take, tmp_path / "new folder" / "sheet", tiles=3, columns=3, size=(96, 80), progress=heard.append
+    )
     assert path == tmp_path / "new folder" / "sheet.png"
     pixels = render.read_png(path)
     assert pixels.shape == (80, 3 * 96 + 2 * 4, 4)
@@ -109,7 +119,10 @@ def views(take: KeyedTake, **how) -> Views:
 
 
 def test_the_camera_avoids_walls(take):
-    for name, low, high in (("A", (-3, -1.2, 0), (4, -1.0, 3)), ("B", (2.6, -1.2, 0), (2.8, 4, 3))):  # walls to -Y and to +X
+    for name, low, high in (
+        ("A", (-3, -1.2, 0), (4, -1.0, 3)),
+        ("B", (2.6, -1.2, 0), (2.8, 4, 3)),
+    ):  # walls to -Y and to +X
         box(name, low, high, None)
     bpy.context.view_layer.update()
     for seen in (views(take), views(take, frames=[20, 25, 30])):
@@ -124,7 +137,9 @@ def test_a_wished_side_is_kept_until_a_moving_board_stands_there(take):
         board.keyframe_insert("location", frame=frame)
     wish = (0.0, -1.0, 0.4)
     seen = views(take, wish=wish, frames=[20, 23, 27, 30])
-    np.testing.assert_allclose(seen.directions[:4], np.tile(np.array(wish) / np.linalg.norm(wish), (4, 1)), atol=1e-6)
+    np.testing.assert_allclose(
+        seen.directions[:4], np.tile(np.array(wish) / np.linalg.norm(wish), (4, 1)), atol=1e-6
+    )
     assert (seen.directions[7:, 1] > -0.2).all()
     np.testing.assert_allclose(np.linalg.norm(views(take, wish=wish).directions, axis=1), 1, atol=1e-6)
 
@@ -171,7 +186,9 @@ with quiet():
     os.write(2, b"EGL Error (0x3009): EGL_BAD_MATCH\\nout of memory\\n"); os.write(1, b"Fra:1 Mem:2\\n")
     print("said"); print("told", file=sys.stderr)
 """
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120, check=True
+    )
     assert "said\n" in done.stdout and "Fra:1" not in done.stdout
     assert "EGL" not in done.stderr and {"out of memory", "told"} <= set(done.stderr.splitlines())
 

@@ -12,13 +12,21 @@ from nsm_core.rotations import quat_normalize
 
 
 def test_blender_reads_the_joints_where_they_were(tmp_path):
-    """Channels in an order of their own for each joint, and angles beyond 180 degrees, are what other programs read."""
+    """Channels in an order of their own for each joint, and angles beyond 180 degrees, are what other
+    programs read.
+    """
     rng = np.random.default_rng(1)
     steps = np.cumsum(rng.normal(size=(24, len(JOINTS), 4)) * 0.25, axis=0) + np.array((1.0, 0, 0, 0))
     hips, local = np.cumsum(rng.normal(size=(24, 3)) * 0.05, axis=0), quat_normalize(steps)
     bvh_writer.write(tmp_path / "take.bvh", hips, local)
     addon_utils.enable("io_anim_bvh")
-    bpy.ops.import_anim.bvh(filepath=str(tmp_path / "take.bvh"), axis_forward="-Z", axis_up="Y", global_scale=0.01, rotate_mode="NATIVE")
+    bpy.ops.import_anim.bvh(
+        filepath=str(tmp_path / "take.bvh"),
+        axis_forward="-Z",
+        axis_up="Y",
+        global_scale=0.01,
+        rotate_mode="NATIVE",
+    )
     rig, (positions, _) = bpy.context.object, forward_kinematics(hips, local)
     for frame in range(0, 24, 6):
         bpy.context.scene.frame_set(frame + 1)

@@ -15,10 +15,14 @@ from nsm_core.rotations import quat_from_rotvec
 
 
 def bent(**joints) -> np.ndarray:
-    """Rotations (23, 4) of the T-pose bent at both sides' ``joints`` by angles about X, and Y or Z where a side mirrors."""
+    """Rotations (23, 4) of the T-pose bent at both sides' ``joints`` by angles about X, and Y or Z where a
+    side mirrors.
+    """
     turns = np.zeros((J, 3))
     for name, turn in joints.items():
-        for side, flip in (("Left", (1, 1, 1)), ("Right", (1, -1, -1))) if name not in JOINTS else (("", (1, 1, 1)),):
+        for side, flip in (
+            (("Left", (1, 1, 1)), ("Right", (1, -1, -1))) if name not in JOINTS else (("", (1, 1, 1)),)
+        ):
             turns[INDEX[side + name]] = np.multiply(turn, flip)
     return quat_from_rotvec(turns)
 
@@ -26,8 +30,17 @@ def bent(**joints) -> np.ndarray:
 POSES = {
     "T": bent(),
     "arms down": bent(Shoulder=(0, 1.3, 0), Elbow=(0, 0, 0.3)),
-    "walking": bent(Shoulder=(0, 1.2, 0), Hip=(-0.5, 0, 0), Knee=(0.6, 0, 0), Ankle=(0.2, 0, 0), Chest=(0.1, 0, 0.1)),
-    "stooping": bent(Chest=(0.3, 0, 0), Chest2=(0.2, 0, 0), Chest3=(0.15, 0, 0), Hip=(-0.9, 0, 0), Knee=(1.1, 0, 0), Neck=(0.2, 0, 0)),
+    "walking": bent(
+        Shoulder=(0, 1.2, 0), Hip=(-0.5, 0, 0), Knee=(0.6, 0, 0), Ankle=(0.2, 0, 0), Chest=(0.1, 0, 0.1)
+    ),
+    "stooping": bent(
+        Chest=(0.3, 0, 0),
+        Chest2=(0.2, 0, 0),
+        Chest3=(0.15, 0, 0),
+        Hip=(-0.9, 0, 0),
+        Knee=(1.1, 0, 0),
+        Neck=(0.2, 0, 0),
+    ),
 }
 
 
@@ -66,13 +79,22 @@ def test_the_capsules_are_no_thicker_than_what_is_seen(seen, fine):
     vertices, hips, local = seen
     spheres = capsules.Body.of(hips[[0]], local[[0]])
     low, high = vertices[0].min(0), vertices[0].max(0)
-    bounds = (spheres.centres[0] - spheres.radii[0, :, None]).min(0), (spheres.centres[0] + spheres.radii[0, :, None]).max(0)
+    bounds = (
+        (spheres.centres[0] - spheres.radii[0, :, None]).min(0),
+        (spheres.centres[0] + spheres.radii[0, :, None]).max(0),
+    )
     np.testing.assert_allclose(bounds, (low, high), atol=0.02)
-    surface = spheres.centres[0][:, None] + spheres.radii[0][:, None, None] * np.concatenate((np.eye(3), -np.eye(3)))
+    surface = spheres.centres[0][:, None] + spheres.radii[0][:, None, None] * np.concatenate(
+        (np.eye(3), -np.eye(3))
+    )
     surface = surface.reshape(-1, 3)
-    outside = (np.linalg.norm(surface[:, None] - spheres.centres[0], axis=-1) - spheres.radii[0]).min(1) > -1e-6
+    outside = (np.linalg.norm(surface[:, None] - spheres.centres[0], axis=-1) - spheres.radii[0]).min(
+        1
+    ) > -1e-6
     mesh = add_character((0, 0, 0)).children[0].data
-    skin = BVHTree.FromPolygons([tuple(v.co) for v in mesh.vertices], [tuple(p.vertices) for p in mesh.polygons])
+    skin = BVHTree.FromPolygons(
+        [tuple(v.co) for v in mesh.vertices], [tuple(p.vertices) for p in mesh.polygons]
+    )
     gaps = np.array([skin.find_nearest(p)[3] for p in surface[outside]])
     assert np.quantile(gaps, 0.9) < 0.02 and gaps.max() < 0.04, (np.quantile(gaps, 0.9), gaps.max())
 

@@ -21,7 +21,9 @@ def evaluated_vertices(body: bpy.types.Object) -> np.ndarray:
     flat = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertices.foreach_get("co", flat)
     evaluated.to_mesh_clear()
-    return flat.reshape(-1, 3) @ np.array(body.matrix_world.to_3x3()).T + np.array(body.matrix_world.translation)
+    return flat.reshape(-1, 3) @ np.array(body.matrix_world.to_3x3()).T + np.array(
+        body.matrix_world.translation
+    )
 
 
 def test_the_armature_has_the_joints_where_the_core_has_them():
@@ -97,10 +99,17 @@ def test_a_seated_pose_keeps_limbs_together():
     vertices = evaluated_vertices(body)
     knee = INDEX["LeftKnee"]
     names = {g.index: g.name for g in body.vertex_groups}
-    place = {j: np.array(armature.matrix_world @ armature.pose.bones[JOINTS[j]].head) for j in (knee, INDEX["LeftHip"])}
-    assert np.linalg.norm(place[knee] - place[INDEX["LeftHip"]]) == pytest.approx(np.linalg.norm(OFFSETS[knee]), abs=1e-4)
+    place = {
+        j: np.array(armature.matrix_world @ armature.pose.bones[JOINTS[j]].head)
+        for j in (knee, INDEX["LeftHip"])
+    }
+    assert np.linalg.norm(place[knee] - place[INDEX["LeftHip"]]) == pytest.approx(
+        np.linalg.norm(OFFSETS[knee]), abs=1e-4
+    )
     for name in ("LeftHip", "LeftKnee"):  # thigh and shin both reach to within the knee's ball
-        own = np.array([any(names[g.group] == name and g.weight > 0.5 for g in v.groups) for v in body.data.vertices])
+        own = np.array(
+            [any(names[g.group] == name and g.weight > 0.5 for g in v.groups) for v in body.data.vertices]
+        )
         assert np.linalg.norm(vertices[own] - place[knee], axis=1).min() < 0.051
 
 

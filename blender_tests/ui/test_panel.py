@@ -31,7 +31,9 @@ def settings():
 
 
 class Layout:
-    """Takes the place of UILayout, which only a window has: notes texts, and checks that what is drawn exists."""
+    """Takes the place of UILayout, which only a window has: notes texts, and checks that what is drawn
+    exists.
+    """
 
     def __init__(self, seen: list[str] | None = None) -> None:
         self.__dict__["seen"] = [] if seen is None else seen
@@ -125,7 +127,9 @@ def test_selected_objects_become_goals_once(settings):
     bpy.ops.nsm.goal_add()
     assert sorted((g.object.name, g.action) for g in settings.goals) == [("Chair", "sit"), ("Sofa", "sit")]
     bpy.ops.nsm.goal_add()
-    assert len(settings.goals) == 3 and settings.goals[2].object is None and settings.goals[2].action == "walk"
+    assert (
+        len(settings.goals) == 3 and settings.goals[2].object is None and settings.goals[2].action == "walk"
+    )
 
 
 def test_list_moves_and_removes(settings):
@@ -210,7 +214,10 @@ def test_goal_points_are_found_between_redraws(settings, broken_off):
     assert not bpy.ops.nsm.goal_points.poll() and "NSM Goal Chair" not in bpy.data.objects
     if broken_off:
         assert modal.event("TIMER") == {"RUNNING_MODAL"} and modal.event("ESC") == {"CANCELLED"}
-        assert "Show Goal Points was cancelled" in modal.reports[-1][1] and "NSM Goal Chair" not in bpy.data.objects
+        assert (
+            "Show Goal Points was cancelled" in modal.reports[-1][1]
+            and "NSM Goal Chair" not in bpy.data.objects
+        )
     else:
         ended = next(r for _ in range(10_000) if (r := modal.event("TIMER")) != {"RUNNING_MODAL"})
         assert ended == {"FINISHED"} and bpy.context.selected_objects == [bpy.data.objects["NSM Goal Chair"]]
@@ -225,7 +232,10 @@ def test_what_goal_points_stand_on_is_watched(settings):
     modal._start(modal.window)
     bpy.data.objects.remove(chair)
     assert modal.event("TIMER") == {"CANCELLED"}
-    assert "Chair, a goal of the take, was deleted meanwhile, so Show Goal Points stopped and no point was made" in modal.reports[-1][1]
+    assert (
+        "Chair, a goal of the take, was deleted meanwhile, so Show Goal Points stopped and no point was made"
+        in modal.reports[-1][1]
+    )
 
 
 def test_panel_draws_every_state(settings):
@@ -240,13 +250,17 @@ def test_panel_draws_every_state(settings):
     for index in range(len(settings.goals)):
         settings.active_goal = index
         drawn()
-    show_results(settings, [("Chair: sat down after 4.1 s, 1.2 cm and 0.5° off.", True), ("Sofa: not reached.", False)])
+    show_results(
+        settings, [("Chair: sat down after 4.1 s, 1.2 cm and 0.5° off.", True), ("Sofa: not reached.", False)]
+    )
     seen = drawn()
     assert "Chair" in seen and "Generate" in seen and any("1.2\u00a0cm" in text for text in seen)
     running.begin(bpy.context.scene, settings.character)
     running.advance("Generating", 0.4)
     seen = drawn()
-    assert "Generate" not in seen and any("40%" in text for text in seen) and any("ESC" in text for text in seen)
+    assert (
+        "Generate" not in seen and any("40%" in text for text in seen) and any("ESC" in text for text in seen)
+    )
 
 
 def test_result_lines_tell_the_frames_and_where_the_scene_cuts_them_off():
@@ -256,7 +270,13 @@ def test_result_lines_tell_the_frames_and_where_the_scene_cuts_them_off():
 
 
 def test_result_lines_name_what_was_done():
-    done = {"object": "X", "reached": True, "seconds": 4.0, "position_error_cm": 1.0, "rotation_error_deg": 1.0}
+    done = {
+        "object": "X",
+        "reached": True,
+        "seconds": 4.0,
+        "position_error_cm": 1.0,
+        "rotation_error_deg": 1.0,
+    }
     said = [goal_line({**done, "action": action})[3:].split(" after")[0] for action in BY_KEY]
     assert said == ["sat down", "arrived", "stands", "arrived", "set down", "passed", "climbed", "touched"]
 
@@ -299,7 +319,9 @@ def test_while_a_take_runs_every_button_is_off_and_says_why(settings):
     leaf, row = door((2.0, 2.0, 0.0)), settings.goals.add()
     row.object, row.action = leaf, "open"
     buttons = [getattr(bpy.ops.nsm, cls.bl_idname.removeprefix("nsm.")) for cls in operators.CLASSES]
-    assert sum(button.poll() for button in buttons) == len(buttons) - 2  # there is no take to accept or reject
+    assert (
+        sum(button.poll() for button in buttons) == len(buttons) - 2
+    )  # there is no take to accept or reject
     running.begin(bpy.context.scene, settings.character)
     for button in buttons:
         assert not button.poll()

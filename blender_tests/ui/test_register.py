@@ -72,7 +72,9 @@ def test_a_plain_script_needs_only_the_repository_on_its_path(tmp_path):
         "nsm_blender.register()\n"
         "print(bpy.ops.nsm.add_character(), 'Character' in bpy.data.objects)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120
+    )
     assert done.returncode == 0, done.stderr
     assert "{'FINISHED'} True" in done.stdout
     assert "Not freed memory" not in done.stdout + done.stderr

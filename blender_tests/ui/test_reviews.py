@@ -1,4 +1,6 @@
-"""A take under review lives in the scene: saved, opened and undone with its keys, and replaced without leaving anything behind."""
+"""A take under review lives in the scene: saved, opened and undone with its keys, and replaced without
+leaving anything behind.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,11 @@ def current() -> str:
 
 def given_back() -> bool:
     elbow = bpy.context.scene.nsm.character.pose.bones["LeftElbow"]
-    return current() == "Mine" and actions() == {"Mine": False} and tuple(elbow.rotation_quaternion) == pytest.approx((0.8, 0.6, 0, 0))
+    return (
+        current() == "Mine"
+        and actions() == {"Mine": False}
+        and tuple(elbow.rotation_quaternion) == pytest.approx((0.8, 0.6, 0, 0))
+    )
 
 
 def test_reject_works_after_saving_and_opening(scene, tmp_path):
@@ -66,9 +72,17 @@ def test_accept_works_after_saving_under_another_name_and_renaming(scene, tmp_pa
     generate("Take")
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "one.blend"))
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "two.blend"))
-    bpy.data.actions["Take"].name, bpy.data.objects["Character"].name, bpy.context.scene.name = "Shot 7", "Anna", "Street"
+    bpy.data.actions["Take"].name, bpy.data.objects["Character"].name, bpy.context.scene.name = (
+        "Shot 7",
+        "Anna",
+        "Street",
+    )
     assert bpy.ops.nsm.take_accept() == {"FINISHED"}
-    assert current() == "Shot 7" and actions() == {"Mine": True, "Shot 7": False} and not bpy.ops.nsm.take_reject.poll()
+    assert (
+        current() == "Shot 7"
+        and actions() == {"Mine": True, "Shot 7": False}
+        and not bpy.ops.nsm.take_reject.poll()
+    )
 
 
 def test_what_was_accepted_stays_so_when_opened(scene, tmp_path):
@@ -76,7 +90,11 @@ def test_what_was_accepted_stays_so_when_opened(scene, tmp_path):
     bpy.ops.nsm.take_accept()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
-    assert current() == "Take" and pending(bpy.context.scene) is None and actions() == {"Mine": True, "Take": False}
+    assert (
+        current() == "Take"
+        and pending(bpy.context.scene) is None
+        and actions() == {"Mine": True, "Take": False}
+    )
 
 
 @pytest.mark.parametrize("settle", ["take_accept", "take_reject"])
@@ -89,7 +107,11 @@ def test_undo_brings_the_review_back_and_redo_settles_it(scene, settle):
     settled = actions()
     if not bpy.ops.ed.undo.poll() or bpy.ops.ed.undo() != {"FINISHED"}:
         pytest.skip("this build keeps no undo steps without a window")
-    assert pending(bpy.context.scene) is not None and current() == "Take" and actions() == {"Mine": True, "Take": False}
+    assert (
+        pending(bpy.context.scene) is not None
+        and current() == "Take"
+        and actions() == {"Mine": True, "Take": False}
+    )
     bpy.ops.ed.redo()
     assert pending(bpy.context.scene) is None and actions() == settled
     bpy.ops.ed.undo()

@@ -1,4 +1,6 @@
-"""Colliders from evaluated Blender meshes: what is solid, where it is, and how well it agrees with exact boxes."""
+"""Colliders from evaluated Blender meshes: what is solid, where it is, and how well it agrees with exact
+boxes.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,11 @@ CUBE_QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 
 
 def add(name, vertices, faces, location=(0, 0, 0), collection=None):
     mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(np.asarray(vertices).tolist(), [], [tuple(f) for f in np.asarray(faces).tolist()] if len(faces) else [])
+    mesh.from_pydata(
+        np.asarray(vertices).tolist(),
+        [],
+        [tuple(f) for f in np.asarray(faces).tolist()] if len(faces) else [],
+    )
     obj = bpy.data.objects.new(name, mesh)
     obj.location = location
     (collection or bpy.context.scene.collection).objects.link(obj)
@@ -52,7 +58,16 @@ def names():
 
 def test_distances_of_a_cube_are_exact_outside_and_inside():
     add_cube()
-    d = distance(gather(), (0.7, 0, 0.5), (0, 0, 1.3), (0.6, 0.6, 0.5), (0, 0, 0.5), (0.49, 0, 0.5), (0, 0.3, 0.5), (5, 5, 5))
+    d = distance(
+        gather(),
+        (0.7, 0, 0.5),
+        (0, 0, 1.3),
+        (0.6, 0.6, 0.5),
+        (0, 0, 0.5),
+        (0.49, 0, 0.5),
+        (0, 0.3, 0.5),
+        (5, 5, 5),
+    )
     np.testing.assert_allclose(d, (0.2, 0.3, math.sqrt(0.02), -0.5, -0.01, -0.2, 0.5), atol=1e-5)
 
 
@@ -77,9 +92,13 @@ def test_every_point_gets_the_distance_that_brute_force_finds():
         np.testing.assert_allclose(bvh[outside], exact.signed_distance(points, limit)[outside], atol=2e-5)
 
 
-@pytest.mark.parametrize("kind", ["chair", "armchair", "sofa", "stool", "bench", "table", "cabinet", "box", "wall"])
+@pytest.mark.parametrize(
+    "kind", ["chair", "armchair", "sofa", "stool", "bench", "table", "cabinet", "box", "wall"]
+)
 def test_bvh_and_voxel_cuboids_agree_within_a_voxel_diagonal(kind):
-    """Each point of a surface voxel lies within the voxel's diagonal of the mesh, and the voxels hold the whole mesh."""
+    """Each point of a surface voxel lies within the voxel's diagonal of the mesh, and the voxels hold the
+    whole mesh.
+    """
     rng = np.random.default_rng(5)
     furniture = make(kind, rng)
     position, heading = np.array((0.7, -0.4, 0.0)), 0.6
@@ -97,12 +116,19 @@ def test_bvh_and_voxel_cuboids_agree_within_a_voxel_diagonal(kind):
     assert np.abs(differences).mean() < 0.02
     centre = position + (0, 0, furniture.size[2] / 2)
     ours, theirs = (interaction_sensor(q, centre, furniture.size, heading) for q in (query, voxels))
-    assert np.abs(ours.occupancy - theirs.occupancy).max() <= grid.diagonal * 8 / np.linalg.norm(furniture.size) + 1e-4
+    assert (
+        np.abs(ours.occupancy - theirs.occupancy).max()
+        <= grid.diagonal * 8 / np.linalg.norm(furniture.size) + 1e-4
+    )
 
 
-@pytest.mark.parametrize("damage", ["holes", "flipped", "all flipped", "loose", "lid off", "doubled", "split"])
+@pytest.mark.parametrize(
+    "damage", ["holes", "flipped", "all flipped", "loose", "lid off", "doubled", "split"]
+)
 def test_broken_meshes_keep_their_place(damage):
-    """Outside the voxels of the surface, a damaged crate reads as the whole one; the lid's loss alone opens it."""
+    """Outside the voxels of the surface, a damaged crate reads as the whole one; the lid's loss alone opens
+    it.
+    """
     rng = np.random.default_rng(2)
     bpy.ops.mesh.primitive_cube_add(size=1, location=(0, 0, 0.5))
     obj = bpy.context.active_object
@@ -142,7 +168,9 @@ def test_broken_meshes_keep_their_place(damage):
 
 def test_an_open_sheet_is_a_thin_wall_from_both_sides():
     add("Screen", [(-1, 0, 0), (1, 0, 0), (1, 0, 2), (-1, 0, 2)], [(0, 1, 2, 3)])
-    np.testing.assert_allclose(distance(gather(), (0, -0.1, 1), (0, 0.1, 1), (0, 0.01, 1)), (0.1, 0.1, 0.01), atol=1e-5)
+    np.testing.assert_allclose(
+        distance(gather(), (0, -0.1, 1), (0, 0.1, 1), (0, 0.01, 1)), (0.1, 0.1, 0.01), atol=1e-5
+    )
 
 
 def test_ngons_and_concave_faces_are_cut_as_blender_draws_them():
@@ -160,7 +188,9 @@ def test_mirrored_and_stretched_objects_stay_solid_where_they_are(scale):
     query = gather()
     half = np.abs(scale[0]) / 2
     assert distance(query, centre)[0] < 0
-    np.testing.assert_allclose(distance(query, centre + (half + 0.1, 0, 0), centre + (half - 0.02, 0, 0)), (0.1, -0.02), atol=1e-5)
+    np.testing.assert_allclose(
+        distance(query, centre + (half + 0.1, 0, 0), centre + (half - 0.02, 0, 0)), (0.1, -0.02), atol=1e-5
+    )
 
 
 def test_modifiers_parents_and_animated_parents_count():
@@ -176,7 +206,11 @@ def test_modifiers_parents_and_animated_parents_count():
         empty.keyframe_insert("location", frame=frame)
     for frame, x in ((1, 0.0), (21, 4.0)):
         bpy.context.scene.frame_set(frame)
-        np.testing.assert_allclose(distance(gather(), (x + 1.7, 0, 0.5), (x + 1.7, 3, 0.5), (x + 1, 3, 0.5)), (0.2, 0.2, -0.5), atol=1e-4)
+        np.testing.assert_allclose(
+            distance(gather(), (x + 1.7, 0, 0.5), (x + 1.7, 3, 0.5), (x + 1, 3, 0.5)),
+            (0.2, 0.2, -0.5),
+            atol=1e-4,
+        )
 
 
 def test_collection_instances_count_each_and_belong_to_their_empty():
@@ -190,7 +224,9 @@ def test_collection_instances_count_each_and_belong_to_their_empty():
     assert names() == ["Instance 0", "Instance 1"]
     d = distance(gather(), (3.6, 0, 0.5), (-3.6, 0, 0.5), (0, 0, 0.5), (-2.51, 0, 0.5))
     np.testing.assert_allclose(d, (0.1, 0.1, 0.5, -0.01), atol=1e-5)
-    assert gather(exclude=[bpy.data.objects["Instance 0"]]).signed_distance(np.array([(3, 0, 0.5)]), 0.2)[0] > 0
+    assert (
+        gather(exclude=[bpy.data.objects["Instance 0"]]).signed_distance(np.array([(3, 0, 0.5)]), 0.2)[0] > 0
+    )
     bpy.context.view_layer.update()
     vertices, _ = object_mesh_triangles(bpy.data.objects["Instance 0"], bpy.context.evaluated_depsgraph_get())
     np.testing.assert_allclose((vertices.min(0), vertices.max(0)), ((2.5, -0.5, 0), (3.5, 0.5, 1)), atol=1e-6)
@@ -329,5 +365,7 @@ def test_hundreds_of_small_objects_in_a_wide_scene_are_all_found():
         bpy.context.scene.collection.objects.link(obj)
     bpy.context.scene.objects["First"].scale = (1, 1, 1)
     d = gather().signed_distance(centres + (0.6, 0, 0), 0.2)
-    exact = Cuboids([(c, 0.0, [(-0.5, -0.5, -0.5)], [(0.5, 0.5, 0.5)]) for c in centres]).signed_distance(centres + (0.6, 0, 0), 0.2)
+    exact = Cuboids([(c, 0.0, [(-0.5, -0.5, -0.5)], [(0.5, 0.5, 0.5)]) for c in centres]).signed_distance(
+        centres + (0.6, 0, 0), 0.2
+    )
     np.testing.assert_allclose(np.maximum(d, 0), np.maximum(exact, 0), atol=2e-5)

@@ -20,7 +20,9 @@ def heights(*places) -> np.ndarray:
 
 
 def solid(*places) -> np.ndarray:
-    return Surroundings(bpy.context.scene, WorldFrame()).query.signed_distance(np.array(places, np.float32), 0.2)
+    return Surroundings(bpy.context.scene, WorldFrame()).query.signed_distance(
+        np.array(places, np.float32), 0.2
+    )
 
 
 @pytest.mark.parametrize(("size", "ground"), [
@@ -44,8 +46,16 @@ def test_who_stands_on_a_rug_has_its_floor_under_it():
     box("Rug", (-1, -1, 0.0), (1, 1, 0.05))
     box("Shelf", (4, -1, 1.0), (6, 1, 1.05))
     box("Slab", (-9, 5, -0.1), (9, 9, 0.0))
-    for place, floor in (((0, 0, 0.05), 0.0), ((0, 0, 0.0), 0.0), ((3, 0, 0.0), 0.0), ((5, 0, 1.05), 1.05), ((0, 7, 0.0), 0.0)):
-        assert floor_under(np.array(place, float), 1.0, bpy.context.scene, ()) == pytest.approx(floor, abs=1e-6), place
+    for place, floor in (
+        ((0, 0, 0.05), 0.0),
+        ((0, 0, 0.0), 0.0),
+        ((3, 0, 0.0), 0.0),
+        ((5, 0, 1.05), 1.05),
+        ((0, 7, 0.0), 0.0),
+    ):
+        assert floor_under(np.array(place, float), 1.0, bpy.context.scene, ()) == pytest.approx(
+            floor, abs=1e-6
+        ), place
     character = add_character((0.2, 0.1, 0.05))
     frame, _ = start_of(character, bpy.context.scene)
     assert frame.floor == pytest.approx(0.0, abs=1e-6)
@@ -60,7 +70,9 @@ def test_a_take_begins_on_a_rug_leaves_it_and_sits_on_another():
     take = finish(generate(TakeSpec(character, [GoalSpec("sit", chair, 0.3)]), bpy.context.scene))
     report = take.report
     assert report["goals"][0]["reached"] and report["goals"][0]["position_error_cm"] < 3
-    assert report["penetration_cm"] < 6 and report["below_floor_share"] < 0.02  # 5 cm of the calf at a leg of the chair, as on a flat floor
+    assert (
+        report["penetration_cm"] < 6 and report["below_floor_share"] < 0.02
+    )  # 5 cm of the calf at a leg of the chair, as on a flat floor
     bones = character.pose.bones
     for frame, z in ((report["frames"], 0.06), (1, 0.04)):
         bpy.context.scene.frame_set(frame)

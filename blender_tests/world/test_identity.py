@@ -1,4 +1,6 @@
-"""Objects are told apart by what they are, not by their names: a linked one and a local one may share a name, and names change."""
+"""Objects are told apart by what they are, not by their names: a linked one and a local one may share a name,
+and names change.
+"""
 
 from __future__ import annotations
 
@@ -69,7 +71,9 @@ def test_a_goal_that_leaves_the_scene_while_its_name_stays_there(watched, tmp_pa
     goal.name = "Mark"
     assert watch.changed() == ""
     bpy.context.scene.collection.objects.unlink(goal)
-    assert "Mark" in bpy.context.scene.objects and "The goal Mark was taken out of the scene" in watch.changed()
+    assert (
+        "Mark" in bpy.context.scene.objects and "The goal Mark was taken out of the scene" in watch.changed()
+    )
 
 
 def test_a_character_elsewhere_whose_name_a_link_bears(tmp_path):

@@ -43,7 +43,10 @@ def material(name, surface, volume):
     tree = made.node_tree
     tree.nodes.clear()
     output = tree.nodes.new("ShaderNodeOutputMaterial")
-    for wanted, kind, socket in ((surface, "ShaderNodeBsdfDiffuse", "Surface"), (volume, "ShaderNodeVolumePrincipled", "Volume")):
+    for wanted, kind, socket in (
+        (surface, "ShaderNodeBsdfDiffuse", "Surface"),
+        (volume, "ShaderNodeVolumePrincipled", "Volume"),
+    ):
         if wanted:
             tree.links.new(tree.nodes.new(kind).outputs[0], output.inputs[socket])
     return made
@@ -78,7 +81,9 @@ class TestWhatIsSolid:
         bpy.data.objects["hidden eye"].hide_set(True)
         bpy.data.objects["hidden screen"].hide_viewport = True
         assert names() == ["SOLID True", "WIRE True", "hidden eye", "hidden screen"]
-        d = gather_colliders(bpy.context.scene).signed_distance(np.array(((5.9, 0.4, 0.4), (5.4, 0.4, 0.4)), np.float32), 0.5)
+        d = gather_colliders(bpy.context.scene).signed_distance(
+            np.array(((5.9, 0.4, 0.4), (5.4, 0.4, 0.4)), np.float32), 0.5
+        )
         np.testing.assert_allclose(d, (0.1, -0.4), atol=1e-5)
 
     def test_the_message_names_what_stands_in_the_way(self):
@@ -88,7 +93,12 @@ class TestWhatIsSolid:
         with pytest.raises(GoalError, match="'Helper' stands in it.*nsm_collider"):
             finish(generate(spec, bpy.context.scene))
         helper["nsm_collider"] = False
-        assert finish(prepare(spec, bpy.context.scene))[0].environment.signed_distance(np.array(((1.0, 0, 1),), np.float32), 0.1) > 0
+        assert (
+            finish(prepare(spec, bpy.context.scene))[0].environment.signed_distance(
+                np.array(((1.0, 0, 1),), np.float32), 0.1
+            )
+            > 0
+        )
 
 
 class TestReadOnce:
@@ -99,7 +109,9 @@ class TestReadOnce:
         first = finish(prepare(spec, bpy.context.scene))[0]
         read = len(READINGS)
         second = finish(prepare(spec, bpy.context.scene))[0]
-        assert second.environment is first.environment and len(READINGS) == read == 2  # chair and crate, scene and goal alike
+        assert (
+            second.environment is first.environment and len(READINGS) == read == 2
+        )  # chair and crate, scene and goal alike
 
     def test_a_moved_turned_or_scaled_object_is_not_read_again_but_stands_where_it_is(self):
         made = crate("Crate")
@@ -110,25 +122,36 @@ class TestReadOnce:
         query = gather_colliders(bpy.context.scene)
         assert len(READINGS) == read
         inside = made.matrix_world @ made.data.vertices[0].co.lerp(made.data.vertices[7].co, 0.5)
-        assert query.signed_distance(np.array((inside, (0.4, 0.4, 0.4)), np.float32), 0.3).tolist() == pytest.approx([-0.3, 0.3])
+        assert query.signed_distance(
+            np.array((inside, (0.4, 0.4, 0.4)), np.float32), 0.3
+        ).tolist() == pytest.approx([-0.3, 0.3])
 
     def test_an_edit_is_seen(self):
         made = crate("Crate")
         point = np.array(((0.9, 0.4, 0.4),), np.float32)
-        assert gather_colliders(bpy.context.scene).signed_distance(point, 0.5)[0] == pytest.approx(0.1, abs=1e-5)
+        assert gather_colliders(bpy.context.scene).signed_distance(point, 0.5)[0] == pytest.approx(
+            0.1, abs=1e-5
+        )
         for v in made.data.vertices:
             if v.co.x > 0.5:
                 v.co.x = 0.6
         made.data.update()
         bpy.context.view_layer.update()
-        assert gather_colliders(bpy.context.scene).signed_distance(point, 0.5)[0] == pytest.approx(0.3, abs=1e-5)
+        assert gather_colliders(bpy.context.scene).signed_distance(point, 0.5)[0] == pytest.approx(
+            0.3, abs=1e-5
+        )
 
     def test_the_cache_is_bounded(self):
         from nsm_core.world.geometry.mesh_reading import Reading, Readings
 
         few = Readings(100_000)
         for size in range(1, 30):
-            few.get((size,), lambda size=size: Reading.of(np.array(((0, 0, 0), (size, 0, 0), (0, size, 0))), np.array(((0, 1, 2),))))
+            few.get(
+                (size,),
+                lambda size=size: Reading.of(
+                    np.array(((0, 0, 0), (size, 0, 0), (0, size, 0))), np.array(((0, 1, 2),))
+                ),
+            )
         assert 1 <= len(few) < 29 and few.get((29,), None) is not None
 
 
@@ -167,7 +190,18 @@ class TestCopies:
         for place in at:
             size = np.linalg.norm(place[:3, 0])
             q = np.array(Matrix((place[:3, :3] / size).tolist()).to_quaternion())
-            exact.append(Cuboids([(place[:3, 3], q, [np.array((-0.2, -0.15, 0)) * size], [np.array((0.2, 0.15, 0.4)) * size])]))
+            exact.append(
+                Cuboids(
+                    [
+                        (
+                            place[:3, 3],
+                            q,
+                            [np.array((-0.2, -0.15, 0)) * size],
+                            [np.array((0.2, 0.15, 0.4)) * size],
+                        )
+                    ]
+                )
+            )
         points = np.random.default_rng(5).uniform((-6, -6, 0), (6, 6, 0.7), (1500, 3)).astype(np.float32)
         truth = np.min([e.signed_distance(points, 0.3) for e in exact], axis=0)
         ours = query.signed_distance(points, 0.3)
@@ -187,7 +221,12 @@ class TestCopies:
         np.testing.assert_allclose(query.signed_distance(points, 0.3), truth, atol=0.01)
 
     def test_grass_and_pebbles_are_no_obstacles_unless_said(self):
-        things = {"Grass": (0.01, 0.01, 0.3), "Pebble": (0.06, 0.06, 0.05), "Baluster": (0.02, 0.02, 0.9), "Rock": (0.3, 0.3, 0.3)}
+        things = {
+            "Grass": (0.01, 0.01, 0.3),
+            "Pebble": (0.06, 0.06, 0.05),
+            "Baluster": (0.02, 0.02, 0.9),
+            "Rock": (0.3, 0.3, 0.3),
+        }
         for name, high in things.items():
             scatter(box(name, (0, 0, 0), high), places(2, spread=1, sizes=(1, 1)))
         box("Peg", (3, 3, 0), (3.01, 3.01, 0.1))  # one that the animator has put there by hand is no litter
@@ -201,14 +240,20 @@ class TestDense:
         bpy.ops.mesh.primitive_uv_sphere_add(segments=400, ring_count=300, radius=0.3, location=(0, 0, 0.5))
         query = gather_colliders(bpy.context.scene)
         assert len(query.solids[0].triangles) < 200_000
-        points = np.random.default_rng(1).uniform((-0.6, -0.6, 0), (0.6, 0.6, 1), (2000, 3)).astype(np.float32)
+        points = (
+            np.random.default_rng(1).uniform((-0.6, -0.6, 0), (0.6, 0.6, 1), (2000, 3)).astype(np.float32)
+        )
         truth = np.clip(np.linalg.norm(points - (0, 0, 0.5), axis=1) - 0.3, -0.2, 0.2)
         off = np.abs(query.signed_distance(points, 0.2) - truth)
         # Slivers that thinning folds over may take a point near them for outside; they are few.
-        assert (off < 0.003).mean() > 0.999 and (np.abs(off[off >= 0.003] - 2 * np.abs(truth[off >= 0.003])) < 0.003).all()
+        assert (off < 0.003).mean() > 0.999 and (
+            np.abs(off[off >= 0.003] - 2 * np.abs(truth[off >= 0.003])) < 0.003
+        ).all()
 
     def test_faces_of_all_kinds_cover_what_blender_draws(self):
-        """Triangles, quads, flat and concave larger faces of a mesh that is too dense to ask Blender for its triangles."""
+        """Triangles, quads, flat and concave larger faces of a mesh that is too dense to ask Blender for its
+        triangles.
+        """
         bpy.ops.mesh.primitive_grid_add(x_subdivisions=90, y_subdivisions=90, size=2, location=(0, 0, 1))
         grid = bpy.context.object.data
         vertices = [v.co.copy() for v in grid.vertices]
@@ -216,7 +261,10 @@ class TestDense:
         faces = [t for i, f in enumerate(faces) for t in ((f[:3], (f[0], *f[2:])) if i % 3 == 0 else (f,))]
         start = len(vertices)
         outline = [(3, 0), (5, 0), (5, 1), (4, 1), (4, 2), (3, 2)]  # an L, and a star that bends twice
-        star = [(6 + (0.5 + 0.5 * (i % 2)) * np.cos(i * np.pi / 5), (0.5 + 0.5 * (i % 2)) * np.sin(i * np.pi / 5)) for i in range(10)]
+        star = [
+            (6 + (0.5 + 0.5 * (i % 2)) * np.cos(i * np.pi / 5), (0.5 + 0.5 * (i % 2)) * np.sin(i * np.pi / 5))
+            for i in range(10)
+        ]
         vertices += [(x, y, 0.3) for x, y in outline + star]
         faces += [tuple(range(start, start + 6)), tuple(range(start + 6, start + 16))]
         mesh = bpy.data.meshes.new("Mixed")
@@ -226,14 +274,21 @@ class TestDense:
         ours, triangles = data.faces
 
         def area(corners):
-            return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+            return (
+                np.linalg.norm(
+                    np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+                ).sum()
+                / 2
+            )
 
         mesh.calc_loop_triangles()
         theirs = np.array([t.vertices[:] for t in mesh.loop_triangles])
         places_ = np.array([v.co for v in mesh.vertices])
         assert len(triangles) == len(theirs)
         assert area(ours[triangles]) == pytest.approx(area(places_[theirs]), rel=1e-6)
-        normal = np.cross(ours[triangles][:, 1] - ours[triangles][:, 0], ours[triangles][:, 2] - ours[triangles][:, 0])
+        normal = np.cross(
+            ours[triangles][:, 1] - ours[triangles][:, 0], ours[triangles][:, 2] - ours[triangles][:, 0]
+        )
         assert (normal[:, 2] > 0).all()  # none is folded over
 
     def test_numbers_that_are_none_are_told_with_the_name(self):
@@ -342,7 +397,9 @@ class TestBesideTheWindow:
 
 def test_a_snapshot_holds_what_was_there():
     made = crate("Crate")
-    around = Surroundings(bpy.context.scene, WorldFrame(), snapshot=Snapshot.now(bpy.context.evaluated_depsgraph_get()))
+    around = Surroundings(
+        bpy.context.scene, WorldFrame(), snapshot=Snapshot.now(bpy.context.evaluated_depsgraph_get())
+    )
     bpy.data.objects.remove(made)
     assert around.query.nearest(np.array(((0.4, 0.4, 0.4), (3, 3, 3))), 0.2) == ["Crate", None]
 
@@ -375,4 +432,6 @@ class TestThousandsOfObjects:
             assert (low <= corners.min(0) + 1e-6).all() and (high >= corners.max(0) - 1e-6).all()
             assert solid.top_at_least <= corners[:, 2].max() + 1e-6
             alone = Solid(solid.owner, solid.reading, solid.turn, solid.size, solid.origin)
-            assert np.allclose(alone.bounds, solid.bounds) and alone.top_at_least == pytest.approx(solid.top_at_least)
+            assert np.allclose(alone.bounds, solid.bounds) and alone.top_at_least == pytest.approx(
+                solid.top_at_least
+            )

@@ -1,4 +1,6 @@
-"""Clips: checked when made, moved and turned as one, reflected, resampled; and the library that is cut from them."""
+"""Clips: checked when made, moved and turned as one, reflected, resampled; and the library that is cut from
+them.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def test_shapes_and_numbers_are_checked(clip):
 
 
 def test_transform_moves_every_joint_as_one_body(clip):
-    hips, local = transform(clip.hips_position, clip.local_rotations, np.array((2.0, -3.0), np.float32), np.float32(1.3))
+    hips, local = transform(
+        clip.hips_position, clip.local_rotations, np.array((2.0, -3.0), np.float32), np.float32(1.3)
+    )
     moved, _ = Clip("moved", hips, local).world()
     positions, _ = clip.world()
     expected = rotate_planar(positions, np.float32(1.3))
@@ -83,7 +87,9 @@ def test_smoothing_keeps_straight_lines_and_ends():
 
 
 def test_smoothed_root_follows_the_body_without_turning_over(clip):
-    hips, local = transform(clip.hips_position, clip.local_rotations, np.zeros(2, np.float32), np.float32(np.pi - 0.4))
+    hips, local = transform(
+        clip.hips_position, clip.local_rotations, np.zeros(2, np.float32), np.float32(np.pi - 0.4)
+    )
     positions, _ = Clip("over", hips, local).world()
     root, heading = smoothed_root(positions)
     assert np.abs(np.diff(heading)).max() < 0.1 and abs(heading[-1] - heading[0] - 1.0) < 0.02
@@ -100,7 +106,9 @@ def test_library_frames_are_seen_from_their_roots(clip):
     back[..., :2] += library.root[: len(clip), None]
     np.testing.assert_allclose(back, positions, atol=1e-5)
     walked = np.linalg.norm(library.velocity[50:80, HIPS, :2], axis=1)
-    np.testing.assert_allclose(walked, np.linalg.norm(np.diff(clip.hips_position[49:80, :2], axis=0), axis=1) * 30, atol=0.05)
+    np.testing.assert_allclose(
+        walked, np.linalg.norm(np.diff(clip.hips_position[49:80, :2], axis=0), axis=1) * 30, atol=0.05
+    )
     assert (library.velocity[60:70, HIPS, 1] < -0.5).all(), "a walker goes to the front, -Y of its root"
     assert library.contacts[len(clip) :].all() and not library.contacts[40:100].all()
     with pytest.raises(CaptureError, match="no usable clip"):
@@ -117,4 +125,6 @@ def test_loaders_choose_by_name_and_measure(tmp_path_factory):
     assert len(sits) == 4  # two and their mirror images
     for s in sits:
         height, down, up = loaded.library.hips[:, 2], s.marks["down"], s.marks["up"]
-        assert s.first < down < up < s.last and height[down:up].max() < height[[s.first, s.last - 1]].min() - 0.3
+        assert (
+            s.first < down < up < s.last and height[down:up].max() < height[[s.first, s.last - 1]].min() - 0.3
+        )

@@ -23,7 +23,10 @@ def takes(model) -> list[TakeRunner]:
     ]
     starts = [(0.0, 0.0), (2.0, 1.0), (3.0, 0.0)]
     requests = zip(starts, goals, strict=True)
-    return [TakeRunner(model, TakeRequest(np.array(start), 0.4, [goal], Cuboids([]), seed=7)) for start, goal in requests]
+    return [
+        TakeRunner(model, TakeRequest(np.array(start), 0.4, [goal], Cuboids([]), seed=7))
+        for start, goal in requests
+    ]
 
 
 def test_together_is_as_alone():

@@ -27,7 +27,9 @@ def seat_goal(place=(0.0, -6.0), heading=0.0, hold=1.0, name="Chair") -> tuple[G
     piece = furniture.make("chair", np.random.default_rng(0))
     query = furniture.cuboids([(piece, np.array(place), heading)])
     volume = interaction_sensor(query, np.append(place, piece.centre[2]), piece.size, heading)
-    return Goal("sit", name, (*place, piece.seat.height + HIP_OVER_SEAT), heading, hold, volume), FloorPlan(query, ROOM)
+    return Goal("sit", name, (*place, piece.seat.height + HIP_OVER_SEAT), heading, hold, volume), FloorPlan(
+        query, ROOM
+    )
 
 
 def named(action: np.ndarray) -> list[str]:
@@ -64,7 +66,9 @@ def test_locomotion_leads_to_a_far_seat_then_the_goal_itself_takes_over():
         assert (p.heading[f][6:] == goal.heading).all() and p.sensed[f] is goal.interaction
     result = p.director.results[0]
     assert result.reached and result.object == "Chair" and result.action == "sit"
-    assert result.seconds == pytest.approx((result.end_frame - result.start_frame) / 30) and result.seconds < 10
+    assert (
+        result.seconds == pytest.approx((result.end_frame - result.start_frame) / 30) and result.seconds < 10
+    )
 
 
 def test_a_table_in_the_way_is_walked_around_before_the_goal_is_shown():
@@ -84,7 +88,9 @@ def test_a_table_in_the_way_is_walked_around_before_the_goal_is_shown():
 
 def test_past_keys_keep_the_goals_of_their_time():
     goal, plan = seat_goal()
-    p = Puppet([goal, Goal("idle", "", np.zeros(3), 0.0, 0.5), Goal("walk", "back", (0, 0, 0), 2.0)], plan=plan).run()
+    p = Puppet(
+        [goal, Goal("idle", "", np.zeros(3), 0.0, 0.5), Goal("walk", "back", (0, 0, 0), 2.0)], plan=plan
+    ).run()
     switches = [f for f in range(1, len(p.action)) if named(p.action[f][6:7]) != named(p.action[f - 1][6:7])]
     assert len(switches) >= 3
     for f in range(30, len(p.position)):
@@ -128,12 +134,21 @@ def test_time_limit_ends_a_goal_and_goes_on_to_the_next():
     p.obedient = False
     p.run()
     first, second = p.director.results
-    assert not first.reached and 3.0 < first.seconds < 3.1 and first.end_frame - first.start_frame == round(first.seconds * 30)
+    assert (
+        not first.reached
+        and 3.0 < first.seconds < 3.1
+        and first.end_frame - first.start_frame == round(first.seconds * 30)
+    )
     assert second.reached and second.start_frame - first.end_frame <= 2 and p.director.done
 
 
 def test_unreachable_goals_are_refused_in_a_sentence():
-    sides = (((0, -4), (1.5, 0.1)), ((0, -7), (1.5, 0.1)), ((-1.5, -5.5), (0.1, 1.6)), ((1.5, -5.5), (0.1, 1.6)))
+    sides = (
+        ((0, -4), (1.5, 0.1)),
+        ((0, -7), (1.5, 0.1)),
+        ((-1.5, -5.5), (0.1, 1.6)),
+        ((1.5, -5.5), (0.1, 1.6)),
+    )
     walls = [(np.array(at), 0.0, np.array([(-x, -y, 0.0)]), np.array([(x, y, 2.5)])) for at, (x, y) in sides]
     p = Puppet([Goal("walk", "cell", (0, -5.5, 0), 0.0)], plan=FloorPlan(Cuboids(walls), ROOM))
     with pytest.raises(GoalError, match=r"no free way .*\.$"):
@@ -153,11 +168,15 @@ def test_idle_from_sitting_asks_to_stand_before_the_seat():
     assert p.sensed[f] is goal.interaction, "the seat is sensed while rising from it"
     assert p.sensed[-1] is None, "and forgotten once the sitter stands"
     standing = Puppet([Goal("idle", "", np.full(3, 7.0), 0.0, 0.5)], root=(0.3, 0.4, 1.0)).run()
-    np.testing.assert_allclose(standing.position[-1][6], (0.3, 0.4, 0), atol=1e-6)  # where it is, not where the goal says
+    np.testing.assert_allclose(
+        standing.position[-1][6], (0.3, 0.4, 0), atol=1e-6
+    )  # where it is, not where the goal says
 
 
 def test_the_same_seed_leads_the_same_way():
-    goals = lambda: [Goal("walk", "far", (6.0, 1.0, 0), 0.4), Goal("walk", "home", (0, 0, 0), 2.0)]  # noqa: E731
+    def goals():
+        return [Goal("walk", "far", (6.0, 1.0, 0), 0.4), Goal("walk", "home", (0, 0, 0), 2.0)]
+
     a, b, other = (Puppet(goals(), seed=s).run() for s in (3, 3, 4))
     assert len(a.position) == len(b.position)
     np.testing.assert_array_equal(np.array(a.position), np.array(b.position))
@@ -171,7 +190,9 @@ def hot(action: np.ndarray) -> str:
     return "+".join(name for k, name in enumerate(GOAL_ACTIONS) if action[k] > 0.5)
 
 
-@pytest.mark.parametrize("distance, expected", [(8.0, {"run", "idle"}), (2.0, {"walk", "idle"}), (0.7, {"idle"})])
+@pytest.mark.parametrize(
+    "distance, expected", [(8.0, {"run", "idle"}), (2.0, {"walk", "idle"}), (0.7, {"idle"})]
+)
 def test_runs_are_led_to_their_end_and_short_ones_walked(distance, expected):
     p = Puppet([Goal("run", "there", (0, -distance, 0), 0.3, 0.2)]).run()
     assert p.director.results[0].reached and {hot(k) for a in p.action for k in a[6:]} == expected
@@ -182,7 +203,9 @@ def test_runs_are_led_to_their_end_and_short_ones_walked(distance, expected):
         assert np.linalg.norm(p.roots[led[-1]][:2] - (0, -distance)) < 1.8
 
 
-def step_goal(heading: float = 0.0, place=(0.0, -5.0), height: float = 0.3, hold: float = 0.2) -> tuple[Goal, FloorPlan]:
+def step_goal(
+    heading: float = 0.0, place=(0.0, -5.0), height: float = 0.3, hold: float = 0.2
+) -> tuple[Goal, FloorPlan]:
     piece = furniture.make("step", np.random.default_rng(0), width=1.2, depth=0.8, height=height)
     query = furniture.cuboids([(piece, np.array(place), heading)])
     volume = interaction_sensor(query, np.append(place, piece.centre[2]), piece.size, heading)
@@ -190,7 +213,8 @@ def step_goal(heading: float = 0.0, place=(0.0, -5.0), height: float = 0.3, hold
 
 
 @pytest.mark.parametrize(
-    "root, heading", [((0.0, 0.0, 0.0), 0.0), ((3.0, -6.0, 1.0), 0.4), ((-2.0, -4.5, 0.0), np.pi), ((0.3, -4.1, 2.0), 0.0)]
+    "root, heading",
+    [((0.0, 0.0, 0.0), 0.0), ((3.0, -6.0, 1.0), 0.4), ((-2.0, -4.5, 0.0), np.pi), ((0.3, -4.1, 2.0), 0.0)],
 )
 def test_steps_are_climbed_squarely_from_before_their_edge(root, heading):
     goal, plan = step_goal(heading)
@@ -219,13 +243,20 @@ def test_a_climber_on_the_floor_has_not_arrived():
 def test_multi_hot_commands_and_their_rest():
     from nsm_core.control.actions.approach import Command
 
-    assert Command("walk+carry").resting == "idle+carry" and Command("run").resting == "idle" and Command("walk").resting == "idle"
+    assert (
+        Command("walk+carry").resting == "idle+carry"
+        and Command("run").resting == "idle"
+        and Command("walk").resting == "idle"
+    )
 
 
 @pytest.mark.parametrize(
     "make, words",
     [
-        (lambda: Goal("fly", "x", np.zeros(3), 0.0), "'fly' is not one of sit, walk, idle, run, carry, open, climb"),
+        (
+            lambda: Goal("fly", "x", np.zeros(3), 0.0),
+            "'fly' is not one of sit, walk, idle, run, carry, open, climb",
+        ),
         (lambda: Goal("sit", "Chair", (0, np.nan, 0), 0.0), "'Chair' has no usable place"),
         (lambda: Goal("sit", "Chair", (0, 0), 0.0), "'Chair' has no usable place"),
         (lambda: Goal("sit", "Chair", np.zeros(3), np.inf), "'Chair' has no usable place"),
@@ -261,7 +292,11 @@ def test_who_stands_on_what_is_climbed_walks_on_up_there():
     volume = interaction_sensor(block, np.array((0.0, 0.0, 0.2)), np.array((3.0, 2.0, 0.4)), 0.0)
     goal = Goal("climb", "podium", np.array((0.6, 0.3, 0.4)), np.pi / 2, 0.0, volume)
     style = np.zeros(len(STYLES), np.float32)
-    for place, height, up in (((-0.6, 0.0), 1.33, True), ((-0.6, 0.0), 0.93, False), ((-2.5, 0.0), 1.33, False)):
+    for place, height, up in (
+        ((-0.6, 0.0), 1.33, True),
+        ((-0.6, 0.0), 0.93, False),
+        ((-2.5, 0.0), 1.33, False),
+    ):
         stage = Climb(goal, Ground(None, np.random.default_rng(0)))
         moment = Moment(np.array((*place, 0.3), np.float32), np.append(place, height), 0.3, 0.0, style)
         stage.update(moment)

@@ -1,4 +1,6 @@
-"""A take may be told at any frame to do something else: it goes on from where it is, without a pop, and loses nothing."""
+"""A take may be told at any frame to do something else: it goes on from where it is, without a pop, and loses
+nothing.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ def walk_to(x: float, y: float) -> Goal:
 
 
 def test_another_goal_in_the_middle_of_a_walk(model):
-    runner = TakeRunner(model, TakeRequest(np.zeros(2), 0.0, [walk_to(0, -4), walk_to(3, -4)], Cuboids(), time_limit=12.0))
+    runner = TakeRunner(
+        model, TakeRequest(np.zeros(2), 0.0, [walk_to(0, -4), walk_to(3, -4)], Cuboids(), time_limit=12.0)
+    )
     while runner.frames < 75:
         assert runner.step()
     before = runner.state.root[0].copy()
@@ -46,7 +50,12 @@ def test_another_goal_in_the_middle_of_a_walk(model):
 
 
 def test_goals_off_the_planned_floor_and_after_the_end(model):
-    runner = TakeRunner(model, TakeRequest(np.zeros(2), 0.0, [Goal("idle", "here", np.zeros(3), 0.0, 0.1)], Cuboids(), time_limit=12.0))
+    runner = TakeRunner(
+        model,
+        TakeRequest(
+            np.zeros(2), 0.0, [Goal("idle", "here", np.zeros(3), 0.0, 0.1)], Cuboids(), time_limit=12.0
+        ),
+    )
     while runner.step():
         pass
     frames = runner.frames
@@ -82,7 +91,9 @@ def test_commands_fade_over_when_another_goal_breaks_in(model):
     steps = np.abs(np.diff(places, axis=0)).max((1, 2))
     whole = np.abs(places[-1] - places[0]).max()
     assert whole > 2.0 and steps.max() < 0.35 * whole
-    assert np.abs(places[TURNING][:, :2] - places[0][:, :2]).max() > 0.9 * whole, "it is over within a third of a second"
+    assert np.abs(places[TURNING][:, :2] - places[0][:, :2]).max() > 0.9 * whole, (
+        "it is over within a third of a second"
+    )
 
 
 def test_hands_that_let_go_while_the_body_rises_go_on_with_it():

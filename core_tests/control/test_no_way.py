@@ -1,4 +1,6 @@
-"""A goal to which no way leads: an error before a take has begun, passed over and reported in the middle of one."""
+"""A goal to which no way leads: an error before a take has begun, passed over and reported in the middle of
+one.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,10 @@ class WalledIn(FloorPlan):
 @pytest.mark.parametrize("later", [[Goal("walk", "home", (0, 1.0, 0), 0.0, 0.1)], []])
 def test_goal_without_a_way_in_the_middle_of_a_take_is_passed_over(later):
     plan = WalledIn(Cuboids(), ROOM)
-    p = Puppet([Goal("walk", "near", (0, -5, 0), 0.0, 0.1), Goal("walk", "far", (8.0, -5, 0), 0.0, 0.1), *later], plan=plan)
+    p = Puppet(
+        [Goal("walk", "near", (0, -5, 0), 0.0, 0.1), Goal("walk", "far", (8.0, -5, 0), 0.0, 0.1), *later],
+        plan=plan,
+    )
     p.director.update(p.moment())
     plan.shut = np.array((8.0, -5.0))
     p.run()

@@ -25,7 +25,9 @@ def bent(side: int, angle: float) -> np.ndarray:
 @pytest.mark.parametrize("side", [0, 1])
 def test_elbows_that_bend_backward_are_straightened(side):
     local = bent(side, -0.25)
-    assert backward_bend(HIPS_AT[None], local[None])["elbow_backward_deg"] == pytest.approx(np.degrees(0.25), abs=0.01)
+    assert backward_bend(HIPS_AT[None], local[None])["elbow_backward_deg"] == pytest.approx(
+        np.degrees(0.25), abs=0.01
+    )
     put_right = unbend_elbows(local)
     assert backward_bend(HIPS_AT[None], put_right[None])["elbow_backward_deg"] < 0.01
     joints = forward_kinematics(HIPS_AT, put_right)[0]

@@ -26,7 +26,9 @@ _FACES = np.array(((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2
 
 def slab(low, high, turn: float = 0.0) -> tuple[HeightMap, Cuboids]:
     """A box as a map of its mesh, and as a solid."""
-    corners = np.array([(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    corners = np.array(
+        [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    )
     turned = rotate_planar(corners, turn)
     triangles = turned[np.concatenate((_FACES[:, :3], _FACES[:, (0, 2, 3)]))]
     return HeightMap.over(triangles), Cuboids([(np.zeros(3), turn, np.array([low]), np.array([high]))])
@@ -52,9 +54,14 @@ def test_a_map_of_a_mesh_has_its_heights_and_its_edges(turn):
 
 def test_a_map_keeps_slopes_and_small_faces_and_leaves_out_paint():
     x, y = np.meshgrid(np.arange(0, 1, 0.005), np.arange(0, 0.3, 0.005), indexing="ij")
-    a, b, c = (np.stack((x + dx, y + dy, 0.1 * (x + dx)), -1).reshape(-1, 3) for dx, dy in ((0, 0), (0.005, 0), (0, 0.005)))
+    a, b, c = (
+        np.stack((x + dx, y + dy, 0.1 * (x + dx)), -1).reshape(-1, 3)
+        for dx, dy in ((0, 0), (0.005, 0), (0, 0.005))
+    )
     fine = HeightMap.over(np.stack((a, b, c), 1))
-    whole = HeightMap.over(np.array((((0, 0, 0), (1, 0, 0.1), (1, 0.3, 0.1)), ((0, 0, 0), (1, 0.3, 0.1), (0, 0.3, 0)))))
+    whole = HeightMap.over(
+        np.array((((0, 0, 0), (1, 0, 0.1), (1, 0.3, 0.1)), ((0, 0, 0), (1, 0.3, 0.1), (0, 0.3, 0))))
+    )
     points = np.random.default_rng(1).uniform((0.05, 0.05), (0.95, 0.25), (300, 2))
     for found in (fine, whole):
         np.testing.assert_allclose(found.at(points), 0.1 * points[:, 0], atol=0.003)
@@ -70,7 +77,9 @@ def test_the_largest_floor_stays_a_small_map():
 
 def test_ground_tells_distances_as_its_solid_does():
     found, solid = slab((-0.5, -0.3, -1.0), (0.5, 0.3, 0.1))
-    points = np.random.default_rng(2).uniform((-0.7, -0.5, 0.0), (0.7, 0.5, 0.25), (800, 3)).astype(np.float32)
+    points = (
+        np.random.default_rng(2).uniform((-0.7, -0.5, 0.0), (0.7, 0.5, 0.25), (800, 3)).astype(np.float32)
+    )
     want, have = (q.signed_distance(points, 0.08) for q in (solid, Terrain([found])))
     np.testing.assert_allclose(have, want, atol=0.021)  # a cell
 
@@ -85,7 +94,9 @@ def test_the_walkers_floor_follows_the_ground_without_a_jolt():
     for y in np.arange(0.0, 2.5, 0.04):
         levels.append(relief.follow(np.array((0.0, y))))
     assert levels[0] == 0 and levels[-1] == pytest.approx(0.12, abs=0.002)
-    assert (np.diff(levels) > -1e-6).all() and np.abs(np.diff(levels, 2)).max() * 900 < 5  # m/s2; hips of a walker know 16
+    assert (np.diff(levels) > -1e-6).all() and np.abs(
+        np.diff(levels, 2)
+    ).max() * 900 < 5  # m/s2; hips of a walker know 16
     assert Relief(Terrain([found]), np.array((0.0, 2.5))).level == pytest.approx(0.12)
 
 
@@ -110,7 +121,9 @@ def test_one_walks_over_low_ground_with_the_feet_on_top(name):
     take = roll(TakeRequest(np.zeros(2), 0.0, [goal], Cuboids(), ground=ground))
     assert take.goals[0].reached and take.goals[0].position_error_cm < 5
     for solid in solids:
-        assert penetration_depths(take.hips_position, take.local_rotations, solid).max() < 0.04  # a heel over the kerb's edge
+        assert (
+            penetration_depths(take.hips_position, take.local_rotations, solid).max() < 0.04
+        )  # a heel over the kerb's edge
     report = travel_report(take.hips_position, take.local_rotations, ground=ground.height)
     assert report["below_floor_share"] < 0.02 and report["foot_sliding_cm_s"] < 8
     assert jumps(take.hips_position, take.local_rotations)["jolt_cm"] < 9  # 7 on a flat floor
@@ -128,6 +141,12 @@ def test_one_sits_on_what_stands_on_a_podium_as_on_the_floor():
     sensed = replace(goal.interaction, centre=goal.interaction.centre + up)
     goal = replace(goal, position=goal.position + up, interaction=sensed, hold=0.3)
     take = roll(TakeRequest(np.zeros(2), 0.0, [goal], chair, ground=Terrain([found])))
-    assert take.goals[0].reached and take.goals[0].position_error_cm < 3 and take.goals[0].network_position_error_cm < 10
+    assert (
+        take.goals[0].reached
+        and take.goals[0].position_error_cm < 3
+        and take.goals[0].network_position_error_cm < 10
+    )
     assert penetration_depths(take.hips_position, take.local_rotations, solid).max() < 0.03
-    assert forward_kinematics(take.hips_position, take.local_rotations)[0][-1, HIPS, 2] == pytest.approx(goal.position[2], abs=0.02)
+    assert forward_kinematics(take.hips_position, take.local_rotations)[0][-1, HIPS, 2] == pytest.approx(
+        goal.position[2], abs=0.02
+    )

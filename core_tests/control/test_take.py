@@ -38,7 +38,11 @@ def run(model: Model, asked: TakeRequest) -> TakeResult:
 @pytest.fixture(scope="module")
 def takes(model) -> list[tuple[SitTrial, TakeResult]]:
     """Three seats, three starts: from the side, from the front with the back to the seat, and from behind."""
-    chosen = [trial(), trial("armchair", (-0.4, -2.4), 3.0, seed=8), trial("stool", (-1.8, 0.6), -1.0, seed=9)]
+    chosen = [
+        trial(),
+        trial("armchair", (-0.4, -2.4), 3.0, seed=8),
+        trial("stool", (-1.8, 0.6), -1.0, seed=9),
+    ]
     return [(t, run(model, request(t, time_limit=12.0))) for t in chosen]
 
 
@@ -50,7 +54,9 @@ def test_seats_are_reached_with_contact_ik_within_3_cm(takes):
         # The figures are those of the keyed pose at that frame.
         asked = request(t)
         hips = take.hips_position[goal.end_frame]
-        assert 100 * np.linalg.norm(hips - asked.goals[0].position) == pytest.approx(goal.position_error_cm, abs=0.3)
+        assert 100 * np.linalg.norm(hips - asked.goals[0].position) == pytest.approx(
+            goal.position_error_cm, abs=0.3
+        )
         heading = root_of(forward_kinematics(hips, take.local_rotations[goal.end_frame])[0])[1]
         turn = np.degrees(abs(wrap_angle(heading - asked.goals[0].heading)))
         assert float(turn) == pytest.approx(goal.rotation_error_deg, abs=1)
@@ -61,7 +67,11 @@ def test_the_network_alone_sits_down_within_10_cm(model, takes):
         goal = take.goals[0]
         assert goal.network_position_error_cm < 10 and goal.network_rotation_error_deg < 10, t.piece.kind
     alone = run(model, request(takes[0][0], contact_ik=False, time_limit=12.0))
-    assert alone.goals[0].reached and alone.goals[0].position_error_cm < 10 and alone.goals[0].rotation_error_deg < 10
+    assert (
+        alone.goals[0].reached
+        and alone.goals[0].position_error_cm < 10
+        and alone.goals[0].rotation_error_deg < 10
+    )
     np.testing.assert_array_equal(alone.hips_position, alone.network_hips)
 
 
@@ -79,15 +89,25 @@ def test_results_fit_together(takes):
     t, take = takes[0]
     count = len(take.hips_position)
     assert take.local_rotations.shape == (count, 23, 4) and take.contacts.shape == (count, 5)
-    assert take.root.shape == (count, 3) and take.action.shape == (count, len(STYLES)) and len(take.experts) == count
+    assert (
+        take.root.shape == (count, 3)
+        and take.action.shape == (count, len(STYLES))
+        and len(take.experts) == count
+    )
     np.testing.assert_allclose(np.linalg.norm(take.local_rotations, axis=-1), 1, atol=1e-4)
     np.testing.assert_allclose(take.root[0, :2], t.start, atol=1e-5)
     np.testing.assert_allclose(take.experts[1:].sum(1), 1, atol=1e-4)
-    assert set(take.stage_ms) >= {"sensors", "network", "blending", "ik"} and all(v >= 0 for v in take.stage_ms.values())
+    assert set(take.stage_ms) >= {"sensors", "network", "blending", "ik"} and all(
+        v >= 0 for v in take.stage_ms.values()
+    )
     goal = take.goals[0]
-    assert 0 < goal.start_frame < goal.end_frame <= count and goal.seconds == pytest.approx((goal.end_frame - goal.start_frame) / 30)
+    assert 0 < goal.start_frame < goal.end_frame <= count and goal.seconds == pytest.approx(
+        (goal.end_frame - goal.start_frame) / 30
+    )
     assert count - goal.end_frame >= 29, "a second of hold follows"
-    assert take.action[goal.end_frame, STYLES.index("sit")] > 0.9 and take.action[0, STYLES.index("idle")] == 1
+    assert (
+        take.action[goal.end_frame, STYLES.index("sit")] > 0.9 and take.action[0, STYLES.index("idle")] == 1
+    )
 
 
 def test_the_same_seed_gives_the_same_take(model, takes):
@@ -108,7 +128,9 @@ def test_the_place_in_the_world_makes_no_difference(model, takes):
     n = min(len(moved.root), len(take.root), 120)
     apart = {}
     for which in ("network_hips", "network_rotations"), ("hips_position", "local_rotations"):
-        (here, there) = (forward_kinematics(*(getattr(k, name)[:n] for name in which))[0] for k in (take, moved))
+        (here, there) = (
+            forward_kinematics(*(getattr(k, name)[:n] for name in which))[0] for k in (take, moved)
+        )
         expected = rotate_planar(here, np.float32(turn))
         expected[..., :2] += place
         apart[which[0]] = np.linalg.norm(there - expected, axis=-1)
@@ -127,7 +149,9 @@ def test_frames_can_be_shown_and_counted_as_they_come(model):
         hips, rotations = runner.pose()
         assert hips.shape == (3,) and rotations.shape == (23, 4)
     assert (np.diff(shares) >= 0).all() and shares[-1] <= 1 and runner.progress == 1
-    assert runner.frames == len(shares) + 1 and not runner.step() and runner.frames == len(runner.result().root)
+    assert (
+        runner.frames == len(shares) + 1 and not runner.step() and runner.frames == len(runner.result().root)
+    )
 
 
 def test_sit_rise_and_stand_elsewhere(model):
@@ -148,7 +172,9 @@ def test_props_are_reported_and_what_was_asked_for_is_left_as_it_was(model):
     box = Box("Box", solid, sense(solid, -half, half), np.array((0.4, -3.0, 0.14, 0.3)), 2 * half)
     low, high = np.array((0, -0.02, 0)), np.array((0.85, 0.02, 2.0))
     board = Cuboids([((0, 0, 0), 0.0, low[None], high[None])])
-    leaf = Leaf("Door", board, sense(board, low, high), np.array((2.0, 1.0, 0, 1.7)), 0.85, np.array((0.78, 0, 1.0)))
+    leaf = Leaf(
+        "Door", board, sense(board, low, high), np.array((2.0, 1.0, 0, 1.7)), 0.85, np.array((0.78, 0, 1.0))
+    )
     goals = [
         Goal("carry", "Box", (2, -3, 0.14), 0.0, 0.2, prop=box),
         Goal("open", "Door", (2.4, 1.0, 0), 0.0, 0.2, prop=leaf),
@@ -159,7 +185,9 @@ def test_props_are_reported_and_what_was_asked_for_is_left_as_it_was(model):
         pass
     take = runner.result()
     assert [g.action for g in take.goals] == ["carry", "open", "walk"] and not take.goals[0].reached
-    assert set(take.props) == {"Box", "Door"} and all(p.shape == (runner.frames, 4) for p in take.props.values())
+    assert set(take.props) == {"Box", "Door"} and all(
+        p.shape == (runner.frames, 4) for p in take.props.values()
+    )
     assert np.isfinite(take.local_rotations).all() and np.isfinite(take.goals[0].position_error_cm)
     for name, pose in runner.prop_poses().items():
         np.testing.assert_array_equal(pose, take.props[name][-1])
@@ -189,7 +217,12 @@ def test_a_start_that_is_no_number_is_refused_in_a_sentence(model, start, headin
 
 
 def test_a_walled_in_goal_is_refused_in_a_sentence(model):
-    sides = (((0, -4), (1.5, 0.1)), ((0, -7), (1.5, 0.1)), ((-1.5, -5.5), (0.1, 1.6)), ((1.5, -5.5), (0.1, 1.6)))
+    sides = (
+        ((0, -4), (1.5, 0.1)),
+        ((0, -7), (1.5, 0.1)),
+        ((-1.5, -5.5), (0.1, 1.6)),
+        ((1.5, -5.5), (0.1, 1.6)),
+    )
     walls = [(np.array(at), 0.0, np.array([(-x, -y, 0.0)]), np.array([(x, y, 2.5)])) for at, (x, y) in sides]
     with pytest.raises(GoalError, match=r"no free way .*\.$"):
         run(model, TakeRequest(np.zeros(2), 0.0, [Goal("walk", "cell", (0, -5.5, 0), 0.0)], Cuboids(walls)))
@@ -197,7 +230,9 @@ def test_a_walled_in_goal_is_refused_in_a_sentence(model):
 
 def test_trials_are_fixed_and_start_off_the_seat():
     first, second = trials(4), trials(4)
-    assert len(first) == 24 and all((a.start == b.start).all() and a.heading == b.heading for a, b in zip(first, second, strict=True))
+    assert len(first) == 24 and all(
+        (a.start == b.start).all() and a.heading == b.heading for a, b in zip(first, second, strict=True)
+    )
     for t in first:
         lo, hi = t.piece.mins[:, :2].min(0), t.piece.maxs[:, :2].max(0)
         assert not ((t.start > lo - 0.3) & (t.start < hi + 0.3)).all() and np.linalg.norm(t.start) <= 3

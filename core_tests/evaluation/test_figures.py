@@ -35,7 +35,16 @@ def is_near(pixels: np.ndarray, rgb: tuple[int, int, int]) -> np.ndarray:
 @pytest.mark.parametrize("follow", [True, False])
 def test_sheet_shows_every_pose(walk, tmp_path, view, follow):
     boxes = box_corners(walk[40, 0, :2], 0.7, np.array(((-0.3, -0.3, 0),)), np.array(((0.3, 0.3, 0.45),)))
-    path = contact_sheet(walk, tmp_path / "a" / "sheet.png", every=9, view=view, boxes=boxes, tiles=5, follow=follow, title="walk")
+    path = contact_sheet(
+        walk,
+        tmp_path / "a" / "sheet.png",
+        every=9,
+        view=view,
+        boxes=boxes,
+        tiles=5,
+        follow=follow,
+        title="walk",
+    )
     pixels = image.imread(path)
     assert pixels.shape[1] in (1599, 1600, 1601)
     top = 30
@@ -61,7 +70,9 @@ def test_contacts_draw_rings(walk, tmp_path):
 
 def test_plan_shows_feet_furniture_and_goals(walk, tmp_path):
     boxes = np.array((((1.0, -1, 0), (1.5, -0.5, 0.5)),))
-    pixels = image.imread(path_sheet(walk, tmp_path / "plan.png", boxes=boxes, goals=np.array((2.0, -2.0, 0.0)), title="plan"))
+    pixels = image.imread(
+        path_sheet(walk, tmp_path / "plan.png", boxes=boxes, goals=np.array((2.0, -2.0, 0.0)), title="plan")
+    )
     assert is_near(pixels, (0xD9, 0x38, 0x1E)).sum() > 50 and is_near(pixels, (0x1F, 0x6F, 0xB4)).sum() > 50
     assert is_near(pixels, (0xF4, 0xB4, 0x00)).sum() > 10
 
@@ -74,8 +85,12 @@ def test_box_corners_turn_with_the_object():
 
 def test_colliders_can_be_drawn_as_they_are(walk, tmp_path):
     where, low, high = np.array((1.0, 2.0)), np.array((-0.3, -0.2, 0)), np.array((0.3, 0.2, 0.5))
-    as_corners = contact_sheet(walk, tmp_path / "a.png", every=30, follow=False, boxes=box_corners(where, 0.4, low, high))
-    as_query = contact_sheet(walk, tmp_path / "b.png", every=30, follow=False, boxes=Cuboids([(where, 0.4, low, high)]))
+    as_corners = contact_sheet(
+        walk, tmp_path / "a.png", every=30, follow=False, boxes=box_corners(where, 0.4, low, high)
+    )
+    as_query = contact_sheet(
+        walk, tmp_path / "b.png", every=30, follow=False, boxes=Cuboids([(where, 0.4, low, high)])
+    )
     assert np.allclose(image.imread(as_corners), image.imread(as_query), atol=0.02)
 
 
@@ -85,13 +100,19 @@ def test_what_moves_is_drawn_where_it_is(walk, tmp_path):
     poses[:, :2] = walk[:, 0, :2] + 0.4 * heading_to_direction(np.array(0.7))
     corners = prop_corners(box, poses)
     assert corners.shape == (len(walk), 1, 8, 3)
-    assert np.allclose(corners.mean((1, 2)), poses[:, :3]) and np.allclose(np.ptp(corners[0, 0], 0)[2], box.size[2], atol=1e-5)
+    assert np.allclose(corners.mean((1, 2)), poses[:, :3]) and np.allclose(
+        np.ptp(corners[0, 0], 0)[2], box.size[2], atol=1e-5
+    )
     purple = (0x7A, 0x3F, 0xA0)
     for view in ("side", "front"):
-        held = image.imread(contact_sheet(walk, tmp_path / "held.png", every=30, tiles=3, view=view, moving=corners))
+        held = image.imread(
+            contact_sheet(walk, tmp_path / "held.png", every=30, tiles=3, view=view, moving=corners)
+        )
         left = corners.copy()
         left[31:] += 5.0  # out of the window from then on
-        gone = image.imread(contact_sheet(walk, tmp_path / "gone.png", every=30, tiles=3, view=view, moving=left))
+        gone = image.imread(
+            contact_sheet(walk, tmp_path / "gone.png", every=30, tiles=3, view=view, moving=left)
+        )
         thirds = [slice(k * held.shape[1] // 3, (k + 1) * held.shape[1] // 3) for k in range(3)]
         assert all(is_near(held[:, t], purple).sum() > 5 for t in thirds)
         assert [is_near(gone[:, t], purple).sum() > 5 for t in thirds] == [True, True, False]

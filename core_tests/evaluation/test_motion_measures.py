@@ -62,7 +62,13 @@ def test_gliding_is_found_out():
 
 def test_standing_still_has_nothing_to_report():
     report = travel_report(*standing())
-    assert report["foot_sliding_cm_s"] == report["slide_moving_cm_s"] == report["jerk_m_s3"] == report["top_speed_m_s"] == 0
+    assert (
+        report["foot_sliding_cm_s"]
+        == report["slide_moving_cm_s"]
+        == report["jerk_m_s3"]
+        == report["top_speed_m_s"]
+        == 0
+    )
     assert report["planted_share"] == report["path_ratio"] == 1
 
 
@@ -120,16 +126,23 @@ def test_sitting_as_told_touches_but_does_not_penetrate():
         local[INDEX[name]] = quat_from_rotvec(np.array((-1.4, 0, 0)))
     for name in ("RightKnee", "LeftKnee"):
         local[INDEX[name]] = quat_from_rotvec(np.array((1.4, 0, 0)))
-    for name, turn in (("RightShoulder", -1.2), ("LeftShoulder", 1.2)):  # hands down beside the body, over the seat
+    for name, turn in (
+        ("RightShoulder", -1.2),
+        ("LeftShoulder", 1.2),
+    ):  # hands down beside the body, over the seat
         local[INDEX[name]] = quat_from_rotvec(np.array((0, turn / 3, 0)))
-    local = place_limbs(hips, local, (FEET[0][:3], FEET[1][:3]), np.array(((-0.1, -0.42, 0.5), (0.1, -0.42, 0.5))))
+    local = place_limbs(
+        hips, local, (FEET[0][:3], FEET[1][:3]), np.array(((-0.1, -0.42, 0.5), (0.1, -0.42, 0.5)))
+    )
     hips, local = np.repeat(hips[None], 4, 0), np.repeat(local[None], 4, 0)
 
     def depth(height: float) -> dict[str, float]:
         legs_free = Slab(height)
         body = Body.of(hips, local)
         seated = body.centres[0, :, 1] > -0.2  # the seat ends before the knees
-        inside = np.maximum(0, body.radii[0, seated] - legs_free.signed_distance(body.centres[0, seated], 1.0))
+        inside = np.maximum(
+            0, body.radii[0, seated] - legs_free.signed_distance(body.centres[0, seated], 1.0)
+        )
         return float(inside.max())
 
     assert depth(top) < 0.02
@@ -164,7 +177,9 @@ def test_jumps_and_floor():
     assert report["turn_per_frame_deg"] == pytest.approx(np.degrees(0.5), abs=0.01)
     assert report["move_per_frame_cm"] == pytest.approx(10, abs=0.01)
     assert report["jolt_cm"] == pytest.approx(10, abs=0.01)
-    assert report["below_floor_share"] == pytest.approx(5 / 30) and report["below_floor_cm"] == pytest.approx(3.0, abs=0.6)
+    assert report["below_floor_share"] == pytest.approx(5 / 30) and report["below_floor_cm"] == pytest.approx(
+        3.0, abs=0.6
+    )
 
 
 def test_jerk_of_a_cubic():
@@ -177,4 +192,6 @@ def test_jerk_of_a_cubic():
 @pytest.mark.parametrize("frames", [1, 2, 3])
 def test_short_takes(frames):
     hips, local = standing(frames)
-    json.dumps(travel_report(hips, local, action=np.eye(7)[:1].repeat(frames, 0), query=Slab(-1.0)), allow_nan=False)
+    json.dumps(
+        travel_report(hips, local, action=np.eye(7)[:1].repeat(frames, 0), query=Slab(-1.0)), allow_nan=False
+    )

@@ -44,9 +44,15 @@ def test_a_box_in_both_hands_is_held_and_placed():
     box = crate()
     poses = np.repeat(box.pose[None], 40, 0)
     poses[5:, 2] += np.minimum(np.arange(35) * 0.005, 0.1)
-    report = objects.box_report(box, poses, hips, holding(box, poses, hips), STILL, np.append(poses[-1, :3], np.pi / 2))
-    assert report["hands_off_worst_cm"] < 0.5 and report["box_unheld_cm"] == 0 and report["hands_tilt_deg"] < 1
-    assert report["box_error_cm"] == pytest.approx(0, abs=1e-6) and report["box_turn_deg"] == pytest.approx(0, abs=1e-6)
+    report = objects.box_report(
+        box, poses, hips, holding(box, poses, hips), STILL, np.append(poses[-1, :3], np.pi / 2)
+    )
+    assert (
+        report["hands_off_worst_cm"] < 0.5 and report["box_unheld_cm"] == 0 and report["hands_tilt_deg"] < 1
+    )
+    assert report["box_error_cm"] == pytest.approx(0, abs=1e-6) and report["box_turn_deg"] == pytest.approx(
+        0, abs=1e-6
+    )
     assert report["box_in_solids_cm"] == 0 and report["box_moved"] == 1
     tilted = np.array(((0, 0, 0.03), (0, 0, -0.03)))
     report = objects.box_report(box, poses, hips, holding(box, poses, hips, off=tilted), STILL, poses[-1])
@@ -62,7 +68,9 @@ def test_a_box_that_glides_by_itself_is_found_out():
     poses[30:, 3] = 0.2
     report = objects.box_report(box, poses, hips, local, STILL, box.pose)
     assert report["box_unheld_cm"] == pytest.approx(20, abs=0.1)
-    assert report["box_error_cm"] == pytest.approx(20, abs=0.1) and report["box_turn_deg"] == pytest.approx(np.degrees(0.2), abs=0.01)
+    assert report["box_error_cm"] == pytest.approx(20, abs=0.1) and report["box_turn_deg"] == pytest.approx(
+        np.degrees(0.2), abs=0.01
+    )
     assert np.isnan(report["hands_tilt_deg"])
 
 
@@ -95,7 +103,10 @@ def test_a_leaf_swung_into_a_body_and_away_from_it():
         beside = hips + np.array((0.85, 0.0, 0)) - np.array((reach[0], reach[1], 0))
         assert (objects.prop_depths(beside[:1], local[:1], at, at.pose[None])[0] > 0.02) == inside
     together = objects.all_depths(hips, local, STILL, {"Door": leaf}, {"Door": poses})
-    assert np.allclose(together, depths) and objects.deep_frames(together) == {"frames": 2.0, "deep_frames": 1.0}
+    assert np.allclose(together, depths) and objects.deep_frames(together) == {
+        "frames": 2.0,
+        "deep_frames": 1.0,
+    }
 
 
 @pytest.mark.parametrize("start", [(0.4, -1.5), (0.4, 1.5)])
@@ -114,7 +125,9 @@ def test_the_hand_on_the_handle_and_a_leaf_that_goes_on_alone(start):
     local = place_limbs(hips, local, (arm,), grips[:, None])
     reached = np.linalg.norm(forward_kinematics(hips, local)[0][:, arm[2]] - grips, axis=-1)
     report = objects.leaf_report(leaf, poses, way.side, way.hand, hips, local)
-    assert report["leaf_widest_deg"] == pytest.approx(60, abs=0.01) and report["leaf_step_deg"] == pytest.approx(2, abs=0.01)
+    assert report["leaf_widest_deg"] == pytest.approx(60, abs=0.01) and report[
+        "leaf_step_deg"
+    ] == pytest.approx(2, abs=0.01)
     assert reached[:20].max() < 0.02 and 0.1 < report["leaf_alone_share"] < 0.4
     assert report["grip_off_cm"] < 10 < report["grip_off_worst_cm"]
 
@@ -136,7 +149,10 @@ def test_feet_slide_over_what_they_stand_on():
     assert np.allclose(objects.foot_heights(positions[0], ground), 0, atol=1e-6)
     report = travel_report(hips, local, ground=ground)
     assert report["slide_moving_cm_s"] == 0 and report["foot_sliding_cm_s"] == pytest.approx(27, abs=0.1)
-    assert report["below_floor_share"] == 0 and travel_report(hips, local, ground=lambda p: ground(p) + 0.05)["below_floor_share"] == 1
+    assert (
+        report["below_floor_share"] == 0
+        and travel_report(hips, local, ground=lambda p: ground(p) + 0.05)["below_floor_share"] == 1
+    )
 
 
 def test_slide_is_told_by_action():
@@ -151,7 +167,9 @@ def test_slide_is_told_by_action():
     sums = objects.slide_by_action(positions, style)
     table = objects.slide_table([sums, sums])
     assert table == pytest.approx({"idle": 0, "walk": 60, "carry": 60, "all": 60 * 29 / 59}, abs=0.01)
-    assert (objects.leading_action(style)[[0, 30, 50]] == [STYLES.index(n) for n in ("idle", "walk", "carry")]).all()
+    assert (
+        objects.leading_action(style)[[0, 30, 50]] == [STYLES.index(n) for n in ("idle", "walk", "carry")]
+    ).all()
 
 
 def test_moving_frames_and_wrists():

@@ -32,7 +32,8 @@ def model() -> Model:
     return load_model(backend="numpy")
 
 
-# --- judging ---------------------------------------------------------------------------------------------------
+# --- judging
+# ---------------------------------------------------------------------------------------------------
 
 
 def test_a_door_counts_as_passed_only_through_its_opening():
@@ -67,7 +68,9 @@ def test_jumps_are_told_from_those_of_the_rest():
     take = TakeResult(hips, rotations, hips, rotations, *(np.zeros((200, n)) for n in (5, 3, 7, 8)), [], {})
     rotations[120:, 5] = (np.cos(0.2), np.sin(0.2), 0, 0)
     assert interrupt.jump_report(take, 119)["popped"] == 1
-    assert interrupt.jump_report(take, 119)["there_turn_per_frame_deg"] == pytest.approx(np.degrees(0.4), abs=0.01)
+    assert interrupt.jump_report(take, 119)["there_turn_per_frame_deg"] == pytest.approx(
+        np.degrees(0.4), abs=0.01
+    )
     assert interrupt.jump_report(take, 60)["popped"] == 0
 
 
@@ -78,18 +81,41 @@ def test_counts_of_random_goals_add_up():
         stress.Outcome(2, 10.0, "GoalError: N m", False, given_up=["no way to N m"]),
     ]
     s = stress.summarise(outcomes)
-    assert s["seconds"] == 130 and s["not_finite"] == 1 and s["frozen"] == 1 and s["errors"] == {"GoalError: N m": 2}
+    assert (
+        s["seconds"] == 130
+        and s["not_finite"] == 1
+        and s["frozen"] == 1
+        and s["errors"] == {"GoalError: N m": 2}
+    )
     assert s["asked_reached"] == {"walk": [4, 3], "carry": [1, 0]} and s["deep_share"] == pytest.approx(0.05)
     assert s["frozen_seeds"] == [0] and s["error_seeds"] == [1, 2]
     text = stress.table(s)
-    assert "3 of 4 (75%)" in text and "of these: GoalError: N m | 2" in text and "passed over: no way to N m | 1" in text
+    assert (
+        "3 of 4 (75%)" in text
+        and "of these: GoalError: N m | 2" in text
+        and "passed over: no way to N m | 1" in text
+    )
     assert stress.message_of(GoalError("at (1.25, -3) m")) == "GoalError: at (N, N) m"
 
 
 def test_a_summary_counts_what_broke_off_as_not_reached():
-    reports = [{"reached": 1.0, "pe_cm": 2.0, "frames": 100.0, "deep_frames": 5.0, "slide_all_total": 2.0, "slide_all_count": 10.0}] * 3
+    reports = [
+        {
+            "reached": 1.0,
+            "pe_cm": 2.0,
+            "frames": 100.0,
+            "deep_frames": 5.0,
+            "slide_all_total": 2.0,
+            "slide_all_count": 10.0,
+        }
+    ] * 3
     s = rollout.summarise([*reports, {"reached": 0.0, "failed": 1.0, "error": "GoalError: no"}])
-    assert s["reached"] == 0.75 and s["failed"] == 1 and s["pe_cm_mean"] == 2 and s["deep_share"] == pytest.approx(0.05)
+    assert (
+        s["reached"] == 0.75
+        and s["failed"] == 1
+        and s["pe_cm_mean"] == 2
+        and s["deep_share"] == pytest.approx(0.05)
+    )
     assert s["slide_all"] == pytest.approx(20) and "error_mean" not in s
 
 
@@ -109,7 +135,10 @@ def test_tables_print_ours_beside_the_paper_and_the_aim():
     }
     text = evaluation_report.tables(result)
     assert "| sit PE cm, network alone (mean / median) | 2.50 / 2.50 | 2.93 | 2.9 |" in text
-    assert "| interaction sensor zeroed at run time, not retrained: PE cm, network alone | 9.00 | 3.72 (retrained) |  |" in text
+    assert (
+        "| interaction sensor zeroed at run time, not retrained: PE cm, network alone | 9.00 | 3.72 "
+        "(retrained) |  |" in text
+    )
     assert "end free of penetration | 50% |" in text and "broke off 1 x carry: ValueError: x" in text
     assert "| placed: x | 0 of 1 |" in text and "| placed: y | 1 of 1 |" in text
     assert "| walk |  | 9.0 | 11.0 |" in text
@@ -137,7 +166,8 @@ def test_a_blind_network_reads_nothing_of_one_sensor(model):
         assert (given == 0).sum() == INPUT.slices[sensor].stop - INPUT.slices[sensor].start
 
 
-# --- roll-outs on the shipped weights --------------------------------------------------------------------------
+# --- roll-outs on the shipped weights
+# --------------------------------------------------------------------------
 
 
 def test_figures_of_a_sit_and_of_a_walk_through_a_hole(model):
@@ -187,7 +217,8 @@ def test_the_command_runs_parts_and_writes_what_it_printed(tmp_path, capsys):
         evaluation_report.write({}, tmp_path / "file" / "x.json")
 
 
-# --- the data's own slide --------------------------------------------------------------------------------------
+# --- the data's own slide
+# --------------------------------------------------------------------------------------
 
 
 def test_the_slide_of_the_data_is_measured_over_what_is_climbed(tmp_path_factory):

@@ -1,4 +1,6 @@
-"""Trials are the same at every call and fair: starts are free, boxes rest, doors and steps are what their names say."""
+"""Trials are the same at every call and fair: starts are free, boxes rest, doors and steps are what their
+names say.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ def test_starts_lie_about_the_object_and_are_free():
             asked = part.request(trial)
             middle = asked.goals[0].position[:2] if part is doors else np.zeros(2)
             assert 0.9 <= np.linalg.norm(trial.start - middle) <= 3.0
-            assert rollout.clear_of(asked.environment, list(rollout.props_of(asked).values()), 0.34)(trial.start)
+            assert rollout.clear_of(asked.environment, list(rollout.props_of(asked).values()), 0.34)(
+                trial.start
+            )
         facing = [wrap_angle(t.heading) for t in made]
         assert min(facing) < -1 and max(facing) > 1
 
@@ -49,11 +53,15 @@ def test_boxes_rest_on_what_is_under_them_at_both_ends():
     for trial in carry.trials(1):
         asked = carry.request(trial)
         box = asked.goals[0].prop
-        assert np.allclose(box.pose, trial.box, atol=1e-6) and np.allclose(asked.goals[0].position, trial.goal[:3])
+        assert np.allclose(box.pose, trial.box, atol=1e-6) and np.allclose(
+            asked.goals[0].position, trial.goal[:3]
+        )
         for pose in (trial.box, trial.goal):
             assert box_in_solids(box, pose[None], asked.environment) < 2e-3
             under = np.append(pose[:2], pose[2] - box.size[2] / 2 - 0.01)
-            supported = under[2] < 0 or asked.environment.signed_distance(under[None].astype(np.float32), 1.0)[0] < 0
+            supported = (
+                under[2] < 0 or asked.environment.signed_distance(under[None].astype(np.float32), 1.0)[0] < 0
+            )
             assert supported, trial.name
             heights.add(round(float(under[2]), 1))
         assert np.linalg.norm(trial.goal[:2] - trial.box[:2]) > 2
@@ -96,7 +104,12 @@ def test_held_back_pieces_serve_where_there_are_some():
     assert np.allclose(hips[:2], seats[0].piece.seat.point[:2])
     for trial in carry.trials(1, pool=pool):
         assert max(trial.crate.size[:2]) <= 0.45
-        assert box_in_solids(carry.request(trial).goals[0].prop, trial.box[None], carry.request(trial).environment) < 2e-3
+        assert (
+            box_in_solids(
+                carry.request(trial).goals[0].prop, trial.box[None], carry.request(trial).environment
+            )
+            < 2e-3
+        )
     assert scaled(chair, np.ones(3)).seat.height == pytest.approx(chair.seat.height)
 
 

@@ -1,4 +1,6 @@
-"""Takes composed while training: they come from a process of their own, pass through a ring and are drawn like stored ones."""
+"""Takes composed while training: they come from a process of their own, pass through a ring and are drawn
+like stored ones.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,13 @@ from nsm_core.training.fresh_takes import LONGEST, THINGS, FreshSettings, FreshT
 from nsm_core.training.trainer import Trainer, TrainingSettings
 
 CONFIG = NsmConfig(
-    encoder_frame=32, encoder_goal=16, encoder_environment=16, encoder_interaction=16, gating_hidden=16, hidden=32, experts=2
+    encoder_frame=32,
+    encoder_goal=16,
+    encoder_environment=16,
+    encoder_interaction=16,
+    gating_hidden=16,
+    hidden=32,
+    experts=2,
 )
 
 
@@ -45,7 +53,9 @@ def test_a_slot_holds_the_take_that_was_written_last(arrays):
         which, own = ring.data.arrays["object"][rows], take["object"]
         np.testing.assert_array_equal(which, np.where(own >= 0, own + slot * THINGS, -1))
         count = len(take["object_cells"])
-        np.testing.assert_array_equal(ring.data.arrays["object_cells"][slot * THINGS :][:count], take["object_cells"])
+        np.testing.assert_array_equal(
+            ring.data.arrays["object_cells"][slot * THINGS :][:count], take["object_cells"]
+        )
     assert ring.write(arrays[2]) == (0, LONGEST) and ring.written == 3
     mine = ring.data.frames[ring.data.frames < LONGEST]
     assert mine.max() == len(arrays[2]["root"]) - 32  # nothing of the longer or shorter take before is drawn
@@ -74,8 +84,12 @@ def test_roll_outs_start_anew_where_their_take_is_gone(arrays):
     assert 0 < inside.sum() < 40
     np.testing.assert_array_equal(batches.pool_frames[~inside], before[~inside])
     np.testing.assert_array_equal(batches.pool_age, np.where(inside, 0, age))
-    np.testing.assert_array_equal(batches.pool_state.joint_position[inside], ring.data.state(batches.pool_frames[inside]).joint_position)
-    np.testing.assert_array_equal(batches.pool_state.goal_position, ring.data.arrays["goal_position"][batches.pool_frames])
+    np.testing.assert_array_equal(
+        batches.pool_state.joint_position[inside], ring.data.state(batches.pool_frames[inside]).joint_position
+    )
+    np.testing.assert_array_equal(
+        batches.pool_state.goal_position, ring.data.arrays["goal_position"][batches.pool_frames]
+    )
 
 
 def test_a_process_composes_the_takes_of_its_seeds_and_training_draws_from_them(folder, tmp_path_factory):
@@ -89,7 +103,9 @@ def test_a_process_composes_the_takes_of_its_seeds_and_training_draws_from_them(
             rows = slice(slot * LONGEST, slot * LONGEST + min(len(own[slot]["root"]), LONGEST))
             np.testing.assert_array_equal(got["joint_position"][rows], own[slot]["joint_position"][:LONGEST])
         settings = TrainingSettings(data_batch=16, pool=16, fresh=FreshSettings(share=0.25, slots=slots))
-        trainer = Trainer(captures.dataset(captures.data_folder(tmp_path_factory)), settings, CONFIG, fresh=fresh)
+        trainer = Trainer(
+            captures.dataset(captures.data_folder(tmp_path_factory)), settings, CONFIG, fresh=fresh
+        )
         trainer.set_statistics()
         assert [(len(b.pool_frames), count) for b, count in trainer.sources] == [(12, 12), (4, 4)]
         before = fresh.ring.written

@@ -48,7 +48,10 @@ def test_rows_later_than_the_checkpoint_come_once(log):
     assert log.rows()[:, 0].tolist() == [200, 400]
 
 
-@pytest.mark.parametrize("damage", [b"", b"\xff\xfe\x00garbage", b"800,1,2\n", b"600,1,2,3800,1,2,3,4,5,6\n", b"\n\nnan,1,1,1,1,1,1\n"])
+@pytest.mark.parametrize(
+    "damage",
+    [b"", b"\xff\xfe\x00garbage", b"800,1,2\n", b"600,1,2,3800,1,2,3,4,5,6\n", b"\n\nnan,1,1,1,1,1,1\n"],
+)
 def test_what_is_no_row_is_passed_over(log, damage):
     log.path.write_bytes(log.path.read_bytes() + damage)
     assert log.rows()[:, 0].tolist() == [200, 400, 600]

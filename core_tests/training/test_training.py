@@ -31,9 +31,17 @@ from nsm_core.training.schedule import FLOOR, WARM_UP, cosine_restarts
 from nsm_core.training.trainer import Trainer, TrainingSettings, device_of
 
 CONFIG = NsmConfig(
-    encoder_frame=48, encoder_goal=16, encoder_environment=24, encoder_interaction=16, gating_hidden=16, hidden=48, experts=3
+    encoder_frame=48,
+    encoder_goal=16,
+    encoder_environment=24,
+    encoder_interaction=16,
+    gating_hidden=16,
+    hidden=48,
+    experts=3,
 )
-SETTINGS = TrainingSettings(steps=90, data_batch=24, pool=24, learning_rate=1e-2, averaging=0.5, data_minutes=1.5, seed=4)
+SETTINGS = TrainingSettings(
+    steps=90, data_batch=24, pool=24, learning_rate=1e-2, averaging=0.5, data_minutes=1.5, seed=4
+)
 STEPS = 90
 
 
@@ -56,7 +64,10 @@ def trained(data, tmp_path_factory) -> tuple[Trainer, list[float], np.ndarray]:
     torch.set_num_threads(1)
     trainer = trainer_of(data)
     folder = captures.data_folder(tmp_path_factory)
-    trainer.stance, trainer.meaning = json.loads((folder / "data.json").read_text())["stance"], require_meaning(folder)
+    trainer.stance, trainer.meaning = (
+        json.loads((folder / "data.json").read_text())["stance"],
+        require_meaning(folder),
+    )
     batch = trainer.batches.from_data(300)
     before = loss_of(trainer, batch)
     losses = np.array([trainer.train_step() for _ in range(STEPS)])
@@ -87,16 +98,23 @@ def test_a_checkpoint_goes_on_at_its_step_with_its_parameters(trained, data, tmp
     trainer.save(tmp_path / "checkpoint.pt")
     assert [p.name for p in tmp_path.iterdir()] == ["checkpoint.pt"]
     other = trainer_of(data, seed_offset=1)
-    assert any(not torch.equal(a, b) for a, b in zip(parameters(other).values(), parameters(trainer).values(), strict=True))
+    assert any(
+        not torch.equal(a, b)
+        for a, b in zip(parameters(other).values(), parameters(trainer).values(), strict=True)
+    )
     other.load(tmp_path / "checkpoint.pt")
     assert other.step == trainer.step == STEPS
     for name, value in parameters(trainer).items():
         assert torch.equal(parameters(other)[name], value), name
     mine, theirs = other.optimiser.state_dict()["state"], trainer.optimiser.state_dict()["state"]
-    assert mine.keys() == theirs.keys() and all(torch.equal(mine[k]["exp_avg_sq"], theirs[k]["exp_avg_sq"]) for k in mine)
+    assert mine.keys() == theirs.keys() and all(
+        torch.equal(mine[k]["exp_avg_sq"], theirs[k]["exp_avg_sq"]) for k in mine
+    )
     other.train_step()
     assert other.step == STEPS + 1
-    moved = [not torch.equal(a, b) for a, b in zip(other.net.parameters(), trainer.net.parameters(), strict=True)]
+    moved = [
+        not torch.equal(a, b) for a, b in zip(other.net.parameters(), trainer.net.parameters(), strict=True)
+    ]
     assert all(moved)
 
 
@@ -113,7 +131,12 @@ def test_exported_weights_load_without_torch_and_predict_the_same(trained, tmp_p
     np.testing.assert_allclose(y / scale, expected.numpy() / scale, atol=0.05)
     np.testing.assert_allclose(info["experts"], tensors["experts"].numpy(), atol=0.01)
     m = model.metadata
-    assert m["network"] == "nsm" and m["config"]["hidden"] == 48 and m["training"]["steps_done"] == STEPS and m["training"]["seed"] == 4
+    assert (
+        m["network"] == "nsm"
+        and m["config"]["hidden"] == 48
+        and m["training"]["steps_done"] == STEPS
+        and m["training"]["seed"] == 4
+    )
     assert m["seeds"] == {"data": 4, "training": 4} and {"idle", "walk"} <= set(m["actions"]) and m["credits"]
     assert m["actions"] == [name for name in STYLES if name in m["actions"]]
     assert np.shape(m["stance"]["local_rotations"]) == (23, 4) and 0.8 < m["stance"]["hips_height"] < 1.1
@@ -157,7 +180,9 @@ def batches_of(data, pool: int = 64, **settings) -> Batches:
 
 
 def drifted(state: State, shift: np.ndarray, turn: float) -> State:
-    """A state carried off as one body: its pose and its present root moved by ``shift`` (2,) and turned about itself."""
+    """A state carried off as one body: its pose and its present root moved by ``shift`` (2,) and turned about
+    itself.
+    """
     root = state.root
 
     def carry(p):
@@ -167,7 +192,10 @@ def drifted(state: State, shift: np.ndarray, turn: float) -> State:
 
     past = state.root_past.copy()
     past[:, -1] += np.append(shift, turn).astype(np.float32)
-    axes = {k: rotate_planar(getattr(state, k), np.float32(turn)) for k in ("joint_forward", "joint_up", "joint_velocity")}
+    axes = {
+        k: rotate_planar(getattr(state, k), np.float32(turn))
+        for k in ("joint_forward", "joint_up", "joint_velocity")
+    }
     return replace(state, joint_position=carry(state.joint_position), root_past=past, **axes)
 
 
@@ -178,7 +206,9 @@ def test_without_drift_the_targets_are_those_of_the_data(data):
     assert x.shape == (64, INPUT.size) and g.shape == (64, GATING.size)
     expected = build_targets(state, following, data.arrays["contact"][batches.pool_frames + 1])
     velocity = OUTPUT.slices["joint_velocity"]
-    np.testing.assert_allclose(y[:, velocity], expected[:, velocity], atol=2e-3)  # positions over a frame's time
+    np.testing.assert_allclose(
+        y[:, velocity], expected[:, velocity], atol=2e-3
+    )  # positions over a frame's time
     y[:, velocity] = expected[:, velocity] = 0
     np.testing.assert_allclose(y, expected, atol=1e-4)
     batches.step_pool(build_targets(state, following, data.arrays["contact"][batches.pool_frames + 1]))
@@ -195,7 +225,9 @@ def test_a_drifted_root_is_led_back_by_the_stated_rate(data, rate):
     ahead = following.root_keys()[:, 6:]
     for k in range(7):
         left = (1 - rate) ** (1 + 5 * k)  # the drift that is left after as many frames
-        np.testing.assert_allclose(read.root[:, k, :2] - ahead[:, k, :2], np.tile(left * shift, (64, 1)), atol=1e-4)
+        np.testing.assert_allclose(
+            read.root[:, k, :2] - ahead[:, k, :2], np.tile(left * shift, (64, 1)), atol=1e-4
+        )
         np.testing.assert_allclose(wrap_angle(read.root[:, k, 2] - ahead[:, k, 2]), left * turn, atol=1e-4)
     np.testing.assert_allclose(read.root_goalward[..., :2], read.root[..., :2], atol=1e-4)
 
@@ -208,10 +240,14 @@ def test_a_wrong_pose_is_put_right_by_the_stated_rate(data):
     batches.pool_state = state
     read = read_outputs(batches.from_pool()[2], state)
     off = read.joint_position - data.state(frames + 1).joint_position
-    np.testing.assert_allclose(off[:, head], np.tile(0.88 * np.array((0.05, 0.02, -0.03)), (64, 1)), atol=1e-4)
+    np.testing.assert_allclose(
+        off[:, head], np.tile(0.88 * np.array((0.05, 0.02, -0.03)), (64, 1)), atol=1e-4
+    )
     off[:, head] = 0
     assert np.abs(off).max() < 1e-4
-    np.testing.assert_allclose(read.joint_velocity, (read.joint_position - state.joint_position) * 30, atol=3e-3)
+    np.testing.assert_allclose(
+        read.joint_velocity, (read.joint_position - state.joint_position) * 30, atol=3e-3
+    )
 
 
 def test_feet_that_stand_are_not_dragged_along(data):
@@ -250,7 +286,9 @@ def test_roll_outs_end_where_they_are_worn_out(data):
     np.testing.assert_array_equal(batches.pool_frames[on], was[on] + 1)
     np.testing.assert_array_equal(batches.pool_state.joint_position[on], stepped.joint_position[on])
     np.testing.assert_array_equal(batches.pool_state.root[anew], data.state(batches.pool_frames[anew]).root)
-    np.testing.assert_array_equal(batches.pool_state.goal_position, data.arrays["goal_position"][batches.pool_frames])
+    np.testing.assert_array_equal(
+        batches.pool_state.goal_position, data.arrays["goal_position"][batches.pool_frames]
+    )
 
 
 def test_frames_of_clips_that_are_kept_are_not_trained_on(data):
@@ -295,8 +333,13 @@ def test_statistics_and_weights_of_the_loss(data):
     stats = statistics(batches, 1000)
     widths = {"input": INPUT.size, "gating": GATING.size, "output": OUTPUT.size}
     for name, width in widths.items():
-        assert stats[f"{name}_mean"].shape == stats[f"{name}_std"].shape == (width,) and (stats[f"{name}_std"] > 0).all()
-    assert np.ptp(stats["input_std"][INPUT.slices["environment"]]) == 0  # a cell that was never hit is not blown up
+        assert (
+            stats[f"{name}_mean"].shape == stats[f"{name}_std"].shape == (width,)
+            and (stats[f"{name}_std"] > 0).all()
+        )
+    assert (
+        np.ptp(stats["input_std"][INPUT.slices["environment"]]) == 0
+    )  # a cell that was never hit is not blown up
     weights = loss_weights(feet=3.0)
     assert weights.mean() == pytest.approx(1, abs=1e-5)
     position = OUTPUT.get(weights[None], "joint_position")[0]

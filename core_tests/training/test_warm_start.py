@@ -1,4 +1,6 @@
-"""A training that starts from another network keeps its function, whatever the new data's means and deviations."""
+"""A training that starts from another network keeps its function, whatever the new data's means and
+deviations.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,15 @@ from nsm_core.model.networks.nsm import NSM
 from nsm_core.model.networks.nsm_config import NsmConfig
 from nsm_core.training.warm_start import start_from
 
-SMALL = NsmConfig(encoder_frame=16, encoder_goal=8, encoder_environment=16, encoder_interaction=8, gating_hidden=8, hidden=16, experts=3)
+SMALL = NsmConfig(
+    encoder_frame=16,
+    encoder_goal=8,
+    encoder_environment=16,
+    encoder_interaction=8,
+    gating_hidden=8,
+    hidden=16,
+    experts=3,
+)
 
 
 def drawn(seed: int, like: NSM | None = None) -> NSM:
@@ -34,7 +44,10 @@ def drawn(seed: int, like: NSM | None = None) -> NSM:
 
 def outputs(net: NSM, seed: int = 5) -> np.ndarray:
     generator = torch.Generator().manual_seed(seed)
-    x, g = torch.randn(4, SMALL.inputs, generator=generator), torch.randn(4, SMALL.gating, generator=generator)
+    x, g = (
+        torch.randn(4, SMALL.inputs, generator=generator),
+        torch.randn(4, SMALL.gating, generator=generator),
+    )
     with torch.no_grad():
         return net.step(Inputs(x, g), {})[0].numpy()
 

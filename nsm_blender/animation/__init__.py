@@ -1,1 +1,3 @@
-"""What a file holds of motion: channels across Blender's versions, which data is which, and what is kept to be put back."""
+"""What a file holds of motion: channels across Blender's versions, which data is which, and what is kept to
+be put back.
+"""

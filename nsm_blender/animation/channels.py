@@ -29,7 +29,9 @@ class ActionChannels:
     slot: Any | None  # bpy.types.ActionSlot from 4.4 on
     bag: Any  # the channelbag, or the action itself before slots
 
-    def curve(self, path: str, index: int, group: str, frames: np.ndarray, values: np.ndarray) -> bpy.types.FCurve:
+    def curve(
+        self, path: str, index: int, group: str, frames: np.ndarray, values: np.ndarray
+    ) -> bpy.types.FCurve:
         """Add an F-curve with one linear, GENERATED key per frame: ``frames`` (N,), ``values`` (N,)."""
         fcurve = self.bag.fcurves.new(path, index=index)
         fcurve.group = self.bag.groups.get(group) or self.bag.groups.new(group)
@@ -48,7 +50,9 @@ _made: list[int | str] = []  # what tells the actions that the add-on has made i
 def new_action(name: str, slot_name: str) -> ActionChannels:
     """Make an empty action with a slot for an object; it is not assigned to anything yet."""
     passing = f"NSM {secrets.token_hex(12)}"
-    _made.append(passing)  # a break may come between any two lines: by then the action has this name, or its number is noted
+    _made.append(
+        passing
+    )  # a break may come between any two lines: by then the action has this name, or its number is noted
     action = bpy.data.actions.new(passing)
     _made.append(identity(action))
     action.name = name
@@ -64,7 +68,9 @@ def made_so_far() -> int:
 
 
 def made_since(mark: int) -> list[bpy.types.Action]:
-    """Actions that the add-on has made since a mark and that are still there; what others have made meanwhile is not among them."""
+    """Actions that the add-on has made since a mark and that are still there; what others have made meanwhile
+    is not among them.
+    """
     made = set(_made[mark:])
     return [action for action in bpy.data.actions if identity(action) in made or action.name in made]
 
@@ -82,7 +88,9 @@ def channels_of(target: bpy.types.Object) -> ActionChannels | None:
 
 
 def strip_curves(target: bpy.types.Object, own_action: bool = False) -> Iterator[bpy.types.FCurve]:
-    """F-curves of the NLA strips of ``target`` that are played, and those of its own action where asked for."""
+    """F-curves of the NLA strips of ``target`` that are played, and those of its own action where
+    asked for.
+    """
     data = target.animation_data
     if data is None:
         return
@@ -116,7 +124,9 @@ def curves_in(action: bpy.types.Action, slot: Any | None) -> Iterator[bpy.types.
 
 
 def assign(target: bpy.types.Object, action: bpy.types.Action | None, slot: Any | None) -> None:
-    """Give ``target`` an action together with the slot that animates it, None for none; without an action it has neither."""
+    """Give ``target`` an action together with the slot that animates it, None for none; without an action it
+    has neither.
+    """
     data = target.animation_data or target.animation_data_create()
     data.action = action
     if action is not None and hasattr(data, "action_slot"):

@@ -1,4 +1,6 @@
-"""Which piece of Blender's data is which: by the number that it keeps through renaming, undo and redo, not by its name."""
+"""Which piece of Blender's data is which: by the number that it keeps through renaming, undo and redo, not by
+its name.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,11 @@ def exists(block: bpy.types.ID) -> bool:
 
 
 def identity(block: bpy.types.ID) -> int | str:
-    """What tells ``block`` from all others of its kind in this session, also from one made later under its name.
+    """What tells ``block`` from all others of its kind in this session, also from one made later under its
+    name.
 
-    Two blocks may share a name (one of them linked from another file), and undo gives out new references to the same block.
+    Two blocks may share a name (one of them linked from another file), and undo gives out new references to
+    the same block.
     """
     return getattr(block, "session_uid", 0) or block.name_full
 

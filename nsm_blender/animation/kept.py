@@ -1,4 +1,6 @@
-"""What a take may change in a file, kept to be put back exactly: the place in time, poses and places, and actions."""
+"""What a take may change in a file, kept to be put back exactly: the place in time, poses and places, and
+actions.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +18,19 @@ LOST = (ReferenceError, AttributeError, KeyError, TypeError, ValueError, Runtime
 
 
 class FrameState:
-    """The current frame, and what animators have moved there without a key: going to another frame and back loses it."""
+    """The current frame, and what animators have moved there without a key: going to another frame and back
+    loses it.
+    """
 
     def __init__(self, scene: bpy.types.Scene) -> None:
         self.scene, self.frame = scene, (scene.frame_current, scene.frame_subframe)
-        # Bones by name: Blender tells of an object that is gone, but not of its bones, and writing to these would crash.
+        # Bones by name: Blender tells of an object that is gone, but not of its bones, and writing to these
+        # would crash.
         self._moved = [(target, _transforms(target)) for target in scene.objects if target.animation_data]
 
     def restore(self, always: bool = False) -> None:
-        """Go back to the frame, where the scene is at another one, and put back what was moved there; what is gone is passed over.
+        """Go back to the frame, where the scene is at another one, and put back what was moved there; what is
+        gone is passed over.
 
         ``always``: what was moved is put back at the same frame too.
         """
@@ -41,7 +47,9 @@ class FrameState:
 
 @contextmanager
 def frame_kept(scene: bpy.types.Scene) -> Iterator[None]:
-    """Go to other frames inside; the present one is put back at the end, with what was moved there without a key."""
+    """Go to other frames inside; the present one is put back at the end, with what was moved there without a
+    key.
+    """
     state = FrameState(scene)
     try:
         yield
@@ -52,16 +60,26 @@ def frame_kept(scene: bpy.types.Scene) -> Iterator[None]:
 
 
 class SceneState:
-    """What a take may disturb before its keys are made: the current frame, the character's pose and the places of ``moved`` objects."""
+    """What a take may disturb before its keys are made: the current frame, the character's pose and the
+    places of ``moved`` objects.
+    """
 
-    def __init__(self, scene: bpy.types.Scene, armature: bpy.types.Object | None, moved: Iterable[bpy.types.Object] = ()) -> None:
+    def __init__(
+        self,
+        scene: bpy.types.Scene,
+        armature: bpy.types.Object | None,
+        moved: Iterable[bpy.types.Object] = (),
+    ) -> None:
         self.scene, self.armature = scene, armature
         self._frame = FrameState(scene)
         self.places = [(moving, transform_of(moving)) for moving in moved]
-        self.pose = [(bone.name, transform_of(bone)) for bone in armature.pose.bones] if armature is not None else []
+        self.pose = (
+            [(bone.name, transform_of(bone)) for bone in armature.pose.bones] if armature is not None else []
+        )
 
     def restore(self, always: bool = False) -> None:
-        """Put frame, pose and places back exactly; what no longer exists, or can no longer be written, is passed over.
+        """Put frame, pose and places back exactly; what no longer exists, or can no longer be written, is
+        passed over.
 
         ``always`` as in ``FrameState.restore``.
         """
@@ -76,13 +94,19 @@ class SceneState:
             bpy.context.view_layer.update()
 
     def _bones(self) -> list[tuple[bpy.types.PoseBone, dict[str, Any]]]:
-        """The bones that still exist, each with its channels; one that was renamed is known by its place among them."""
+        """The bones that still exist, each with its channels; one that was renamed is known by its place
+        among them.
+        """
         bones = list(self.armature.pose.bones) if self.armature is not None else []
         kept, now = dict(self.pose), {bone.name for bone in bones}
         found = [(bone, kept[bone.name]) for bone in bones if bone.name in kept]
         if len(bones) == len(self.pose):
             pairs = zip(bones, self.pose, strict=True)
-            found += [(bone, transform) for bone, (name, transform) in pairs if bone.name not in kept and name not in now]
+            found += [
+                (bone, transform)
+                for bone, (name, transform) in pairs
+                if bone.name not in kept and name not in now
+            ]
         return found
 
 
@@ -102,7 +126,14 @@ class _Animation:
         data = target.animation_data
         action = data.action if data else None
         slot = getattr(data, "action_slot", None) if action else None
-        return cls(target, data is not None, action, slot, getattr(data, "last_slot_identifier", ""), bool(action and action.use_fake_user))
+        return cls(
+            target,
+            data is not None,
+            action,
+            slot,
+            getattr(data, "last_slot_identifier", ""),
+            bool(action and action.use_fake_user),
+        )
 
     def restore(self) -> None:
         data = self.target.animation_data
@@ -120,7 +151,9 @@ class _Animation:
 
 
 class Kept:
-    """Frame, poses, places and actions of ``targets``, and what actions the add-on has made, before a take is keyed."""
+    """Frame, poses, places and actions of ``targets``, and what actions the add-on has made, before a take is
+    keyed.
+    """
 
     def __init__(self, scene: bpy.types.Scene, targets: Iterable[bpy.types.Object]) -> None:
         targets = list(dict.fromkeys(targets))
@@ -130,12 +163,16 @@ class Kept:
         self._state = SceneState(scene, armature, targets)
 
     def restore(self) -> None:
-        """Put everything back exactly and remove the actions that the add-on made since; what no longer exists is passed over."""
+        """Put everything back exactly and remove the actions that the add-on made since; what no longer
+        exists is passed over.
+        """
         for animation in self._animations:
             _try(animation.restore)
         for action in made_since(self._mark):
             _try(lambda action=action: bpy.data.actions.remove(action))
-        _try(bpy.context.view_layer.update)  # the old actions play once more, before the poses that were not keyed
+        _try(
+            bpy.context.view_layer.update
+        )  # the old actions play once more, before the poses that were not keyed
         _try(lambda: self._state.restore(always=True))
 
 
@@ -154,7 +191,9 @@ def _transforms(target: bpy.types.Object) -> dict[str | None, dict[str, Any]]:
     return {name: transform_of(moving) for name, moving in _with_bones(target)}
 
 
-def _with_bones(target: bpy.types.Object) -> Iterator[tuple[str | None, bpy.types.Object | bpy.types.PoseBone]]:
+def _with_bones(
+    target: bpy.types.Object,
+) -> Iterator[tuple[str | None, bpy.types.Object | bpy.types.PoseBone]]:
     yield None, target
     if target.type == "ARMATURE" and target.pose is not None:
         for bone in target.pose.bones:

@@ -17,7 +17,8 @@ OPENING = (-GAP - LINING, WIDTH + GAP + LINING)  # in the wall, x from the hinge
 
 
 def add_leaf(materials: Materials, name: str, hinge: tuple[float, float], turn: float) -> bpy.types.Object:
-    """Add a leaf with its hinge's pin at ``hinge`` (2,), free edge along +X turned by ``turn`` radians; it opens towards its +Y.
+    """Add a leaf with its hinge's pin at ``hinge`` (2,), free edge along +X turned by ``turn`` radians; it
+    opens towards its +Y.
 
     The object's origin is the pin, on the floor, as for any door that is to be turned by hand.
     """
@@ -43,7 +44,9 @@ def add_leaf(materials: Materials, name: str, hinge: tuple[float, float], turn: 
 def add_frame(
     materials: Materials, name: str, hinge: tuple[float, float], turn: float, wall: tuple[float, float]
 ) -> bpy.types.Object:
-    """Add the frame of a leaf at the same ``hinge`` and ``turn``; ``wall`` are the two faces of the wall, y from the pin, metres."""
+    """Add the frame of a leaf at the same ``hinge`` and ``turn``; ``wall`` are the two faces of the wall, y
+    from the pin, metres.
+    """
     low, high = OPENING
     top = HEIGHT + GAP + LINING
     near, far = wall[0] - PROUD, wall[1] + PROUD
@@ -67,14 +70,23 @@ def add_frame(
 def _block(low: tuple[float, float, float], high: tuple[float, float, float], tone: int) -> LoftPart:
     corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     vertices = np.where(corners == 1, np.array(high), np.array(low))
-    return LoftPart(vertices, [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)], tone)
+    return LoftPart(
+        vertices, [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)], tone
+    )
 
 
-def _rod(start: tuple[float, float, float], end: tuple[float, float, float], radius: float, tone: int) -> LoftPart:
+def _rod(
+    start: tuple[float, float, float], end: tuple[float, float, float], radius: float, tone: int
+) -> LoftPart:
     """A round bar between two points."""
     a, b = np.array(start), np.array(end)
     length = float(np.linalg.norm(b - a))
-    part = loft([(0.0, 0, 0, radius, radius, radius), (length, 0, 0, radius, radius, radius)], tone, caps=(0.001, 0.001), ring=16)
+    part = loft(
+        [(0.0, 0, 0, radius, radius, radius), (length, 0, 0, radius, radius, radius)],
+        tone,
+        caps=(0.001, 0.001),
+        ring=16,
+    )
     z = (b - a) / length
     x = np.cross(z, (0.0, 0.0, 1.0)) if abs(z[2]) < 0.9 else np.array((1.0, 0.0, 0.0))
     x /= np.linalg.norm(x)
@@ -82,13 +94,22 @@ def _rod(start: tuple[float, float, float], end: tuple[float, float, float], rad
 
 
 def _add(
-    name: str, parts: list[LoftPart], tones: list[bpy.types.Material], location: tuple[float, float, float], turn: float
+    name: str,
+    parts: list[LoftPart],
+    tones: list[bpy.types.Material],
+    location: tuple[float, float, float],
+    turn: float,
 ) -> bpy.types.Object:
     starts = np.cumsum([0] + [len(p.vertices) for p in parts])
     mesh = bpy.data.meshes.new(name)
-    faces = [tuple(int(s) + i for i in face) for part, s in zip(parts, starts, strict=False) for face in part.faces]
+    faces = [
+        tuple(int(s) + i for i in face) for part, s in zip(parts, starts, strict=False) for face in part.faces
+    ]
     mesh.from_pydata(np.concatenate([p.vertices for p in parts]).tolist(), [], faces)
-    mesh.polygons.foreach_set("material_index", np.repeat([p.material for p in parts], [len(p.faces) for p in parts]).astype(np.intc))
+    mesh.polygons.foreach_set(
+        "material_index",
+        np.repeat([p.material for p in parts], [len(p.faces) for p in parts]).astype(np.intc),
+    )
     for tone in tones:
         mesh.materials.append(tone)
     mesh.update()

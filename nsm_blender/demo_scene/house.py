@@ -29,9 +29,13 @@ class House(DemoRoom):
 
 
 def build_house(seed: int = 7) -> House:
-    """Build a living room and, behind a door, a studio: a chair to sit on, a box to carry to a sideboard, a podium, and room to run."""
+    """Build a living room and, behind a door, a studio: a chair to sit on, a box to carry to a sideboard, a
+    podium, and room to run.
+    """
     rng = np.random.default_rng(seed)
-    house = House(seats=["Chair"], start=(-1.2, -1.95), start_heading=np.radians(-60), view=(0.06, -1.0, 0.68))
+    house = House(
+        seats=["Chair"], start=(-1.2, -1.95), start_heading=np.radians(-60), view=(0.06, -1.0, 0.68)
+    )
     house.middle, house.distance = (0.85, -0.15, 0.7), 11.0
     made = [floor(rng, (LEFT, -HALF_DEPTH), (RIGHT, HALF_DEPTH)), *_walls()]
     made += _living_room(rng)
@@ -53,7 +57,15 @@ def _living_room(rng: np.random.Generator) -> list[bpy.types.Object]:
     tones = palette()
     table = furniture.make("table", rng, width=1.25, depth=0.78, height=0.74, legs="posts")
     chair = furniture.make(
-        "chair", rng, seat_height=0.45, width=0.46, depth=0.44, back_height=0.46, thickness=0.035, legs="posts", back_style="ladder"
+        "chair",
+        rng,
+        seat_height=0.45,
+        width=0.46,
+        depth=0.44,
+        back_height=0.46,
+        thickness=0.035,
+        legs="posts",
+        back_style="ladder",
     )
     cabinet = furniture.make("cabinet", rng, width=1.3, depth=0.42, height=0.8)
     shelf = furniture.make("shelf", rng, width=0.9, depth=0.3, height=1.75)
@@ -81,7 +93,8 @@ def _studio(rng: np.random.Generator) -> list[bpy.types.Object]:
     low = furniture.make("table", rng, width=1.05, depth=0.46, height=LOW_TABLE, legs="posts")
     side = furniture.make("table", rng, width=1.5, depth=0.5, height=SIDEBOARD, legs="sides")
     bench = furniture.make("bench", rng, seat_height=0.44, width=1.2, depth=0.36, back=False, legs="sides")
-    # Whoever takes the box from the left of the low table and brings it to the right wall is seen from the side.
+    # Whoever takes the box from the left of the low table and brings it to the right wall is seen from the
+    # side.
     low_x, low_y, side_y = 2.55, HALF_DEPTH - 0.57, 1.15
     edge = low_x - 0.23 + 0.03
     made = [
@@ -108,10 +121,14 @@ def _studio(rng: np.random.Generator) -> list[bpy.types.Object]:
     return made + room_props.spare_shadows(small)
 
 
-def _box_to_carry(tones: dict[str, bpy.types.Material], base: tuple[float, float, float], turn: float) -> bpy.types.Object:
+def _box_to_carry(
+    tones: dict[str, bpy.types.Material], base: tuple[float, float, float], turn: float
+) -> bpy.types.Object:
     """A parcel with a strip of tape, its origin in the middle of its base."""
     half = np.array(BOX) / 2
-    box = room_props.box("Box", (-half[0], -half[1], 0), (half[0], half[1], BOX[2]), tones["Cardboard"], bevel=0.006)
+    box = room_props.box(
+        "Box", (-half[0], -half[1], 0), (half[0], half[1], BOX[2]), tones["Cardboard"], bevel=0.006
+    )
     strips = (
         ((-0.025, -half[1] - 0.001, BOX[2] - 0.08), (0.025, half[1] + 0.001, BOX[2] + 0.001)),
         ((-0.025, -half[1] - 0.001, -0.0), (0.025, half[1] + 0.001, 0.06)),

@@ -50,8 +50,16 @@ class DemoRoom:
     start: tuple[float, float]  # where the character stands, metres
     start_heading: float
     objects: list[str] = field(default_factory=list)
-    view: tuple[float, float, float] = (0.62, -1.0, 0.62)  # from the room towards the camera, past its open sides
-    middle: tuple[float, float, float] = (-0.1, 0.1, 0.7)  # what the camera of the whole room looks at, metres
+    view: tuple[float, float, float] = (
+        0.62,
+        -1.0,
+        0.62,
+    )  # from the room towards the camera, past its open sides
+    middle: tuple[float, float, float] = (
+        -0.1,
+        0.1,
+        0.7,
+    )  # what the camera of the whole room looks at, metres
     distance: float = 8.0  # of that camera, metres
 
 
@@ -61,20 +69,34 @@ def build_room(seed: int = 7, second_seat: str = "armchair") -> DemoRoom:
     ``second_seat`` is the kind of furniture of the other seat, which bears that name with a capital letter.
     """
     rng = np.random.default_rng(seed)
-    room = DemoRoom(seats=["Chair", second_seat.capitalize()], start=(1.75, -1.35), start_heading=np.radians(-55))
+    room = DemoRoom(
+        seats=["Chair", second_seat.capitalize()], start=(1.75, -1.35), start_heading=np.radians(-55)
+    )
     made = [floor(rng, (-HALF_WIDTH, -HALF_DEPTH), (HALF_WIDTH, HALF_DEPTH)), *_walls()]
     table = furniture.make("table", rng, width=1.35, depth=0.8, height=0.74, legs="posts")
     made.append(place(table, "Table", (0.1, -0.15), np.radians(8), "Oak", "Oak"))
     chair = furniture.make(
-        "chair", rng, seat_height=0.45, width=0.46, depth=0.44, back_height=0.46, thickness=0.035, legs="posts", back_style="ladder"
+        "chair",
+        rng,
+        seat_height=0.45,
+        width=0.46,
+        depth=0.44,
+        back_height=0.46,
+        thickness=0.035,
+        legs="posts",
+        back_style="ladder",
     )
     made.append(place(chair, "Chair", (-1.72, 0.62), np.radians(63), "Walnut", "Mustard"))
-    made.append(place(_second_seat(second_seat, rng), room.seats[1], (1.75, 1.72), np.radians(-18), "Walnut", "Teal"))
+    made.append(
+        place(_second_seat(second_seat, rng), room.seats[1], (1.75, 1.72), np.radians(-18), "Walnut", "Teal")
+    )
     cabinet = furniture.make("cabinet", rng, width=1.3, depth=0.42, height=0.8)
     made.append(place(cabinet, "Cabinet", (-0.35, HALF_DEPTH - 0.24), 0.0, "Oak", "Oak"))
     shelf = furniture.make("shelf", rng, width=0.9, depth=0.3, height=1.75)
     made.append(place(shelf, "Shelf", (-HALF_WIDTH + 0.18, -0.9), np.radians(90), "Walnut", "Walnut"))
-    made += room_props.dress(palette(), rng, table_top=0.74, cabinet_top=0.8, half_width=HALF_WIDTH, half_depth=HALF_DEPTH)
+    made += room_props.dress(
+        palette(), rng, table_top=0.74, cabinet_top=0.8, half_width=HALF_WIDTH, half_depth=HALF_DEPTH
+    )
     room.objects = [o.name for o in made]
     return room
 
@@ -85,9 +107,17 @@ def palette() -> dict[str, bpy.types.Material]:
 
 
 def place(
-    piece: Furniture, name: str, position: tuple[float, float], heading: float, wood: str, soft: str, bevel: float = 0.009
+    piece: Furniture,
+    name: str,
+    position: tuple[float, float],
+    heading: float,
+    wood: str,
+    soft: str,
+    bevel: float = 0.009,
 ) -> bpy.types.Object:
-    """Add a piece of furniture as an object with rounded edges: ``position`` (2,) metres, ``heading`` radians."""
+    """Add a piece of furniture as an object with rounded edges: ``position`` (2,) metres, ``heading``
+    radians.
+    """
     mesh = bpy.data.meshes.new(name)
     vertices, faces = _boxes(piece.mins, piece.maxs)
     mesh.from_pydata(vertices.tolist(), [], faces)

@@ -50,7 +50,8 @@ def carry_goal(
     name: str, target: bpy.types.Object, to: bpy.types.Object, point: bpy.types.Object | None, hold: float,
     around: Surroundings, here: Array,
 ) -> Goal:  # fmt: skip
-    """Build the goal to carry ``target`` onto or to ``to``; ``point`` is the animator's own empty for the place, ``here`` (2,) the start.
+    """Build the goal to carry ``target`` onto or to ``to``; ``point`` is the animator's own empty for the
+    place, ``here`` (2,) the start.
 
     Raises GoalError where hands cannot hold the box, or nothing can be set down there.
     """
@@ -58,7 +59,9 @@ def carry_goal(
     earlier = around.left.get(target)
     box = earlier[0] if earlier else read_box(target, around)
     if not isinstance(box, Box):
-        raise GoalError(f"{target.name} is opened as a door earlier in the take; choose another object to carry.")
+        raise GoalError(
+            f"{target.name} is opened as a door earlier in the take; choose another object to carry."
+        )
     pose = earlier[1] if earlier else box.pose
     _require_liftable(box, pose, frame)
     if to == target or to in target.children_recursive:
@@ -70,7 +73,8 @@ def carry_goal(
         base, facing = place_of(point or to, frame)
         if not -0.05 <= base[2] <= HIGHEST_TOP:
             raise GoalError(
-                f"{(point or to).name} is {base[2] * frame.scale:.2f} m over the character's floor; boxes are set down between 0 and "
+                f"{(point or to).name} is {base[2] * frame.scale:.2f} m over the character's floor; boxes "
+                "are set down between 0 and "
                 f"{HIGHEST_TOP * frame.scale:.2f} m: move it."
             )
         spot = SetDown(base.astype(np.float64), facing)
@@ -97,15 +101,29 @@ def read_box(target: bpy.types.Object, around: Surroundings) -> Box:
 def _side(target: bpy.types.Object, box: Box, pose: Array, here: Array, around: Surroundings) -> float:
     """Heading in the box's frame of who lifts it, coming from ``here`` (2,)."""
     try:
-        return choose_side(box, around.plan(here, pose[:2]), np.asarray(here, dtype=np.float64), pose, around.query, around.frame.scale)[0]
+        return choose_side(
+            box,
+            around.plan(here, pose[:2]),
+            np.asarray(here, dtype=np.float64),
+            pose,
+            around.query,
+            around.frame.scale,
+        )[0]
     except GoalError as error:
         raise GoalError(f"{target.name} cannot be reached. {error}") from error
 
 
 def spot_on_top(
-    target: bpy.types.Object, to: bpy.types.Object, box: Box, across: tuple[float, float], coming_from: Array, around: Surroundings
+    target: bpy.types.Object,
+    to: bpy.types.Object,
+    box: Box,
+    across: tuple[float, float],
+    coming_from: Array,
+    around: Surroundings,
 ) -> SetDown:
-    """Choose the place on the largest level top of ``to``: near an edge, nothing on it, and room to stand before it."""
+    """Choose the place on the largest level top of ``to``: near an edge, nothing on it, and room to stand
+    before it.
+    """
     scale = around.frame.scale
     body = around.body(to, snug=True)
     coming_from = np.asarray(coming_from, dtype=np.float64)
@@ -114,30 +132,44 @@ def spot_on_top(
     if not fitting:
         if levels:
             raise GoalError(
-                f"The top of {to.name} is {levels[0].height * scale:.2f} m over the character's floor; boxes are set down between 0 and "
+                f"The top of {to.name} is {levels[0].height * scale:.2f} m over the character's floor; "
+                "boxes are set down between 0 and "
                 f"{HIGHEST_TOP * scale:.2f} m: choose another destination, or an empty."
             )
-        raise GeometryError(f"{to.name} has no level top to set a box on; choose another object, or an empty where the box is to stand.")
+        raise GeometryError(
+            f"{to.name} has no level top to set a box on; choose another object, or an empty where the box "
+            "is to stand."
+        )
     level = fitting[0]
     sizes = "{:.2f} by {:.2f}".format(*sorted(box.size[:2] * scale, reverse=True))
     whole = [p for q in range(4) for p in places_near_edge(level.seen_from(q), *across, MARGIN, _REACH)]
     if not whole:
-        raise GoalError(f"The top of {to.name} is too small for {target.name} ({sizes} m); choose a larger one, or an empty beside it.")
+        raise GoalError(
+            f"The top of {to.name} is too small for {target.name} ({sizes} m); choose a larger one, or an "
+            "empty beside it."
+        )
     meshes = [(body.to_own(v), t) for v, t in around.meshes_but(to, target)]
     occupy(level, meshes, float(box.size[2]))
     for owner, (other, pose) in around.left.items():
-        if isinstance(other, Box) and owner != target and abs(pose[2] - other.size[2] / 2 - level.height) < 0.1:
+        if (
+            isinstance(other, Box)
+            and owner != target
+            and abs(pose[2] - other.size[2] / 2 - level.height) < 0.1
+        ):
             occupy_rectangle(level, body.to_own(pose[:3])[:2], other.size[:2], float(pose[3] - body.yaw))
     found = _nearest(level, across, body, coming_from, around)
     if found is None:
         raise GoalError(
-            f"There is no free place for {target.name} ({sizes} m) on {to.name} that can be reached from the floor before it; "
+            f"There is no free place for {target.name} ({sizes} m) on {to.name} that can be reached from "
+            "the floor before it; "
             "clear its edge, or give an empty as the destination."
         )
     return found
 
 
-def _nearest(level: Level, across: tuple[float, float], body: GoalBody, coming_from: Array, around: Surroundings) -> SetDown | None:
+def _nearest(
+    level: Level, across: tuple[float, float], body: GoalBody, coming_from: Array, around: Surroundings
+) -> SetDown | None:
     """The free place whose standing place is nearest and can be walked to."""
     candidates = []
     for quarter in range(4):
@@ -145,7 +177,9 @@ def _nearest(level: Level, across: tuple[float, float], body: GoalBody, coming_f
         for x, y, gap, beside in places_near_edge(level.seen_from(quarter), *across, MARGIN, _REACH):
             before = y - max(BODY_TO_BOX, gap + BODY_TO_EDGE)
             view = np.array(((x, y + across[1] / 2), (x, before), (x, before - _BEHIND)))
-            base, stand, behind = body.to_core(np.insert(rotate_planar(view, np.float64(turn)), 2, 0.0, axis=1)).astype(np.float64)
+            base, stand, behind = body.to_core(
+                np.insert(rotate_planar(view, np.float64(turn)), 2, 0.0, axis=1)
+            ).astype(np.float64)
             awkward = 2 * gap + 4 * max(0.0, _BESIDE - beside)
             candidates.append((stand, behind, base, body.yaw + turn + np.pi, awkward))
     if not candidates:
@@ -169,20 +203,29 @@ def _nearest(level: Level, across: tuple[float, float], body: GoalBody, coming_f
 
 def _is_place(to: bpy.types.Object) -> bool:
     """Whether a destination is an empty that marks a place, and not one that holds a table's parts."""
-    return to.type == "EMPTY" and to.instance_type == "NONE" and not any(c.type == "MESH" for c in to.children_recursive)
+    return (
+        to.type == "EMPTY"
+        and to.instance_type == "NONE"
+        and not any(c.type == "MESH" for c in to.children_recursive)
+    )
 
 
 def _require_liftable(box: Box, pose: Array, frame: WorldFrame) -> None:
-    if float(max(box.size[:2])) > min(WIDEST_BOX, HEAVIEST_SIDE) + 1e-3 or float(box.size[2]) > HIGHEST_TOP / 2:
+    if (
+        float(max(box.size[:2])) > min(WIDEST_BOX, HEAVIEST_SIDE) + 1e-3
+        or float(box.size[2]) > HIGHEST_TOP / 2
+    ):
         size = " x ".join(f"{s * frame.scale:.2f}" for s in box.size)
         raise GoalError(
-            f"{box.name} measures {size} m; two hands hold boxes up to {min(WIDEST_BOX, HEAVIEST_SIDE) * frame.scale:.2f} m wide and "
+            f"{box.name} measures {size} m; two hands hold boxes up to "
+            f"{min(WIDEST_BOX, HEAVIEST_SIDE) * frame.scale:.2f} m wide and "
             f"{HIGHEST_TOP / 2 * frame.scale:.2f} m high: choose a smaller one."
         )
     base = pose[2] - box.size[2] / 2
     if base > HIGHEST_TOP:
         raise GoalError(
-            f"{box.name} stands {base * frame.scale:.2f} m over the character's floor, higher than the {HIGHEST_TOP * frame.scale:.2f} m "
+            f"{box.name} stands {base * frame.scale:.2f} m over the character's floor, higher than the "
+            f"{HIGHEST_TOP * frame.scale:.2f} m "
             "from which one lifts a box; put it lower."
         )
     if base < -0.05:
@@ -199,7 +242,9 @@ def _after(goal: Goal, before: Place, around: Surroundings) -> Place:
     pose = next(left for prop, left in around.left.values() if prop is goal.prop)
     facing = goal.heading - pose[3]
     further = further_off(goal.prop, facing, goal.position, goal.heading, around.query)
-    return standing_place(goal.prop, facing, goal.position, goal.heading, further).astype(np.float32), goal.heading
+    return standing_place(goal.prop, facing, goal.position, goal.heading, further).astype(
+        np.float32
+    ), goal.heading
 
 
 FINDER = Finder("PACKAGE", _find, after=_after, under=lambda goal: goal.prop.size[2] / 2)

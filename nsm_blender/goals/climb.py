@@ -21,14 +21,25 @@ from .spec import GoalSpec
 LOWEST, HIGHEST = FLOOR_TOP, 0.65  # metres over the floor that one climbs; what is lower is walked over
 DEEP_ENOUGH = 0.3  # metres of a top to stand on; what is thinner is stepped over
 FROM_EDGE = 0.2  # metres from the middle of the feet to the edges of a top
-FARTHEST_IN, NEAR_MIDDLE = 0.4, 0.9  # metres from the edge over which one comes, and from the other edges, on large tops
+FARTHEST_IN, NEAR_MIDDLE = (
+    0.4,
+    0.9,
+)  # metres from the edge over which one comes, and from the other edges, on large tops
 _SAME = 0.05  # metres between heights of one and the same top
 _ABOVE = 1.7  # metres of air that a person needs
 _ELBOWS = 0.25  # metres to keep from things behind a wall
 
 
-def climb_goal(name: str, target: bpy.types.Object, point: bpy.types.Object | None, hold: float, around: Surroundings, here: Array) -> Goal:
-    """Build the goal to climb ``target``, coming from ``here`` (2,); ``point`` is the animator's own empty for the place.
+def climb_goal(
+    name: str,
+    target: bpy.types.Object,
+    point: bpy.types.Object | None,
+    hold: float,
+    around: Surroundings,
+    here: Array,
+) -> Goal:
+    """Build the goal to climb ``target``, coming from ``here`` (2,); ``point`` is the animator's own empty
+    for the place.
 
     Raises GoalError where the object is too high or too low, or has no room.
     """
@@ -38,7 +49,8 @@ def climb_goal(name: str, target: bpy.types.Object, point: bpy.types.Object | No
         position, heading = place_of(point, frame)
         if not -0.05 <= position[2] <= HIGHEST:
             raise GoalError(
-                f"The goal point of {target.name} is {position[2] * frame.scale:.2f} m over the character's floor; one climbs up to "
+                f"The goal point of {target.name} is {position[2] * frame.scale:.2f} m over the character's "
+                "floor; one climbs up to "
                 f"{HIGHEST * frame.scale:.2f} m: move it."
             )
     else:
@@ -53,8 +65,11 @@ def climb_goal(name: str, target: bpy.types.Object, point: bpy.types.Object | No
     return Goal("climb", name, position, heading, hold, body.interaction(heading + np.pi))
 
 
-def climb_onto(name: str, target: bpy.types.Object, place: Array, hold: float, around: Surroundings, here: Array) -> Goal:
-    """Build the goal to climb ``target`` and stand at ``place`` (3,) on its top, core frame, coming from ``here`` (2,).
+def climb_onto(
+    name: str, target: bpy.types.Object, place: Array, hold: float, around: Surroundings, here: Array
+) -> Goal:
+    """Build the goal to climb ``target`` and stand at ``place`` (3,) on its top, core frame, coming from
+    ``here`` (2,).
 
     One stands as near to it as the edges let one.  Raises as ``climb_goal``.
     """
@@ -87,12 +102,20 @@ def _level(body: GoalBody, target: bpy.types.Object, scale: float, here: Array) 
     height = levels[0].height * scale
     limits = f"between {LOWEST * scale:.2f} and {HIGHEST * scale:.2f} m"
     if levels[0].height > HIGHEST:
-        raise GoalError(f"{target.name} is {height:.2f} m high; one climbs what is {limits} high: put a step before it, or lower it.")
-    raise GoalError(f"{target.name} is {height:.2f} m high; one climbs what is {limits} high: choose walk for lower things.")
+        raise GoalError(
+            f"{target.name} is {height:.2f} m high; one climbs what is {limits} high: put a step before it, "
+            "or lower it."
+        )
+    raise GoalError(
+        f"{target.name} is {height:.2f} m high; one climbs what is {limits} high: choose walk for lower "
+        "things."
+    )
 
 
 def _side(level: Level, here: Array) -> int:
-    """The quarter turn in whose axes one who comes from ``here`` (2,) comes from -Y: across a thin top, else over the nearest edge."""
+    """The quarter turn in whose axes one who comes from ``here`` (2,) comes from -Y: across a thin top, else
+    over the nearest edge.
+    """
     ways = rotate_planar(np.array((0.0, 1.0)), np.arange(4) * np.pi / 2)
     depths = np.array([level.seen_from(q).depth() for q in range(4)])
     half = np.array(level.top.shape) * CELL / 2
@@ -104,7 +127,13 @@ def _side(level: Level, here: Array) -> int:
 
 
 def _on_top(
-    level: Level, quarter: int, here: Array, body: GoalBody, target: bpy.types.Object, around: Surroundings, wish: Array | None = None
+    level: Level,
+    quarter: int,
+    here: Array,
+    body: GoalBody,
+    target: bpy.types.Object,
+    around: Surroundings,
+    wish: Array | None = None,
 ) -> Array:
     """The free place nearest to ``wish`` (2,), own frame of ``body``; core frame.
 
@@ -116,29 +145,44 @@ def _on_top(
     low, high = seen.corner + CELL * cells.min(0), seen.corner + CELL * (cells.max(0) + 1)
     middle = (low + high) / 2
     aside = max(0.0, (high[0] - low[0]) / 2 - NEAR_MIDDLE)
-    usual = (np.clip(rotate_planar(here, -turn)[0], middle[0] - aside, middle[0] + aside), min(middle[1], low[1] + FARTHEST_IN))
+    usual = (
+        np.clip(rotate_planar(here, -turn)[0], middle[0] - aside, middle[0] + aside),
+        min(middle[1], low[1] + FARTHEST_IN),
+    )
     wish = np.array(usual) if wish is None else rotate_planar(wish, -turn)
     for margin in (FROM_EDGE + 0.05, FROM_EDGE, DEEP_ENOUGH / 2 - 0.02):
         places = standing_room(seen, margin)
         if len(places):
             best = places[np.linalg.norm(places - wish, axis=1).argmin()]
             return body.to_core(np.append(rotate_planar(best, turn), level.height))
-    raise GoalError(f"There is no free place to stand on {target.name}; clear its top, or move its goal point.")
+    raise GoalError(
+        f"There is no free place to stand on {target.name}; clear its top, or move its goal point."
+    )
 
 
-def _behind(level: Level, quarter: int, body: GoalBody, target: bpy.types.Object, around: Surroundings) -> Array:
+def _behind(
+    level: Level, quarter: int, body: GoalBody, target: bpy.types.Object, around: Surroundings
+) -> Array:
     """The place on the floor behind a low wall, core frame; ``level`` as seen from ``quarter``."""
     cells = np.argwhere(level.top)
-    x, y = level.corner + CELL * np.array(((cells[:, 0].min() + cells[:, 0].max() + 1) / 2, cells[:, 1].max() + 1.0))
-    place = body.to_core(np.append(rotate_planar(np.array((x, y + BEHIND_WALL)), np.float64(quarter * np.pi / 2)), 0.0))
+    x, y = level.corner + CELL * np.array(
+        ((cells[:, 0].min() + cells[:, 0].max() + 1) / 2, cells[:, 1].max() + 1.0)
+    )
+    place = body.to_core(
+        np.append(rotate_planar(np.array((x, y + BEHIND_WALL)), np.float64(quarter * np.pi / 2)), 0.0)
+    )
     if around.plan(place).clearance(place[None, :2])[0] < _ELBOWS:
         away = BEHIND_WALL * around.frame.scale
-        raise GoalError(f"There is no room to stand {away:.1f} m behind {target.name}; clear it, or move its goal point.")
+        raise GoalError(
+            f"There is no room to stand {away:.1f} m behind {target.name}; clear it, or move its goal point."
+        )
     return place
 
 
 def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: Place) -> Goal:
-    return climb_goal(spec.label, spec.object, goal_point_of(scene, spec.object, spec.action), spec.hold, around, before[0])
+    return climb_goal(
+        spec.label, spec.object, goal_point_of(scene, spec.object, spec.action), spec.hold, around, before[0]
+    )
 
 
 FINDER = Finder("TRIA_UP_BAR", _find)

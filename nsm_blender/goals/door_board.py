@@ -1,4 +1,6 @@
-"""The board of a door: an object's mesh with its long side along X, and what shows that the object is more than one leaf."""
+"""The board of a door: an object's mesh with its long side along X, and what shows that the object is more
+than one leaf.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,8 @@ from .door_kinds import ONLY, furniture_by_name, no_leaf
 NARROWEST, WIDEST, LOWEST = 0.5, 1.6, 1.2  # leaves that one walks through: width and height, metres
 THICKEST = 0.25
 LEAST_FILLED = 0.4  # of its outline: a frame is no leaf
-# A post beside a leaf: how much of the leaf's height it has, how much deeper than the board both posts are, how near the edge, metres.
+# A post beside a leaf: how much of the leaf's height it has, how much deeper than the board both posts are,
+# how near the edge, metres.
 _POST_HEIGHT, _POST_DEPTH, _POST_WITHIN = 0.7, 0.05, 0.25
 _GAP = 3e-4  # metres between a leaf and what it is not part of: boards of one leaf touch
 _TWO_LEAVES = 0.3  # of the whole width, of which each of two leaves in one mesh has this much at least
@@ -33,7 +36,9 @@ _TWO_FROM = 1.1  # metres of width from which an object may be two leaves
 
 @dataclass
 class Board:
-    """A leaf along X: ``low`` and ``high`` x of its vertical edges, ``faces`` the two y of its board, own frame of ``body``."""
+    """A leaf along X: ``low`` and ``high`` x of its vertical edges, ``faces`` the two y of its board, own
+    frame of ``body``.
+    """
 
     body: GoalBody
     low: float
@@ -54,8 +59,11 @@ class Board:
         return self.body.to_own(frame.to_core(np.array(marker.matrix_world.translation)))
 
 
-def read_board(target: bpy.types.Object, around: Surroundings, fittings: Sequence[bpy.types.Object] = ()) -> Board:
-    """Read the leaf ``target`` with its long side along X; ``fittings`` are objects that hang on it without being its children.
+def read_board(
+    target: bpy.types.Object, around: Surroundings, fittings: Sequence[bpy.types.Object] = ()
+) -> Board:
+    """Read the leaf ``target`` with its long side along X; ``fittings`` are objects that hang on it without
+    being its children.
 
     Raises GoalError where the object is no leaf that one can pass, or more than one leaf.
     """
@@ -72,7 +80,9 @@ def read_board(target: bpy.types.Object, around: Surroundings, fittings: Sequenc
     weight = np.where(flat, size, 0)
     faces = _quantiles(corners[..., 1].mean(1), weight, (0.05, 0.95))
     width, height, depth, s = high[0] - low[0], high[2] - max(low[2], 0.0), faces[1] - faces[0], frame.scale
-    filled = weight.sum() / 4 / max(width * height, 1e-9)  # of the outline, by either side; ``weight`` is twice the area
+    filled = (
+        weight.sum() / 4 / max(width * height, 1e-9)
+    )  # of the outline, by either side; ``weight`` is twice the area
     family = _family(target)
     if width >= NARROWEST and height >= LOWEST:
         _require_one_leaf(target.name, body, corners, normal, size, family)
@@ -81,29 +91,42 @@ def read_board(target: bpy.types.Object, around: Surroundings, fittings: Sequenc
         alone = second_leaf(target, board, around) is None
         told = no_leaf(target, high - low, alone, filled >= LEAST_FILLED)
         raise GoalError(
-            f"{target.name} measures {width * s:.2f} x {(high[1] - low[1]) * s:.2f} x {height * s:.2f} m and is no leaf of a door that "
-            f"one walks through ({NARROWEST * s:.2f} to {WIDEST * s:.2f} m wide, at least {LOWEST * s:.2f} m high, upright)"
+            f"{target.name} measures {width * s:.2f} x {(high[1] - low[1]) * s:.2f} x {height * s:.2f} m "
+            "and is no leaf of a door that "
+            f"one walks through ({NARROWEST * s:.2f} to {WIDEST * s:.2f} m wide, at least {LOWEST * s:.2f} "
+            "m high, upright)"
             f"{f': {told}' if told else '; choose the leaf alone, without its frame'}."
         )
     if low[2] > 0.4 or low[2] < -0.3:
         part = furniture_by_name(target)
         if part is not None:
             raise GoalError(f"{target.name} is {part}; {ONLY}.")
-        raise GoalError(f"{target.name} does not stand on the character's floor; move it, or the character, to the same height.")
+        raise GoalError(
+            f"{target.name} does not stand on the character's floor; move it, or the character, to the same "
+            "height."
+        )
     for fitting in fittings:
         part = around.body(fitting)
         body.solids = [*body.solids, *part.solids]
         body.triangles = np.concatenate((body.triangles, part.triangles + len(body.vertices)))
-        body.vertices = np.concatenate((body.vertices, body.to_own(part.to_core(part.vertices)).astype(body.vertices.dtype)))
+        body.vertices = np.concatenate(
+            (body.vertices, body.to_own(part.to_core(part.vertices)).astype(body.vertices.dtype))
+        )
     return board
 
 
 def second_leaf(target: bpy.types.Object, board: Board, around: Surroundings) -> float | None:
-    """The edge (low or high) at which a second leaf of a double door ends where this one does; None without, or with two."""
+    """The edge (low or high) at which a second leaf of a double door ends where this one does; None without,
+    or with two.
+    """
     met = set()
     for _, low, high in neighbours(target, board, around):
         tall = high[2] - max(low[2], 0.0)
-        alike = abs(high[2] - board.top) < _AS_TALL and tall > LOWEST and 0.3 < high[0] - low[0] < 2 * (board.high - board.low)
+        alike = (
+            abs(high[2] - board.top) < _AS_TALL
+            and tall > LOWEST
+            and 0.3 < high[0] - low[0] < 2 * (board.high - board.low)
+        )
         if not alike or high[1] - low[1] > THICKEST or abs((low[1] + high[1]) / 2 - board.middle) > _IN_LINE:
             continue
         for edge, gap in ((board.low, board.low - high[0]), (board.high, low[0] - board.high)):
@@ -112,7 +135,9 @@ def second_leaf(target: bpy.types.Object, board: Board, around: Surroundings) ->
     return met.pop() if len(met) == 1 else None
 
 
-def neighbours(target: bpy.types.Object, board: Board, around: Surroundings) -> list[tuple[str, Array, Array]]:
+def neighbours(
+    target: bpy.types.Object, board: Board, around: Surroundings
+) -> list[tuple[str, Array, Array]]:
     """Name, lowest and highest corner (3,), leaf's frame, of the bounding box of each other mesh."""
     own, found = {target, *target.children_recursive}, []
     for other in around.scene.objects:
@@ -140,11 +165,16 @@ def _family(target: bpy.types.Object) -> str:
         return "make its instances real (Ctrl+A, Make Instances Real) and choose the leaf"
     meshes = [c.name for c in target.children_recursive if c.type == "MESH"]
     if meshes:
-        return f"choose the leaf alone, and unparent from it what stays ({', '.join(meshes[:3])}{', ...' if len(meshes) > 3 else ''})"
+        return (
+            f"choose the leaf alone, and unparent from it what stays "
+            f"({', '.join(meshes[:3])}{', ...' if len(meshes) > 3 else ''})"
+        )
     return "separate the leaf into an object of its own (Edit Mode, P) and choose that"
 
 
-def _require_one_leaf(name: str, body: GoalBody, corners: Array, normal: Array, size: Array, remedy: str) -> None:
+def _require_one_leaf(
+    name: str, body: GoalBody, corners: Array, normal: Array, size: Array, remedy: str
+) -> None:
     """GoalError where a mesh holds a frame besides its leaf, or two leaves: what is keyed turns as a whole.
 
     ``corners`` (F, 3, 3), ``normal`` (F, 3) and its length ``size`` (F,) of the triangles.
@@ -160,20 +190,28 @@ def _require_one_leaf(name: str, body: GoalBody, corners: Array, normal: Array, 
     high = np.full((count, 3), -np.inf)
     np.minimum.at(low, part, corners.min(1))
     np.maximum.at(high, part, corners.max(1))
-    area = np.bincount(part, weights=np.where(np.abs(normal[:, 1]) > 0.95 * size, size, 0) / 4, minlength=count)
+    area = np.bincount(
+        part, weights=np.where(np.abs(normal[:, 1]) > 0.95 * size, size, 0) / 4, minlength=count
+    )
     whole, height = np.ptp(corners[..., 0]), np.ptp(corners[..., 2])
     main = int(area.argmax())
     wide, tall = (high - low)[:, 0], (high - low)[:, 2] > _POST_HEIGHT * height
     beside = (low[:, 0] > high[main, 0] + _GAP) | (high[:, 0] < low[main, 0] - _GAP)
     boards = beside & tall & (wide > _TWO_LEAVES * whole) & (area > 0.5 * area[main])
     if boards.any() and whole >= _TWO_FROM and area[boards].sum() + area[main] > 0.6 * whole * height:
-        raise GoalError(f"{name} holds two leaves in one object, which would swing as one; {remedy}, one goal for each.")
-    if wide[main] > 0.6 * whole and _posts_beside(corners, normal, size, (part != main) & tall[part], low[main], high[main]):
+        raise GoalError(
+            f"{name} holds two leaves in one object, which would swing as one; {remedy}, one goal for each."
+        )
+    if wide[main] > 0.6 * whole and _posts_beside(
+        corners, normal, size, (part != main) & tall[part], low[main], high[main]
+    ):
         raise GoalError(posts)
 
 
 def _stands_proud(corners: Array, normal: Array, size: Array) -> bool:
-    """Whether posts at both vertical edges stand off the board, from bottom to top, and nothing of the kind below: a frame's do."""
+    """Whether posts at both vertical edges stand off the board, from bottom to top, and nothing of the kind
+    below: a frame's do.
+    """
     y, x, z = corners[..., 1].mean(1), corners[..., 0], corners[..., 2]
     weight = np.where(np.abs(normal[:, 1]) > 0.95 * size, size, 0)
     near, far = _quantiles(y, weight, (0.25, 0.75))
@@ -188,13 +226,18 @@ def _stands_proud(corners: Array, normal: Array, size: Array) -> bool:
         depth.append(deep)
     if min(depth) < _POST_DEPTH:
         return False
-    low_down = (z.max(1) < bottom + 0.15 * height) & (weight > 0) & ((near - y > _POST_DEPTH / 2) | (y - far > _POST_DEPTH / 2))
+    low_down = (
+        (z.max(1) < bottom + 0.15 * height)
+        & (weight > 0)
+        & ((near - y > _POST_DEPTH / 2) | (y - far > _POST_DEPTH / 2))
+    )
     rail = low_down & (x.min(1) < low + 0.4 * (high - low)) & (x.max(1) > high - 0.4 * (high - low))
     return not (rail.any() and np.ptp(z[rail]) > 0.04)
 
 
 def _posts_beside(corners: Array, normal: Array, size: Array, other: Array, low: Array, high: Array) -> bool:
-    """Whether parts of their own stand beside both edges of the leaf from ``low`` to ``high`` (3,) with a gap between.
+    """Whether parts of their own stand beside both edges of the leaf from ``low`` to ``high`` (3,) with a gap
+    between.
 
     Stiles and planks of one leaf touch or overlap each other.
     """

@@ -1,4 +1,6 @@
-"""Where a leaf is held: its handle, found on the board, and hardware that hangs on the leaf without being parented to it."""
+"""Where a leaf is held: its handle, found on the board, and hardware that hangs on the leaf without being
+parented to it.
+"""
 
 from __future__ import annotations
 
@@ -17,12 +19,14 @@ _HANDLE_WITHIN = 0.3  # of the free edge
 _STICKS_OUT = 0.02  # from the board, at least
 _ALONG_LEVER = 0.04  # from its end at the free edge, a lever is held at most
 _HAND = 0.04  # from the board to where a hand holds the handle
-# Hardware of a leaf as shares of the leaf's height: what is no larger, touches the board and lies within its outline hangs on it.
+# Hardware of a leaf as shares of the leaf's height: what is no larger, touches the board and lies within its
+# outline hangs on it.
 _FITTING_WIDE, _FITTING_DEEP, _FITTING_TALL, _FITTING_LOWEST, _TOUCHES = 0.2, 0.12, 0.7, 0.1, 0.01
 
 
 def fittings_of(target: bpy.types.Object) -> list[bpy.types.Object]:
-    """Objects that hang on a leaf by nothing but their place: handles, locks, panes; the topmost of those parented to each other.
+    """Objects that hang on a leaf by nothing but their place: handles, locks, panes; the topmost of those
+    parented to each other.
 
     What touches its board within its outline and is no larger than hardware goes with it.
     """
@@ -39,7 +43,9 @@ def fittings_of(target: bpy.types.Object) -> list[bpy.types.Object]:
             continue
         matrix, corners = to_leaf @ other.matrix_world, other.bound_box
         middle = matrix @ ((Vector(corners[0]) + Vector(corners[6])) / 2)
-        if not all(low[k] - height * _FITTING_DEEP < middle[k] < high[k] + height * _FITTING_DEEP for k in range(3)):
+        if not all(
+            low[k] - height * _FITTING_DEEP < middle[k] < high[k] + height * _FITTING_DEEP for k in range(3)
+        ):
             continue
         box = np.array([matrix @ Vector(c) for c in corners])
         if _hangs(box.min(0), box.max(0), low, high, height) and not is_worn(other):
@@ -48,7 +54,9 @@ def fittings_of(target: bpy.types.Object) -> list[bpy.types.Object]:
 
 
 def find_handle(board: Board, flip: bool) -> tuple[Array, float]:
-    """Place (3,) of the handle, leaf's frame, and metres between the places where hands hold it from either side."""
+    """Place (3,) of the handle, leaf's frame, and metres between the places where hands hold it from either
+    side.
+    """
     edge = board.low if flip else board.high
     found = handle_at(board, edge)
     if found is None:
@@ -67,10 +75,17 @@ def grip_depth(board: Board) -> float:
 
 
 def handle_at(board: Board, edge: float) -> tuple[Array, Array] | None:
-    """Lowest and highest corner (3,) of what sticks out of the board near a vertical edge as a handle does; None without."""
+    """Lowest and highest corner (3,) of what sticks out of the board near a vertical edge as a handle does;
+    None without.
+    """
     v = board.body.vertices.astype(np.float64)
     out = (v[:, 1] < board.faces[0] - _STICKS_OUT) | (v[:, 1] > board.faces[1] + _STICKS_OUT)
-    there = out & (v[:, 2] > _HANDLE_HEIGHTS[0]) & (v[:, 2] < _HANDLE_HEIGHTS[1]) & (np.abs(v[:, 0] - edge) < _HANDLE_WITHIN)
+    there = (
+        out
+        & (v[:, 2] > _HANDLE_HEIGHTS[0])
+        & (v[:, 2] < _HANDLE_HEIGHTS[1])
+        & (np.abs(v[:, 0] - edge) < _HANDLE_WITHIN)
+    )
     if not there.any():
         return None
     low, high = v[there].min(0), v[there].max(0)
@@ -80,16 +95,23 @@ def handle_at(board: Board, edge: float) -> tuple[Array, Array] | None:
 def _hangs(low: Array, high: Array, leaf_low: Array, leaf_high: Array, height: float) -> bool:
     """Whether a box from ``low`` to ``high`` (3,), leaf's axes, is hardware on the board or a pane in it."""
     slack, size = _TOUCHES * height, high - low
-    within = (low[[0, 2]] > leaf_low[[0, 2]] - slack).all() and (high[[0, 2]] < leaf_high[[0, 2]] + slack).all()
+    within = (low[[0, 2]] > leaf_low[[0, 2]] - slack).all() and (
+        high[[0, 2]] < leaf_high[[0, 2]] + slack
+    ).all()
     if not within or low[1] > leaf_high[1] + slack or high[1] < leaf_low[1] - slack:
         return False
     inlaid = low[1] > leaf_low[1] - slack and high[1] < leaf_high[1] + slack
-    small = size[0] < _FITTING_WIDE * height and size[1] < _FITTING_DEEP * height and size[2] < _FITTING_TALL * height
+    small = (
+        size[0] < _FITTING_WIDE * height
+        and size[1] < _FITTING_DEEP * height
+        and size[2] < _FITTING_TALL * height
+    )
     return bool(inlaid or (small and low[2] > leaf_low[2] + _FITTING_LOWEST * height))
 
 
 def _axes(target: bpy.types.Object) -> tuple[Matrix, Array, Array] | None:
-    """The matrix from the world to axes along a leaf (x along, z up), and its own lowest and highest corner there; None for no leaf.
+    """The matrix from the world to axes along a leaf (x along, z up), and its own lowest and highest corner
+    there; None for no leaf.
 
     Corners are of its own mesh alone and lengths are those of the world.
     """

@@ -1,4 +1,6 @@
-"""What is no leaf that one swings open and walks through: what slides, rolls, folds, tilts, lies flat or shuts a cupboard."""
+"""What is no leaf that one swings open and walks through: what slides, rolls, folds, tilts, lies flat or
+shuts a cupboard.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ from ..keys.objects import own_turn
 
 ONLY = "only a leaf that swings on an upright hinge, and that one walks through, can be opened"
 UNLESS = "if it does swing, choose Show Goal Points, which give it a hinge"
-# Words in a name, with the plural "s" left off, and what such a thing does; two words stand beside each other.
+# Words in a name, with the plural "s" left off, and what such a thing does; two words stand beside each
+# other.
 _MOVES_ELSE = {
     "slides": ("sliding", "slide", "slider", "on rail", "bypass", "pocket door"),
     "folds": ("bifold", "folding", "accordion", "concertina"),
@@ -31,10 +34,26 @@ _FURNITURE = {
     "a drawer": ("drawer",),
     "the door of a fridge": ("fridge", "refrigerator", "freezer"),
     "the door of an oven": ("oven", "stove", "cooker", "dishwasher", "microwave", "washer"),
-    "the door of a cupboard": ("cupboard", "cabinet", "closet", "wardrobe", "locker", "bookcase", "sideboard", "vitrine", "credenza"),
+    "the door of a cupboard": (
+        "cupboard",
+        "cabinet",
+        "closet",
+        "wardrobe",
+        "locker",
+        "bookcase",
+        "sideboard",
+        "vitrine",
+        "credenza",
+    ),
 }
-_DEEP, _SHUT_IN = 0.75, 0.9  # metres behind a leaf within which a cupboard's back is; so much of its face is before it
-_OVERLAP, _BEHIND = (0.008, 0.6), (0.6, 0.2)  # of two that slide past one another: share of the width; thicknesses and metres apart
+_DEEP, _SHUT_IN = (
+    0.75,
+    0.9,
+)  # metres behind a leaf within which a cupboard's back is; so much of its face is before it
+_OVERLAP, _BEHIND = (
+    (0.008, 0.6),
+    (0.6, 0.2),
+)  # of two that slide past one another: share of the width; thicknesses and metres apart
 _SOLID = 0.25  # metres behind a leaf within which there is no room for anything
 _FLAT = 0.15  # of its length at most, that something which lies is high
 
@@ -45,7 +64,9 @@ def kind_by_name(target: bpy.types.Object) -> tuple[str, str] | None:
 
 
 def furniture_by_name(target: bpy.types.Object) -> str | None:
-    """The part of furniture that an object is by its name or those of its parents ("a drawer"); None where these tell nothing."""
+    """The part of furniture that an object is by its name or those of its parents ("a drawer"); None where
+    these tell nothing.
+    """
     chain, parent = [target], target.parent
     while parent is not None:
         chain.append(parent)
@@ -55,7 +76,9 @@ def furniture_by_name(target: bpy.types.Object) -> str | None:
 
 
 def require_swings(target: bpy.types.Object) -> None:
-    """GoalError where the name, keys, locks, limits or drivers of an object say that it moves in another way than a leaf swings."""
+    """GoalError where the name, keys, locks, limits or drivers of an object say that it moves in another way
+    than a leaf swings.
+    """
     how = _moves_else(target)
     if how is not None:
         raise GoalError(f"{target.name} {how}; {ONLY}.")
@@ -65,9 +88,11 @@ def require_swings(target: bpy.types.Object) -> None:
 
 
 def no_leaf(target: bpy.types.Object, size: Array, alone: bool, filled: bool) -> str:
-    """What to say of a thing of ``size`` (3,), along, across and up, in metres of the character, that is no leaf one can pass.
+    """What to say of a thing of ``size`` (3,), along, across and up, in metres of the character, that is no
+    leaf one can pass.
 
-    ``alone`` where it is not one of a double door's leaves, ``filled`` where it is a board and no frame; "" where that tells nothing.
+    ``alone`` where it is not one of a double door's leaves, ``filled`` where it is a board and no frame; ""
+    where that tells nothing.
     """
     along, across, up = (float(s) for s in size)
     part = furniture_by_name(target)
@@ -80,17 +105,26 @@ def no_leaf(target: bpy.types.Object, size: Array, alone: bool, filled: bool) ->
     if up < 1.2 and across < 0.3:
         return "it is low, as a cupboard's door, a flap or a gate is"
     if along < 0.5 and up >= 1.2:
-        return "it is too narrow to walk through" + ("" if alone else " while the other leaf of this double door stays shut")
+        return "it is too narrow to walk through" + (
+            "" if alone else " while the other leaf of this double door stays shut"
+        )
     return ""
 
 
 def require_way_through(
-    target: bpy.types.Object, pose: Array, closed: float, across: tuple[float, float], top: float, query: DistanceQuery, scale: float
+    target: bpy.types.Object,
+    pose: Array,
+    closed: float,
+    across: tuple[float, float],
+    top: float,
+    query: DistanceQuery,
+    scale: float,
 ) -> None:
     """GoalError where what a leaf shuts is as shallow as a cupboard, or solid.
 
-    ``pose`` (4,) of the leaf, ``closed`` its heading when shut; ``across`` x of its edges and ``top`` z, its own frame; ``query`` what
-    stands about.  A wall that is only near, or furniture before a door, leaves a way beside it.
+    ``pose`` (4,) of the leaf, ``closed`` its heading when shut; ``across`` x of its edges and ``top`` z, its
+    own frame; ``query`` what stands about.  A wall that is only near, or furniture before a door, leaves a
+    way beside it.
     """
     x, z = np.linspace(*across, 9)[1:-1], np.linspace(0.15, 0.8, 6) * top
     u, v = (g.ravel() for g in np.meshgrid(x, z, indexing="ij"))
@@ -109,18 +143,25 @@ def require_way_through(
         deep, part = float(np.median(depth)), furniture_by_name(target)
         if part is None and (depth < _SOLID).mean() > 0.97:
             raise GoalError(
-                f"Behind {target.name}, {deep * scale:.2f} m off, is something solid that leaves no way through; cut an opening into it, "
+                f"Behind {target.name}, {deep * scale:.2f} m off, is something solid that leaves no way "
+                "through; cut an opening into it, "
                 "move it, or choose another leaf."
             )
         walls = [_shut_beside(query, pose, closed, edge, side * y, np.tile(z, 3)) for edge in across]
         if part is None and min(walls) < _SHUT_IN:
             continue
         kind = part or "the door of a cupboard"
-        raise GoalError(f"{target.name} is {kind}: what is behind it ends after {deep * scale:.2f} m, too soon to walk in; {ONLY}.")
+        raise GoalError(
+            f"{target.name} is {kind}: what is behind it ends after {deep * scale:.2f} m, too soon to walk "
+            f"in; {ONLY}."
+        )
 
 
-def require_no_track(target: bpy.types.Object, others: list[tuple[str, Array, Array]], low: Array, high: Array) -> None:
-    """GoalError where another board hangs behind a leaf from ``low`` to ``high`` (3,), own frame, and overlaps it in part: they slide.
+def require_no_track(
+    target: bpy.types.Object, others: list[tuple[str, Array, Array]], low: Array, high: Array
+) -> None:
+    """GoalError where another board hangs behind a leaf from ``low`` to ``high`` (3,), own frame, and
+    overlaps it in part: they slide.
 
     ``others``: name, lowest and highest corner (3,) of the other meshes about it in that frame.
     """
@@ -130,12 +171,22 @@ def require_no_track(target: bpy.types.Object, others: list[tuple[str, Array, Ar
         apart = abs((a[1] + b[1]) - (low[1] + high[1])) / 2
         alike = abs(b[2] - high[2]) < 0.06 and abs(a[2] - low[2]) < 0.06 and 0.7 < (b[0] - a[0]) / width < 1.4
         least = _BEHIND[0] * (thick + b[1] - a[1]) / 2
-        if alike and _OVERLAP[0] * width < over < _OVERLAP[1] * width and b[1] - a[1] < 0.12 and least < apart < _BEHIND[1]:
-            raise GoalError(f"{target.name} hangs before {name} and overlaps it, as doors that slide do; {ONLY}: {UNLESS}.")
+        if (
+            alike
+            and _OVERLAP[0] * width < over < _OVERLAP[1] * width
+            and b[1] - a[1] < 0.12
+            and least < apart < _BEHIND[1]
+        ):
+            raise GoalError(
+                f"{target.name} hangs before {name} and overlaps it, as doors that slide do; {ONLY}: "
+                f"{UNLESS}."
+            )
 
 
 def _distance(query: DistanceQuery, pose: Array, closed: float, x: Array, y: Array, z: Array) -> Array:
-    points = rotate_planar(np.column_stack((x, y)), np.float64(closed)) + np.asarray(pose[:2], dtype=np.float64)
+    points = rotate_planar(np.column_stack((x, y)), np.float64(closed)) + np.asarray(
+        pose[:2], dtype=np.float64
+    )
     return np.asarray(query.signed_distance(np.insert(points, 2, z, axis=1).astype(np.float32), 0.1))
 
 
@@ -148,7 +199,9 @@ def _shut_beside(query: DistanceQuery, pose: Array, closed: float, edge: float, 
 
 
 def _moves_else(target: bpy.types.Object) -> str | None:
-    """How an object moves by its own keys, limits, locks and drivers where that is no turn about the vertical: "slides"; else None."""
+    """How an object moves by its own keys, limits, locks and drivers where that is no turn about the
+    vertical: "slides"; else None.
+    """
     turns = rotation_channel(target.rotation_mode)
     curves = [c for c in strip_curves(target, own_action=True) if varies(c)]
     moved, turned = ([c for c in curves if c.data_path == path] for path in ("location", turns))
@@ -178,7 +231,12 @@ def _between(limit: bpy.types.Constraint) -> Iterator[bool]:
 
 def _tilt(target: bpy.types.Object, curves: list[bpy.types.FCurve]) -> bool:
     """Whether keys turn an object about a level axis by over 15 degrees."""
-    ends = [frame for c in curves for frame in (c.keyframe_points[0].co.x, c.keyframe_points[-1].co.x) if len(c.keyframe_points)]
+    ends = [
+        frame
+        for c in curves
+        for frame in (c.keyframe_points[0].co.x, c.keyframe_points[-1].co.x)
+        if len(c.keyframe_points)
+    ]
     if not ends:
         return False
     space = (target.matrix_world @ target.matrix_basis.inverted_safe()).to_3x3()
@@ -203,7 +261,9 @@ def _named(kinds: dict[str, tuple[str, ...]], objects: list[bpy.types.Object]) -
         words = [w.removesuffix("s") for w in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", one.name)]
         text = " " + " ".join(words).lower() + " "
         for kind, marks in kinds.items():
-            found = next((m for m in marks if any(f" {form} " in text for form in (m, f"{m}door", f"door{m}"))), None)
+            found = next(
+                (m for m in marks if any(f" {form} " in text for form in (m, f"{m}door", f"door{m}"))), None
+            )
             if found is not None:
                 return kind, found
     return None

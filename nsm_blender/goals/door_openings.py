@@ -1,4 +1,6 @@
-"""How a leaf is shut: by the opening in the wall that it closes, so that one that stands open or ajar is known as such."""
+"""How a leaf is shut: by the opening in the wall that it closes, so that one that stands open or ajar is
+known as such.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,8 @@ from ..keys.objects import delta_turn, own_turn
 
 AJAR = np.radians(3)  # a leaf that is open by less counts as shut
 _STEP = np.radians(4)  # between the turns that are tried
-# What surrounds a shut leaf: metres beyond its edges at which it is looked for, how near counts as solid, and how deep a leaf may
-# reach into solids where it shuts.
+# What surrounds a shut leaf: metres beyond its edges at which it is looked for, how near counts as solid, and
+# how deep a leaf may reach into solids where it shuts.
 _BESIDE, _SOLID, _INTO = (0.012, 0.04, 0.08), 0.008, 0.02
 _SURE = 2.0  # of the three sides (hinge, free edge, top): so many show that a leaf is shut there
 _BETTER = 0.5  # by which another turn must fit better than the present one
@@ -27,8 +29,9 @@ _ALONG = np.radians(12)  # by which the wall may deviate from where a leaf fits
 
 @dataclass(frozen=True)
 class WallOpening:
-    """A leaf about its hinge among solids: ``pivot`` (2,) core frame; ``edge``, ``width`` x of both edges and ``middle`` y, ``top``
-    z of the board, along its own +X from the pivot."""
+    """A leaf about its hinge among solids: ``pivot`` (2,) core frame; ``edge``, ``width`` x of both edges and
+    ``middle`` y, ``top`` z of the board, along its own +X from the pivot.
+    """
 
     query: DistanceQuery
     pivot: Array
@@ -40,8 +43,9 @@ class WallOpening:
     def shut(self, heading: float, keyed: float | None = None, cleared: float | None = None) -> float:
         """The heading at which the leaf that stands at ``heading`` is shut: where it fills an opening.
 
-        ``keyed`` is where its keys begin and ``cleared`` where it stands without rotation.  Where no opening is found, one of
-        these that fits better; where there is nothing about it, ``keyed``; else it is shut where it stands.
+        ``keyed`` is where its keys begin and ``cleared`` where it stands without rotation.  Where no opening
+        is found, one of these that fits better; where there is nothing about it, ``keyed``; else it is shut
+        where it stands.
         """
         hints = [h for h in (keyed, cleared) if h is not None]
         now = float(self._fit(np.array((heading,)))[0])
@@ -62,14 +66,22 @@ class WallOpening:
         return self._straight(float(wrap_angle(heading + cluster.mean())), hints)
 
     def _fit(self, headings: Array) -> Array:
-        """How many sides (N,), 0 to 3, of the leaf at ``headings`` (N,) are beside something solid; -1 where it stands in a solid."""
+        """How many sides (N,), 0 to 3, of the leaf at ``headings`` (N,) are beside something solid; -1 where
+        it stands in a solid.
+        """
         z = np.linspace(0.2, 0.92, 5) * self.top
         near = np.array(_BESIDE)
         x, high = np.meshgrid(np.concatenate((self.edge - near, self.width + near)), z, indexing="ij")
-        along, over = np.meshgrid(np.array((0.3, 0.55, 0.8)) * self.width, self.top + np.array((0.015, 0.04, 0.1)), indexing="ij")
-        u, v = np.meshgrid(np.array((0.3, 0.6, 0.9)) * self.width, np.array((0.25, 0.5, 0.8)) * self.top, indexing="ij")
+        along, over = np.meshgrid(
+            np.array((0.3, 0.55, 0.8)) * self.width, self.top + np.array((0.015, 0.04, 0.1)), indexing="ij"
+        )
+        u, v = np.meshgrid(
+            np.array((0.3, 0.6, 0.9)) * self.width, np.array((0.25, 0.5, 0.8)) * self.top, indexing="ij"
+        )
         places = ((x, high), (along, over), (u, v))
-        points = np.concatenate([np.column_stack((a.ravel(), np.full(a.size, self.middle), b.ravel())) for a, b in places])
+        points = np.concatenate(
+            [np.column_stack((a.ravel(), np.full(a.size, self.middle), b.ravel())) for a, b in places]
+        )
         distance = self._distance(points, headings, _INTO + 0.01)
         beside, above, inside = np.split(distance, (x.size, x.size + along.size), axis=1)
         solid = (beside < _SOLID).reshape(-1, 2, len(near), len(z)).any(2).mean(2).sum(1)
@@ -87,7 +99,9 @@ class WallOpening:
         return near[0] if near else heading
 
     def _tilt(self, heading: float) -> float | None:
-        """Radians by which the wall beside the opening is turned from ``heading``; None where that cannot be told."""
+        """Radians by which the wall beside the opening is turned from ``heading``; None where that cannot be
+        told.
+        """
         beside, off, z = 0.25, 0.35, 0.93 * self.top
         ends = (self.edge - beside, self.width + beside)
         points = np.array([(x, self.middle + side * off, z) for side in (-1, 1) for x in ends])
@@ -103,14 +117,22 @@ class WallOpening:
         return float(np.mean(tilts))
 
     def _distance(self, points: Array, headings: Array, reach: float) -> Array:
-        """Distances (N, P) of ``points`` (P, 3), leaf's frame, to what is solid when the leaf stands at ``headings`` (N,)."""
-        world = rotate_planar(np.repeat(points[None], len(headings), axis=0), np.repeat(headings[:, None], len(points), axis=1))
+        """Distances (N, P) of ``points`` (P, 3), leaf's frame, to what is solid when the leaf stands at
+        ``headings`` (N,).
+        """
+        world = rotate_planar(
+            np.repeat(points[None], len(headings), axis=0), np.repeat(headings[:, None], len(points), axis=1)
+        )
         world[..., :2] += self.pivot
-        return np.asarray(self.query.signed_distance(world.reshape(-1, 3).astype(np.float32), reach)).reshape(len(headings), -1)
+        return np.asarray(self.query.signed_distance(world.reshape(-1, 3).astype(np.float32), reach)).reshape(
+            len(headings), -1
+        )
 
 
 def earlier_headings(target: bpy.types.Object, heading: float) -> tuple[float | None, float | None]:
-    """Headings of a leaf that stands at ``heading`` now: at the first key of its action, and with its rotation cleared; None for none."""
+    """Headings of a leaf that stands at ``heading`` now: at the first key of its action, and with its
+    rotation cleared; None for none.
+    """
     first, delta = _first_turn(target), delta_turn(target)
     now = (delta @ own_turn(target)).to_matrix()
     space = (target.matrix_world @ target.matrix_basis.inverted_safe()).to_3x3()
@@ -127,9 +149,15 @@ def earlier_headings(target: bpy.types.Object, heading: float) -> tuple[float | 
 
 
 def _first_turn(target: bpy.types.Object) -> Quaternion | None:
-    """The rotation of an object at the first key of its action, as a quaternion; None where it has no keys of it."""
+    """The rotation of an object at the first key of its action, as a quaternion; None where it has no keys of
+    it.
+    """
     channels, path = channels_of(target), rotation_channel(target.rotation_mode)
-    curves = [c for c in channels.bag.fcurves if c.data_path == path and len(c.keyframe_points)] if channels else []
+    curves = (
+        [c for c in channels.bag.fcurves if c.data_path == path and len(c.keyframe_points)]
+        if channels
+        else []
+    )
     if not curves:
         return None
     frame = min(c.keyframe_points[0].co.x for c in curves)

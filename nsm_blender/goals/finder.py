@@ -21,10 +21,14 @@ Place = tuple[Array, float]  # a ground point (2,) or a place (3,), core frame, 
 
 
 def on_top(body: GoalBody, lowest: float = -np.inf, highest: float = np.inf) -> Place:
-    """A place (3,) to begin with on the middle of a body whose mesh shows none, in these heights where it has one there; its heading."""
+    """A place (3,) to begin with on the middle of a body whose mesh shows none, in these heights where it has
+    one there; its heading.
+    """
     heights = np.append(crossings(body.vertices, body.triangles, np.zeros(2)), body.bounds[1][2])
     fitting = heights[(heights >= lowest) & (heights <= highest)]
-    return body.to_core(np.array((0.0, 0.0, float(fitting.max() if len(fitting) else body.bounds[1][2])))), float(body.yaw)
+    return body.to_core(
+        np.array((0.0, 0.0, float(fitting.max() if len(fitting) else body.bounds[1][2])))
+    ), float(body.yaw)
 
 
 def _where_it_is(goal: Goal, before: Place, around: Surroundings) -> Place:
@@ -43,11 +47,12 @@ def _nothing(spec: GoalSpec, scene: bpy.types.Scene) -> None:
 class Finder:
     """How the goal of an action is found.
 
-    ``find(spec, scene, around, before)`` builds the core's goal, coming from ``before``; what is missing of the goal's objects has been
-    told by then.  ``after(goal, before, around)`` is where it leaves the character.  ``require(spec, scene)`` raises GoalError before
-    the scene is read; ``parts(object)`` are those that move with the object.  Of its goal point: ``somewhere(body)`` a place for it
-    where the mesh shows none, ``under(goal)`` the metres by which it lies under the goal's place; an action whose points are others
-    makes them by ``show(spec, goal or None, body, reason, scene, frame, told)``.
+    ``find(spec, scene, around, before)`` builds the core's goal, coming from ``before``; what is missing of
+    the goal's objects has been told by then.  ``after(goal, before, around)`` is where it leaves the
+    character.  ``require(spec, scene)`` raises GoalError before the scene is read; ``parts(object)`` are
+    those that move with the object.  Of its goal point: ``somewhere(body)`` a place for it where the mesh
+    shows none, ``under(goal)`` the metres by which it lies under the goal's place; an action whose points are
+    others makes them by ``show(spec, goal or None, body, reason, scene, frame, told)``.
     """
 
     icon: str
@@ -58,5 +63,9 @@ class Finder:
     somewhere: Callable[[GoalBody], Place] = on_top
     under: Callable[[Goal], float] = lambda goal: 0.0
     show: (
-        Callable[[GoalSpec, Goal | None, GoalBody, str, bpy.types.Scene, WorldFrame, list[str] | None], bpy.types.Object] | None
+        Callable[
+            [GoalSpec, Goal | None, GoalBody, str, bpy.types.Scene, WorldFrame, list[str] | None],
+            bpy.types.Object,
+        ]
+        | None
     ) = None

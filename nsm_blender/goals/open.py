@@ -1,4 +1,6 @@
-"""The leaf of a door as the core sees it: hinge, handle and swing, proposed from its mesh or set by the animator's empties."""
+"""The leaf of a door as the core sees it: hinge, handle and swing, proposed from its mesh or set by the
+animator's empties.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,8 @@ def open_goal(
     name: str, target: bpy.types.Object, hinge: bpy.types.Object | None, handle: bpy.types.Object | None, hold: float,
     around: Surroundings, here: Array,
 ) -> Goal:  # fmt: skip
-    """Build the goal to open the leaf ``target`` and pass, coming from ``here`` (2,); ``hinge`` and ``handle`` are the animator's empties.
+    """Build the goal to open the leaf ``target`` and pass, coming from ``here`` (2,); ``hinge`` and
+    ``handle`` are the animator's empties.
 
     Raises GoalError where the object cannot be the leaf of a door.
     """
@@ -43,7 +46,12 @@ def open_goal(
     return Goal("open", name, np.append(way.middle, 0.0), way.heading, hold, prop=leaf)
 
 
-def read_leaf(target: bpy.types.Object, hinge: bpy.types.Object | None, handle: bpy.types.Object | None, around: Surroundings) -> Leaf:
+def read_leaf(
+    target: bpy.types.Object,
+    hinge: bpy.types.Object | None,
+    handle: bpy.types.Object | None,
+    around: Surroundings,
+) -> Leaf:
     """The leaf of a door as a prop where it stands, with the heading that shuts it; see ``open_goal``."""
     frame = around.frame
     if hinge is None:
@@ -51,7 +59,10 @@ def read_leaf(target: bpy.types.Object, hinge: bpy.types.Object | None, handle: 
     board = read_board(target, around, fittings_of(target))
     body = board.body
     if hinge is None:
-        ends = np.array((board.low, board.faces[0], body.bounds[0][2])), np.array((board.high, board.faces[1], board.top))
+        ends = (
+            np.array((board.low, board.faces[0], body.bounds[0][2])),
+            np.array((board.high, board.faces[1], board.top)),
+        )
         require_no_track(target, neighbours(target, board, around), *ends)
     pivot = board.own(hinge, frame)[:2] if hinge is not None else find_pivot(target, board, around)
     flip = abs(pivot[0] - board.high) < abs(pivot[0] - board.low)  # the hinge is at +X: turn the frame round
@@ -59,10 +70,15 @@ def read_leaf(target: bpy.types.Object, hinge: bpy.types.Object | None, handle: 
     sign = -1.0 if flip else 1.0
     width = float(board.high - pivot[0] if not flip else pivot[0] - board.low)
     middle = sign * (board.middle - pivot[1])
-    grip, thickness = find_handle(board, flip) if handle is None else (board.own(handle, frame), grip_depth(board))
+    grip, thickness = (
+        find_handle(board, flip) if handle is None else (board.own(handle, frame), grip_depth(board))
+    )
     place = np.array((sign * (grip[0] - pivot[0]), middle, grip[2]))
     if not 0.2 < place[0] <= width + 0.05:
-        raise GoalError(f"The handle of {target.name} is not on its leaf; move its handle point, or its hinge point to the other edge.")
+        raise GoalError(
+            f"The handle of {target.name} is not on its leaf; move its handle point, or its hinge point to "
+            "the other edge."
+        )
     pose = np.append(body.to_core(np.append(pivot, 0.0)), heading)
     query = body.solid_at(pose)
     edge = width - (board.high - board.low)
@@ -78,7 +94,9 @@ def read_leaf(target: bpy.types.Object, hinge: bpy.types.Object | None, handle: 
         swing = _swing(board, pivot, flip, width, closed, around.query)
     if swing * open_by < 0:
         pose[3] = closed
-    vertices = np.column_stack((sign * (body.vertices[:, :2] - pivot), body.vertices[:, 2])).astype(np.float32)
+    vertices = np.column_stack((sign * (body.vertices[:, :2] - pivot), body.vertices[:, 2])).astype(
+        np.float32
+    )
     volume = sense(query, vertices.min(0), vertices.max(0))
     return Leaf(
         target.name, query, volume, pose, width=width, handle=place, thickness=float(np.clip(thickness, 0.09, 0.2)),
@@ -86,10 +104,13 @@ def read_leaf(target: bpy.types.Object, hinge: bpy.types.Object | None, handle: 
     )  # fmt: skip
 
 
-def _swing(board: Board, pivot: Array, flip: bool, width: float, heading: float, query: DistanceQuery) -> float:
+def _swing(
+    board: Board, pivot: Array, flip: bool, width: float, heading: float, query: DistanceQuery
+) -> float:
     """+1 where the leaf opens towards +Y of its frame, -1 towards -Y.
 
-    A leaf opens to the side of the wall on which it sits, else to the side of its hinge's pin, else to the side that is free.
+    A leaf opens to the side of the wall on which it sits, else to the side of its hinge's pin, else to the
+    side that is free.
     """
     sign = -1.0 if flip else 1.0
     at = board.body.to_core(np.append(pivot, 0.0)).astype(np.float64)
@@ -111,11 +132,17 @@ def _swing(board: Board, pivot: Array, flip: bool, width: float, heading: float,
             return float(np.sign(aside))
     if abs(middle) > 0.005:
         return -float(np.sign(middle))
-    angle, radius = (g.ravel() for g in np.meshgrid(np.radians(np.arange(20, 81, 10)), np.linspace(0.25, 1.0, 6) * width))
-    blocked = [int((distance(radius * np.cos(angle), s * radius * np.sin(angle), 1.0, 0.05) < 0.03).sum()) for s in (1.0, -1.0)]
+    angle, radius = (
+        g.ravel() for g in np.meshgrid(np.radians(np.arange(20, 81, 10)), np.linspace(0.25, 1.0, 6) * width)
+    )
+    blocked = [
+        int((distance(radius * np.cos(angle), s * radius * np.sin(angle), 1.0, 0.05) < 0.03).sum())
+        for s in (1.0, -1.0)
+    ]
     if blocked[0] != blocked[1]:
         return -1.0 if blocked[0] > blocked[1] else 1.0
-    # Nothing tells: to one side of the wall whichever way the leaf is turned, lest the leaves of a double door part.
+    # Nothing tells: to one side of the wall whichever way the leaf is turned, lest the leaves of a double
+    # door part.
     across = np.array((-np.sin(heading), np.cos(heading)))
     return -1.0 if across[int(np.abs(across).argmax())] < 0 else 1.0
 
@@ -132,7 +159,9 @@ def _after(goal: Goal, before: Place, around: Surroundings) -> Place:
 
 
 def _require(spec: GoalSpec, scene: bpy.types.Scene) -> None:
-    """Raise GoalError where it moves in another way than a leaf swings, unless the animator gave it a hinge."""
+    """Raise GoalError where it moves in another way than a leaf swings, unless the animator gave it a
+    hinge.
+    """
     if spec.object is not None and goal_point_of(scene, spec.object, HINGE) is None:
         require_swings(spec.object)
 
@@ -146,7 +175,9 @@ def _show(
     frame: WorldFrame,
     told: list[str] | None,
 ) -> bpy.types.Object:
-    """The points of the leaf of a ``goal``, or of what was found to be none for some ``reason``: at its edges; the hinge is returned."""
+    """The points of the leaf of a ``goal``, or of what was found to be none for some ``reason``: at its
+    edges; the hinge is returned.
+    """
     (low, high), heading = body.bounds, body.yaw
     target, leaf = spec.object, goal.prop if goal is not None else None
     hinge, handle = goal_point_of(scene, target, HINGE), goal_point_of(scene, target, HANDLE)
@@ -155,12 +186,18 @@ def _show(
     else:
         pin, grip = body.to_core(np.array(((low[0], 0.0, 0.0), (0.9 * high[0], 0.0, HANDLE_HEIGHT))))
     if reason and told is not None:
-        told.append(reason if hinge and handle else f"{reason} Points of its hinge and handle were put on it all the same: move them.")
+        told.append(
+            reason
+            if hinge and handle
+            else f"{reason} Points of its hinge and handle were put on it all the same: move them."
+        )
     if hinge is None:
         hinge = make_point(f"NSM Hinge {target.name}", target, HINGE, pin, heading, frame, target)
         hinge[SWING] = int(leaf.swing) if leaf is not None else 1
         hinge.id_properties_ui(SWING).update(
-            min=-1, max=1, description="1: seen from above, the leaf turns counter-clockwise as it opens; -1: clockwise"
+            min=-1,
+            max=1,
+            description="1: seen from above, the leaf turns counter-clockwise as it opens; -1: clockwise",
         )
     if handle is None:
         make_point(f"NSM Handle {target.name}", target, HANDLE, grip, heading, frame, target)

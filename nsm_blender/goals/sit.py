@@ -41,8 +41,10 @@ def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: 
     ground = float(around.ground.height(stand[None])[0])
     if not LOWEST_SEAT <= seat_point[2] - ground <= HIGHEST_SEAT:
         raise GoalError(
-            f"The seat of {spec.object.name} is {(seat_point[2] - ground) * frame.scale:.2f} m over the character's floor; people sit "
-            f"between {LOWEST_SEAT * frame.scale:.2f} and {HIGHEST_SEAT * frame.scale:.2f} m: move the goal point or the object."
+            f"The seat of {spec.object.name} is {(seat_point[2] - ground) * frame.scale:.2f} m over the "
+            "character's floor; people sit "
+            f"between {LOWEST_SEAT * frame.scale:.2f} and {HIGHEST_SEAT * frame.scale:.2f} m: move the goal "
+            "point or the object."
         )
     if point is not None:
         require_support(spec.object.name, seat_point, around)

@@ -9,7 +9,9 @@ import bpy
 
 @dataclass
 class GoalSpec:
-    """A goal as asked for: an object or a place (3,), world, an action and a hold in seconds; ``to`` where a box is carried."""
+    """A goal as asked for: an object or a place (3,), world, an action and a hold in seconds; ``to`` where a
+    box is carried.
+    """
 
     action: str
     object: bpy.types.Object | None = None

@@ -21,7 +21,8 @@ from .loose_parts import is_group, seat_body
 from .points import goal_point_of
 from .spec import GoalSpec
 
-# Metres that a body keeps off solids where it stands: nearer, it is in them; heights over its ground at which that is looked at.
+# Metres that a body keeps off solids where it stands: nearer, it is in them; heights over its ground at which
+# that is looked at.
 _ROOM = 0.1
 _BODY = np.arange(0.25, 1.7, 0.1)
 # Where one stands before an object that one walks up to, metres from its front.
@@ -29,48 +30,70 @@ _STAND_OFF = 0.45
 NEAR_SEAT = 0.12  # metres between a goal point to sit at and something to sit on
 
 
-def walk_goal(action: str, name: str, place: Array, heading: float, hold: float, around: Surroundings, here: Array) -> Goal:
-    """Build the goal to walk or run to ``place`` (3,), core frame, and face ``heading`` there, coming from ``here`` (2,).
+def walk_goal(
+    action: str, name: str, place: Array, heading: float, hold: float, around: Surroundings, here: Array
+) -> Goal:
+    """Build the goal to walk or run to ``place`` (3,), core frame, and face ``heading`` there, coming from
+    ``here`` (2,).
 
-    A place on top of something is climbed to.  Raises GoalError that names what is in the way where nobody can stand there:
-    inside of something, in the air, under the floor or higher than one climbs.
+    A place on top of something is climbed to.  Raises GoalError that names what is in the way where nobody
+    can stand there: inside of something, in the air, under the floor or higher than one climbs.
     """
     s, place = around.frame.scale, np.asarray(place, dtype=np.float64)
     ground = float(around.ground.height(place[None, :2])[0])
     over = float(place[2]) - ground
     if over < -(FLOOR_TOP + ground):
         raise GoalError(
-            f"The place {name} lies {-place[2] * s:.2f} m under the character's floor; move it up, or put the character on the floor there."
+            f"The place {name} lies {-place[2] * s:.2f} m under the character's floor; move it up, or put "
+            "the character on the floor there."
         )
     owner, top = _what_is_under(place, around) if over > FLOOR_TOP else ("the floor", ground)
     if place[2] - top > FLOOR_TOP:
         raise GoalError(
-            f"The place {name} hangs {(place[2] - top) * s:.2f} m over {owner}; move it down to where the character is to stand."
+            f"The place {name} hangs {(place[2] - top) * s:.2f} m over {owner}; move it down to where the "
+            "character is to stand."
         )
     if top <= LOWEST:
         inside = what_stands_at(place[:2], ground, around)
         if inside is not None:
-            raise GoalError(f"The place {name} lies inside {inside}, or too near to it to stand; move it, or {inside}.")
+            raise GoalError(
+                f"The place {name} lies inside {inside}, or too near to it to stand; move it, or {inside}."
+            )
         return Goal(action, name, np.array((place[0], place[1], 0.0), np.float32), float(heading), hold)
     if top > HIGHEST:
         raise GoalError(
-            f"The place {name} is {top * s:.2f} m over the character's floor, on {owner}; one climbs up to {HIGHEST * s:.2f} m: choose a "
+            f"The place {name} is {top * s:.2f} m over the character's floor, on {owner}; one climbs up to "
+            f"{HIGHEST * s:.2f} m: choose a "
             "lower place, or have the character start up there."
         )
     inside = what_stands_at(place[:2], top, around)
     if inside is not None:
-        raise GoalError(f"The place {name} on {owner} lies inside {inside}, or too near to it to stand; move it, or {inside}.")
+        raise GoalError(
+            f"The place {name} on {owner} lies inside {inside}, or too near to it to stand; move it, or "
+            f"{inside}."
+        )
     try:
         return climb_onto(name, around.scene.objects[owner], np.append(place[:2], top), hold, around, here)
     except (GoalError, GeometryError) as error:
-        raise GoalError(f"The place {name} is {top * s:.2f} m over the character's floor and cannot be climbed to. {error}") from error
+        raise GoalError(
+            f"The place {name} is {top * s:.2f} m over the character's floor and cannot be climbed to. "
+            f"{error}"
+        ) from error
 
 
 def require_support(name: str, place: Array, around: Surroundings) -> None:
-    """Raise GoalError unless there is something to sit on at ``place`` (3,), core frame, which the animator has set."""
-    if float(around.query.signed_distance(np.asarray(place, np.float32)[None], NEAR_SEAT + 0.1)[0]) > NEAR_SEAT:
+    """Raise GoalError unless there is something to sit on at ``place`` (3,), core frame, which the animator
+    has set.
+    """
+    if (
+        float(around.query.signed_distance(np.asarray(place, np.float32)[None], NEAR_SEAT + 0.1)[0])
+        > NEAR_SEAT
+    ):
         away = NEAR_SEAT * around.frame.scale
-        raise GoalError(f"The goal point of {name} hangs in the air, over {away:.2f} m from anything to sit on; move it onto the seat.")
+        raise GoalError(
+            f"The goal point of {name} hangs in the air, over {away:.2f} m from anything to sit on; move it "
+            "onto the seat."
+        )
 
 
 def what_stands_at(place: Array, ground: float, around: Surroundings) -> str | None:
@@ -86,7 +109,9 @@ def what_stands_at(place: Array, ground: float, around: Surroundings) -> str | N
 
 
 def _what_is_under(place: Array, around: Surroundings) -> tuple[str, float]:
-    """The object whose surface is the highest under a place (3,), or little over it, and the height of that, core frame."""
+    """The object whose surface is the highest under a place (3,), or little over it, and the height of that,
+    core frame.
+    """
     found: tuple[str, float] = ("the floor", 0.0)
     for solid in around.standing:
         low, high = solid.bounds

@@ -8,7 +8,9 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class JobGoal:
-    """A goal of a job file: an object's name or a place (3,), world; ``to`` names the destination of what is carried."""
+    """A goal of a job file: an object's name or a place (3,), world; ``to`` names the destination of what is
+    carried.
+    """
 
     action: str
     object: str | None = None

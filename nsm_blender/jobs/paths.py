@@ -26,31 +26,42 @@ def require_words(value: Any, what: str, most: int = 255) -> str:
     """Return a text of one line that says something; JobError otherwise."""
     words = validate.text(value, what, JobError)
     if not words.strip() or len(words) > most or not words.isprintable():
-        raise JobError(f"{what} is {validate.shown(value)}; it must be a text of 1 to {most} letters on one line.")
+        raise JobError(
+            f"{what} is {validate.shown(value)}; it must be a text of 1 to {most} letters on one line."
+        )
     return words
 
 
 def require_path(value: Any, what: str, folder: Path, key: str = "") -> Path:
-    """Return a path of a job file, relative to ``folder``, with the ending of its ``key``; JobError where no disk takes it."""
+    """Return a path of a job file, relative to ``folder``, with the ending of its ``key``; JobError where no
+    disk takes it.
+    """
     words = require_words(value, what, most=100_000)  # their length is told below
     if words.startswith("//"):
-        raise JobError(f"{what} is {validate.shown(value)}; paths are relative to the job file: leave '//' away.")
+        raise JobError(
+            f"{what} is {validate.shown(value)}; paths are relative to the job file: leave '//' away."
+        )
     path = folder / words
     if key in _ENDINGS and path.suffix.lower() in _OTHERS:
-        raise JobError(f"{what} is {validate.shown(value)}; it is written as {_ENDINGS[key]}: end its name so.")
+        raise JobError(
+            f"{what} is {validate.shown(value)}; it is written as {_ENDINGS[key]}: end its name so."
+        )
     if key in _ENDINGS:
         path = with_ending(path, _ENDINGS[key]) if path.name else path
     longest = max((len(os.fsencode(part)) for part in path.parts), default=0)
     if longest > _LONGEST_NAME or len(os.fsencode(path)) > _LONGEST_PATH:
         raise JobError(
-            f"{what} is {validate.shown(value)}, which is too long; names may have {_LONGEST_NAME} bytes and "
+            f"{what} is {validate.shown(value)}, which is too long; names may have {_LONGEST_NAME} bytes "
+            "and "
             f"whole paths {_LONGEST_PATH}: give a shorter one."
         )
     return path
 
 
 def same_file_keys(path: Path) -> set[Hashable]:
-    """What two paths share where they lead to one file: by links, other spellings, or capitals, which many disks ignore."""
+    """What two paths share where they lead to one file: by links, other spellings, or capitals, which many
+    disks ignore.
+    """
     real = Path(os.path.realpath(path))
     keys: set[Hashable] = set()
     name = unicodedata.normalize("NFC", real.name).casefold().rstrip(" .")
@@ -70,7 +81,8 @@ def same_file_keys(path: Path) -> set[Hashable]:
 def refuse_clashes(job_file: Path, scene: Path, takes: Iterable[JobTake]) -> None:
     """Mark takes that would write over the scene, the job file, a file of an earlier take, or their own.
 
-    Of two takes with one output the later one is refused; an output that is refused is taken out, so that nothing writes it.
+    Of two takes with one output the later one is refused; an output that is refused is taken out, so that
+    nothing writes it.
     """
     job_keys, scene_keys = same_file_keys(job_file), same_file_keys(scene)
     seen: dict[Hashable, str] = {}
@@ -93,9 +105,14 @@ def refuse_clashes(job_file: Path, scene: Path, takes: Iterable[JobTake]) -> Non
 
 
 def refuse_used(take: JobTake, used: Iterable[str]) -> None:
-    """Raise JobError where an output is one of the files that the open scene is made of: libraries, pictures, sounds."""
+    """Raise JobError where an output is one of the files that the open scene is made of: libraries, pictures,
+    sounds.
+    """
     theirs = {key: name for name in used if name for key in same_file_keys(Path(name))}
     for key, path in take.outputs.items():
         name = next((theirs[k] for k in same_file_keys(path) if k in theirs), None)
         if name and key != "report":
-            raise JobError(f"In take '{take.name}', '{key}' is {Path(name).name}, which the scene uses; give it another name.")
+            raise JobError(
+                f"In take '{take.name}', '{key}' is {Path(name).name}, which the scene uses; give it "
+                "another name."
+            )

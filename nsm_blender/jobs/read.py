@@ -32,7 +32,9 @@ def read_job(path: str | Path) -> Job:
     try:
         path = Path(path).resolve()
     except (OSError, ValueError, RuntimeError) as error:  # a null byte, links in a ring
-        raise JobError(f"The job file {validate.shown(str(path))} cannot be read ({error}); check its path.") from error
+        raise JobError(
+            f"The job file {validate.shown(str(path))} cannot be read ({error}); check its path."
+        ) from error
     data = validate.read_toml(path, JobError)
     _known(data, _JOB_KEYS, "the job file")
     scene = require_path(_needed(data, "scene", "the job file"), "'scene' in the job file", path.parent)
@@ -65,9 +67,13 @@ def _take(entry: Any, number: int, folder: Path) -> JobTake:
         if wrong:
             raise wrong
         take.character = require_words(entry.get("character", take.character), f"'character' in {where}")
-        take.seed = validate.whole(entry.get("seed", take.seed), f"'seed' in {where}", JobError, 0, _LARGEST_SEED)
+        take.seed = validate.whole(
+            entry.get("seed", take.seed), f"'seed' in {where}", JobError, 0, _LARGEST_SEED
+        )
         start = entry.get("start_frame", take.start_frame)
-        take.start_frame = validate.whole(start, f"'start_frame' in {where}", JobError, _FIRST_FRAME, _LAST_START)
+        take.start_frame = validate.whole(
+            start, f"'start_frame' in {where}", JobError, _FIRST_FRAME, _LAST_START
+        )
         take.contact_ik = _flag(entry, "contact_ik", where, take.contact_ik)
         take.overwrite = _flag(entry, "overwrite", where, take.overwrite)
         goals = validate.listed(_needed(entry, "goals", where), f"'goals' in {where}", JobError, 1000)
@@ -87,20 +93,28 @@ def _goal(entry: Any, where: str) -> JobGoal:
     target = _object(entry, "object", where, action.needs_object)
     to = _object(entry, "to", where, action.needs_destination)
     if to is not None and not action.needs_destination:
-        raise JobError(f"In {where}, 'to' says where a box is carried; remove it, or take the action 'carry'.")
+        raise JobError(
+            f"In {where}, 'to' says where a box is carried; remove it, or take the action 'carry'."
+        )
     hold = validate.number(entry.get("hold", 2.0), f"'hold' in {where}", JobError, 0, _LONGEST_HOLD)
     location = entry.get("location")
     if location is not None and (not isinstance(location, list) or len(location) != 3):
         raise JobError(f"In {where}, 'location' needs three numbers, such as [1.0, 2.0, 0.0].")
     if location is not None:
-        location = tuple(validate.number(v, f"'location' in {where}", JobError, -_FARTHEST, _FARTHEST) for v in location)
+        location = tuple(
+            validate.number(v, f"'location' in {where}", JobError, -_FARTHEST, _FARTHEST) for v in location
+        )
     if location is not None and action.needs_object:
-        raise JobError(f"In {where}, '{action.key}' needs its 'object' alone; remove 'location', or place the object there.")
+        raise JobError(
+            f"In {where}, '{action.key}' needs its 'object' alone; remove 'location', or place the object "
+            "there."
+        )
     if action.aim is Aim.PLACE and target is None and location is None:
         raise JobError(f"In {where}, '{action.key}' needs an 'object' or a 'location'; add one.")
     if action.aim is Aim.HERE and (target or location is not None):
         raise JobError(
-            f"In {where}, '{action.key}' stands where the character is; take 'walk' with a 'hold' to stand at an object or a place."
+            f"In {where}, '{action.key}' stands where the character is; take 'walk' with a 'hold' to stand "
+            "at an object or a place."
         )
     return JobGoal(action.key, target, hold, location, to)
 
@@ -108,7 +122,9 @@ def _goal(entry: Any, where: str) -> JobGoal:
 def _known(entry: dict[str, Any], keys: tuple[str, ...], where: str) -> None:
     for key in entry:
         if key not in keys:
-            raise JobError(f"The key {validate.shown(key)} in {where} is unknown; the keys are {', '.join(keys)}.")
+            raise JobError(
+                f"The key {validate.shown(key)} in {where} is unknown; the keys are {', '.join(keys)}."
+            )
 
 
 def _needed(entry: dict[str, Any], key: str, where: str) -> Any:

@@ -30,7 +30,9 @@ _NO_TURN = {"rotation_quaternion": (1.0, 0.0, 0.0, 0.0), "rotation_axis_angle": 
 
 @dataclass
 class KeyedTake:
-    """A take in an action: what was made, where it lies, and what it replaced; ``things`` the same of the objects it moved."""
+    """A take in an action: what was made, where it lies, and what it replaced; ``things`` the same of the
+    objects it moved.
+    """
 
     armature: bpy.types.Object
     action: bpy.types.Action
@@ -50,7 +52,9 @@ def scene_fps(scene: bpy.types.Scene) -> float:
     return scene.render.fps / scene.render.fps_base
 
 
-def resample_take(hips_position: Array, local_rotations: Array, fps_from: float, fps_to: float) -> tuple[Array, Array]:
+def resample_take(
+    hips_position: Array, local_rotations: Array, fps_from: float, fps_to: float
+) -> tuple[Array, Array]:
     """Sample a take at another rate: (T, 3), (T, J, 4) to (N, 3), (N, J, 4), linear and by slerp.
 
     The first frame stays the first; the last sample is the first one at or after the take's end, held there.
@@ -72,9 +76,10 @@ def key_take(
     """Key a take as a new action on ``armature`` and keep the action it had.
 
     ``hips_position`` (T, 3), world metres, and ``local_rotations`` (T, 23, 4) at ``fps`` are resampled to the
-    scene's rate from ``frame_start`` on.  The armature may stand, face, be scaled (evenly) and be carried as it likes: what
-    else moves it goes on, and the motion lands in the world.  Bones keep their rotation modes.
-    Raises SkeletonError (bones missing, misplaced or moved by something else) and NsmError (as ``layers.require_keyable``, bad
+    scene's rate from ``frame_start`` on.  The armature may stand, face, be scaled (evenly) and be carried as
+    it likes: what else moves it goes on, and the motion lands in the world.  Bones keep their rotation modes.
+    Raises SkeletonError (bones missing, misplaced or moved by something else) and NsmError (as
+    ``layers.require_keyable``, bad
     numbers).  Whatever is raised, everything is then as before.
     """
     return last(key_take_steps(armature, hips_position, local_rotations, frame_start, fps, name, scene))
@@ -89,7 +94,9 @@ def key_take_steps(
     name: str = "Take",
     scene: bpy.types.Scene | None = None,
 ) -> Generator[float, None, KeyedTake]:
-    """``key_take`` in slices: yields the share done after every frame that had to be looked at, and every bone keyed."""
+    """``key_take`` in slices: yields the share done after every frame that had to be looked at, and every
+    bone keyed.
+    """
     scene = scene or bpy.context.scene
     bpy.context.view_layer.update()
     placement = Placement.of(armature)
@@ -121,12 +128,28 @@ def key_take_steps(
         others = channels_of_strips(armature)
         for j, joint in enumerate(JOINTS):
             yield j / J
-            _key_bone(channels, armature.pose.bones[joint], frames, basis[:, j], location if j == HIPS else None, others)
+            _key_bone(
+                channels,
+                armature.pose.bones[joint],
+                frames,
+                basis[:, j],
+                location if j == HIPS else None,
+                others,
+            )
         for between in posed_bones(armature)[J:]:
             _key_still(channels, armature.pose.bones[between], frames, others)
         _touch(armature)
     return KeyedTake(
-        armature, channels.action, channels.slot, int(frames[0]), int(frames[-1]), rate, previous, previous_slot, fake_user, previous_pose
+        armature,
+        channels.action,
+        channels.slot,
+        int(frames[0]),
+        int(frames[-1]),
+        rate,
+        previous,
+        previous_slot,
+        fake_user,
+        previous_pose,
     )
 
 
@@ -135,12 +158,14 @@ def key_things(
 ) -> Generator[float, None, None]:
     """Key what a take has moved, each object in an action of its own named after ``name`` and the object.
 
-    ``moved`` are things with the poses (T, 4) of their props at ``fps``.  Yields the share of an object's frames looked at.
-    Where one cannot be keyed, the whole take is discarded and the error goes on.
+    ``moved`` are things with the poses (T, 4) of their props at ``fps``.  Yields the share of an object's
+    frames looked at.  Where one cannot be keyed, the whole take is discarded and the error goes on.
     """
     try:
         for thing, poses in moved:
-            keyed = yield from key_thing(thing, poses, take.frame_start, fps, take.fps, f"{name} {thing.object.name}", scene)
+            keyed = yield from key_thing(
+                thing, poses, take.frame_start, fps, take.fps, f"{name} {thing.object.name}", scene
+            )
             if keyed is not None:
                 take.things.append(keyed)
     except BaseException:
@@ -150,7 +175,9 @@ def key_things(
 
 
 def discard_take(take: KeyedTake) -> None:
-    """Remove a take's actions and give the armature, and what it moved, back the actions, the pose and the places they had."""
+    """Remove a take's actions and give the armature, and what it moved, back the actions, the pose and the
+    places they had.
+    """
     for thing in take.things:
         discard_thing(thing)
     if take.previous_action:
@@ -165,12 +192,15 @@ def discard_take(take: KeyedTake) -> None:
     bpy.context.view_layer.update()
 
 
-def bone_channels(armature: bpy.types.Object, placement: Placement, mount: Mount, hips: Array, local: Array) -> tuple[Array, Array]:
+def bone_channels(
+    armature: bpy.types.Object, placement: Placement, mount: Mount, hips: Array, local: Array
+) -> tuple[Array, Array]:
     """Turn a take into pose channels: hips location (T, 3) and basis rotations (T, 23, 4), sign-continuous.
 
-    A joint's basis is its local rotation seen from the bone's rest frame, ``R^-1 L R``; that of a joint which does not inherit
-    rotation is its rotation in the armature seen from its bone there, ``B^-1 A^-1 W R``.  For the hips what carries them comes
-    off first.
+    A joint's basis is its local rotation seen from the bone's rest frame, ``R^-1 L R``; that of a joint which
+    does not inherit
+    rotation is its rotation in the armature seen from its bone there, ``B^-1 A^-1 W R``.  For the hips what
+    carries them comes off first.
     """
     rest = placement.rest
     basis = quat_mul(quat_mul(quat_conjugate(rest), local), rest)
@@ -178,8 +208,12 @@ def bone_channels(armature: bpy.types.Object, placement: Placement, mount: Mount
     loose = _loose_joints(armature)
     if loose:
         world = forward_kinematics(hips, local)[1][:, loose]
-        bones = np.array([armature.data.bones[JOINTS[j]].matrix_local.to_quaternion() for j in loose], dtype=np.float64)
-        basis[:, loose] = quat_mul(quat_mul(quat_conjugate(bones), quat_mul(off[:, None], world)), rest[loose])
+        bones = np.array(
+            [armature.data.bones[JOINTS[j]].matrix_local.to_quaternion() for j in loose], dtype=np.float64
+        )
+        basis[:, loose] = quat_mul(
+            quat_mul(quat_conjugate(bones), quat_mul(off[:, None], world)), rest[loose]
+        )
     world = quat_mul(local[:, HIPS], np.broadcast_to(rest[HIPS], local[:, HIPS].shape))
     basis[:, HIPS] = quat_mul(quat_conjugate(mount.turn), quat_mul(off, world))
     return mount.location(hips), _continuous(quat_normalize(basis))
@@ -187,11 +221,17 @@ def bone_channels(armature: bpy.types.Object, placement: Placement, mount: Mount
 
 def _loose_joints(armature: bpy.types.Object) -> list[int]:
     """Joints, but for the hips, that do not turn with the joint above them."""
-    return [j for j, name in enumerate(JOINTS) if j != HIPS and not armature.data.bones[name].use_inherit_rotation]
+    return [
+        j for j, name in enumerate(JOINTS) if j != HIPS and not armature.data.bones[name].use_inherit_rotation
+    ]
 
 
-def read_back(armature: bpy.types.Object, frames: Any, scene: bpy.types.Scene | None = None) -> tuple[Array, Array]:
-    """Evaluate the armature at ``frames`` and return hips (N, 3), world metres, and local rotations (N, 23, 4)."""
+def read_back(
+    armature: bpy.types.Object, frames: Any, scene: bpy.types.Scene | None = None
+) -> tuple[Array, Array]:
+    """Evaluate the armature at ``frames`` and return hips (N, 3), world metres, and local rotations (N, 23,
+    4).
+    """
     scene = scene or bpy.context.scene
     frames = [float(f) for f in frames]
     hips, local = np.empty((len(frames), 3)), np.empty((len(frames), J, 4))
@@ -206,7 +246,12 @@ def read_back(armature: bpy.types.Object, frames: Any, scene: bpy.types.Scene | 
 
 
 def _key_bone(
-    channels: ActionChannels, bone: bpy.types.PoseBone, frames: Array, basis: Array, location: Array | None, others: set[tuple[str, str]]
+    channels: ActionChannels,
+    bone: bpy.types.PoseBone,
+    frames: Array,
+    basis: Array,
+    location: Array | None,
+    others: set[tuple[str, str]],
 ) -> None:
     for suffix, values in _rotation_values(bone.rotation_mode, basis):
         _curves(channels, bone, suffix, frames, values)
@@ -223,19 +268,26 @@ def _key_still(
     turned: bool = False,
     moved: bool = False,
 ) -> None:
-    """Put a bone that was moved, turned or scaled by hand, or by a strip (``others``), back by one key, in this action only.
+    """Put a bone that was moved, turned or scaled by hand, or by a strip (``others``), back by one key, in
+    this action only.
 
     It would bend the skeleton the take was made for.  ``turned`` and ``moved``: these channels have keys.
     """
     rotation = rotation_channel(bone.rotation_mode)
-    rest = {"location": (0.0, 0.0, 0.0), "scale": (1.0, 1.0, 1.0), rotation: _NO_TURN.get(rotation, (0.0, 0.0, 0.0))}
+    rest = {
+        "location": (0.0, 0.0, 0.0),
+        "scale": (1.0, 1.0, 1.0),
+        rotation: _NO_TURN.get(rotation, (0.0, 0.0, 0.0)),
+    }
     for channel, done in (("location", moved), (rotation, turned), ("scale", False)):
         bent = max(abs(a - b) for a, b in zip(getattr(bone, channel), rest[channel], strict=True)) > 1e-6
         if not done and (bent or (bone.name, channel) in others):
             _curves(channels, bone, channel, frames[:1], np.array([rest[channel]]))
 
 
-def _curves(channels: ActionChannels, bone: bpy.types.PoseBone, suffix: str, frames: Array, values: Array) -> None:
+def _curves(
+    channels: ActionChannels, bone: bpy.types.PoseBone, suffix: str, frames: Array, values: Array
+) -> None:
     path = f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"].{suffix}'
     for i in range(values.shape[1]):
         channels.curve(path, i, bone.name, frames, values[:, i])
@@ -267,11 +319,15 @@ def _continuous(q: Array) -> Array:
 def _require_take(hips: Array, local: Array) -> None:
     if hips.ndim != 2 or hips.shape[1] != 3 or local.shape != (len(hips), J, 4) or not len(hips):
         raise SkeletonError(
-            f"A take needs hips (T, 3) and rotations (T, {J}, 4) of one frame or more, not {hips.shape} and {local.shape}; "
+            f"A take needs hips (T, 3) and rotations (T, {J}, 4) of one frame or more, not {hips.shape} and "
+            f"{local.shape}; "
             "generate it again."
         )
     if not (np.isfinite(hips).all() and np.isfinite(local).all()):
-        raise NsmError("The take holds values that are not numbers, so nothing was keyed; try another seed or another start.")
+        raise NsmError(
+            "The take holds values that are not numbers, so nothing was keyed; try another seed or another "
+            "start."
+        )
 
 
 def _touch(target: bpy.types.Object) -> None:

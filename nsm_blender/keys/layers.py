@@ -1,8 +1,10 @@
-"""What else moves a character or a thing than the keys of its own action: refused before a take where keys could not rule.
+"""What else moves a character or a thing than the keys of its own action: refused before a take where keys
+could not rule.
 
-An action rules what it keys unless something is evaluated after it (constraints, drivers), hides it or is mixed with it (the
-NLA).  What merely carries the character (parents, constraints and NLA strips of the armature object, bones above the hips) is
-no reason to refuse: keys are made to follow it, see ``mount``.
+An action rules what it keys unless something is evaluated after it (constraints, drivers), hides it or is
+mixed with it (the
+NLA).  What merely carries the character (parents, constraints and NLA strips of the armature object, bones
+above the hips) is no reason to refuse: keys are made to follow it, see ``mount``.
 """
 
 from __future__ import annotations
@@ -20,7 +22,9 @@ from ..rigs.mount import Mount
 
 _STRING = r'\["((?:[^"\\]|\\.)*)"\]'
 _BONE_PATH = re.compile(rf"pose\.bones{_STRING}\.(\w+)(?:{_STRING}\.(\w+))?$")
-_FLAG_PATH = re.compile(rf"bones{_STRING}\.(use_inherit_rotation|use_local_location|use_inherit_scale|inherit_scale)$")
+_FLAG_PATH = re.compile(
+    rf"bones{_STRING}\.(use_inherit_rotation|use_local_location|use_inherit_scale|inherit_scale)$"
+)
 _ROTATION_OF = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}
 _SWITCHES = {"influence", "mute", "enabled"}
 _SCALES = {"scale", "delta_scale"}
@@ -43,7 +47,8 @@ def posed_bones(armature: bpy.types.Object) -> list[str]:
 
 
 def require_keyable(armature: bpy.types.Object) -> None:
-    """Raise an NsmError that names what else would move the armature's 23 joints once they have keys, and what to do about it.
+    """Raise an NsmError that names what else would move the armature's 23 joints once they have keys, and
+    what to do about it.
 
     ``armature`` has passed ``armature.require_skeleton``.
     """
@@ -61,10 +66,13 @@ def require_keyable(armature: bpy.types.Object) -> None:
         )
     require_action_rules(armature)
     bones = posed_bones(armature)
-    loose = next((name for name in bones[len(JOINTS) :] if not armature.data.bones[name].use_inherit_rotation), None)
+    loose = next(
+        (name for name in bones[len(JOINTS) :] if not armature.data.bones[name].use_inherit_rotation), None
+    )
     if loose is not None:
         raise SkeletonError(
-            f"The bone {loose} of {armature.name} lies between two joints and inherits no rotation, so that it bends the body; "
+            f"The bone {loose} of {armature.name} lies between two joints and inherits no rotation, so that "
+            "it bends the body; "
             "switch Inherit Rotation on in its bone properties."
         )
     Mount.of(armature)
@@ -77,10 +85,14 @@ def require_keyable(armature: bpy.types.Object) -> None:
 def require_editable(target: bpy.types.Object) -> None:
     """Raise an NsmError where an object comes from another file and has no override that may be edited."""
     if target.library is not None:
-        raise NsmError(f"{target.name} is linked from another file and cannot be animated; make a library override of it.")
+        raise NsmError(
+            f"{target.name} is linked from another file and cannot be animated; make a library override of "
+            "it."
+        )
     if target.override_library is not None and target.override_library.is_system_override:
         raise NsmError(
-            f"{target.name} is a library override that is not editable; in the Outliner choose Library Override, Make, and generate again."
+            f"{target.name} is a library override that is not editable; in the Outliner choose Library "
+            "Override, Make, and generate again."
         )
 
 
@@ -90,24 +102,31 @@ def require_action_rules(target: bpy.types.Object) -> None:
     if data is None:
         return
     if data.use_tweak_mode:
-        raise NsmError(f"{target.name} is in the NLA's tweak mode; leave it (Tab in the NLA editor) and generate again.")
+        raise NsmError(
+            f"{target.name} is in the NLA's tweak mode; leave it (Tab in the NLA editor) and generate again."
+        )
     if not data.use_nla or not len(data.nla_tracks):
         return  # without tracks the action is played alone and in full
     solo = next((track.name for track in data.nla_tracks if track.is_solo), None)
     if solo is not None:
         raise NsmError(
-            f"The NLA track {solo} of {target.name} is solo, so that nothing else is played; take its star off in the NLA editor."
+            f"The NLA track {solo} of {target.name} is solo, so that nothing else is played; take its star "
+            "off in the NLA editor."
         )
     if data.action_blend_type != "REPLACE" or data.action_influence < 1:
         blend = data.bl_rna.properties["action_blend_type"].enum_items[data.action_blend_type].name
         raise NsmError(
-            f"The action of {target.name} is mixed with its NLA tracks ({blend}, influence {data.action_influence:.2f}); "
-            "set Blending to Replace and Influence to 1 in the NLA editor (Sidebar, Edited Action), or mute the NLA."
+            f"The action of {target.name} is mixed with its NLA tracks ({blend}, influence "
+            f"{data.action_influence:.2f}); "
+            "set Blending to Replace and Influence to 1 in the NLA editor (Sidebar, Edited Action), or mute "
+            "the NLA."
         )
 
 
 def acts(constraint: bpy.types.Constraint, animated: Iterable[str] = ()) -> bool:
-    """Whether a constraint moves its owner, or may: ``animated`` names those of its properties that drivers or strips set."""
+    """Whether a constraint moves its owner, or may: ``animated`` names those of its properties that drivers
+    or strips set.
+    """
     animated = set(animated)
     if constraint.mute and not animated & {"mute", "enabled"}:
         return False
@@ -121,7 +140,9 @@ def acts(constraint: bpy.types.Constraint, animated: Iterable[str] = ()) -> bool
 
 
 def animated_switches(owner: bpy.types.Object) -> dict[tuple[str, str], set[str]]:
-    """Properties that turn constraints on and off and that drivers or NLA strips set, by (bone, constraint); bone "" is the object."""
+    """Properties that turn constraints on and off and that drivers or NLA strips set, by (bone, constraint);
+    bone "" is the object.
+    """
     found: dict[tuple[str, str], set[str]] = {}
     for path in (*driven(owner), *_strip_paths(owner)):
         match = _BONE_PATH.match(path)
@@ -140,7 +161,9 @@ def channels_of_strips(armature: bpy.types.Object) -> set[tuple[str, str]]:
 
 
 def may_move(target: bpy.types.Object) -> bool:
-    """Whether an object that is moved by no action of its own may still move: by parents, constraints, drivers or NLA strips."""
+    """Whether an object that is moved by no action of its own may still move: by parents, constraints,
+    drivers or NLA strips.
+    """
     data = target.animation_data
     if len(target.constraints) or data and (len(data.drivers) or len(data.nla_tracks)):
         return True
@@ -148,14 +171,21 @@ def may_move(target: bpy.types.Object) -> bool:
 
 
 def carried(armature: bpy.types.Object) -> bool:
-    """Whether the hips' channels may begin elsewhere from frame to frame: the object may move, or a bone above the hips."""
+    """Whether the hips' channels may begin elsewhere from frame to frame: the object may move, or a bone
+    above the hips.
+    """
     above = [b for b in armature.pose.bones["Hips"].parent_recursive if len(b.constraints)]
     return bool(above) or may_move(armature)
 
 
 def _moves(target: bpy.types.Object) -> bool:
     data = target.animation_data
-    return bool(data and data.action) or target.type == "ARMATURE" or target.rigid_body is not None or may_move(target)
+    return (
+        bool(data and data.action)
+        or target.type == "ARMATURE"
+        or target.rigid_body is not None
+        or may_move(target)
+    )
 
 
 def _require_no_constraints(armature: bpy.types.Object, bones: list[str]) -> None:
@@ -165,9 +195,14 @@ def _require_no_constraints(armature: bpy.types.Object, bones: list[str]) -> Non
             moved = next((name for name in _moved_by(owner, constraint) if name in bones), None)
             if moved is None or not acts(constraint, switches.get((owner.name, constraint.name), ())):
                 continue
-            on = f"on its bone {owner.name} moves {moved}" if moved != owner.name else f"on its bone {owner.name} moves it"
+            on = (
+                f"on its bone {owner.name} moves {moved}"
+                if moved != owner.name
+                else f"on its bone {owner.name} moves it"
+            )
             raise SkeletonError(
-                f"The constraint {constraint.name} {on} whatever its keys say; mute or remove it on {armature.name} and generate again."
+                f"The constraint {constraint.name} {on} whatever its keys say; mute or remove it on "
+                f"{armature.name} and generate again."
             )
 
 
@@ -191,22 +226,34 @@ def _require_no_drivers(armature: bpy.types.Object, bones: list[str]) -> None:
         name, channel = _plain(match[1]), match[2]
         bone = armature.pose.bones[name]
         still = channel == "location" and bone.bone.use_connect  # a connected bone does not move by it
-        if not still and channel in {"location", "scale", "rotation_mode", rotation_channel(bone.rotation_mode)}:
+        if not still and channel in {
+            "location",
+            "scale",
+            "rotation_mode",
+            rotation_channel(bone.rotation_mode),
+        }:
             raise SkeletonError(
-                f"The bone {name} of {armature.name} is moved by a driver on its {channel.replace('_', ' ')}, so that keys do not move it; "
+                f"The bone {name} of {armature.name} is moved by a driver on its "
+                f"{channel.replace('_', ' ')}, so that keys do not move it; "
                 "remove or mute the driver and generate again."
             )
 
 
 def _require_flags_kept(armature: bpy.types.Object, bones: list[str]) -> None:
-    """Raise SkeletonError where what the armature's data says of its bones is animated: keys are made for what it says now."""
+    """Raise SkeletonError where what the armature's data says of its bones is animated: keys are made for
+    what it says now.
+    """
     data = armature.data
-    for path in (*driven(data), *(curve.data_path for curve in strip_curves(data, own_action=True) if varies(curve))):
+    for path in (
+        *driven(data),
+        *(curve.data_path for curve in strip_curves(data, own_action=True) if varies(curve)),
+    ):
         match = _FLAG_PATH.match(path)
         if path == "pose_position" or match and _plain(match[1]) in bones:
             what = path if match is None else f"{match[2]} of its bone {_plain(match[1])}"
             raise SkeletonError(
-                f"The armature data {data.name} of {armature.name} is animated ({what.replace('_', ' ')}), so that keys do not rule the "
+                f"The armature data {data.name} of {armature.name} is animated ({what.replace('_', ' ')}), "
+                "so that keys do not rule the "
                 "pose; remove that driver or these keys and generate again."
             )
 
@@ -218,7 +265,8 @@ def _require_size_kept(armature: bpy.types.Object) -> None:
     for match in filter(None, map(_BONE_PATH.match, grown)):
         if match[2] == "scale" and match[3] is None and _plain(match[1]) in above:
             raise SkeletonError(
-                f"The armature {armature.name} changes its size during the take (the scale of its bone {_plain(match[1])} is animated); "
+                f"The armature {armature.name} changes its size during the take (the scale of its bone "
+                f"{_plain(match[1])} is animated); "
                 "remove these keys or drivers."
             )
     carrier: bpy.types.Object | None = armature
@@ -228,7 +276,8 @@ def _require_size_kept(armature: bpy.types.Object) -> None:
         if data and (grows or any(path in _SCALES for path in driven(carrier))):
             what = "its scale" if carrier == armature else f"the scale of its parent {carrier.name}"
             raise SkeletonError(
-                f"The armature {armature.name} changes its size during the take ({what} is animated); remove these keys or drivers."
+                f"The armature {armature.name} changes its size during the take ({what} is animated); "
+                "remove these keys or drivers."
             )
         carrier = carrier.parent
 

@@ -1,4 +1,6 @@
-"""Objects that a character moves: boxes and leaves of doors follow their props, and get actions of their own."""
+"""Objects that a character moves: boxes and leaves of doors follow their props, and get actions of
+their own.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,16 @@ from nsm_core.world.scene.props import Prop
 from ..animation.channels import assign, new_action, strip_curves, transform_of
 from ..animation.kept import Kept, restored_on_failure
 from ..rigs.mount import along
-from .layers import acts, animated_switches, driven, may_move, require_action_rules, require_editable, rotation_channel, varies
+from .layers import (
+    acts,
+    animated_switches,
+    driven,
+    may_move,
+    require_action_rules,
+    require_editable,
+    rotation_channel,
+    varies,
+)
 
 if TYPE_CHECKING:
     from ..world.frame import WorldFrame
@@ -44,8 +55,9 @@ class KeyedThing:
 class MovedObject:
     """An object that a take moves: where it and its prop are before the first frame.
 
-    ``world`` its matrix, ``space`` the one from the world to its own channels, ``turn`` its own rotation; ``pose`` (4,) of the
-    prop that it moves with, core frame, and the name ``prop`` of that: the object's own, or the leaf's on which it hangs.
+    ``world`` its matrix, ``space`` the one from the world to its own channels, ``turn`` its own rotation;
+    ``pose`` (4,) of the prop that it moves with, core frame, and the name ``prop`` of that: the object's own,
+    or the leaf's on which it hangs.
     """
 
     object: bpy.types.Object
@@ -61,7 +73,9 @@ class MovedObject:
         """Note where an object stands now; GoalError where its parents would shear it as it turns."""
         turn = delta_turn(target) @ own_turn(target)
         _require_unsheared(target)
-        return cls(target, frame, target.matrix_world.copy(), _space(target), turn, prop.pose.copy(), prop.name)
+        return cls(
+            target, frame, target.matrix_world.copy(), _space(target), turn, prop.pose.copy(), prop.name
+        )
 
     def world_at(self, pose: Array) -> Matrix:
         """World matrix of the object when its prop is at ``pose`` (4,), core frame."""
@@ -72,20 +86,35 @@ class MovedObject:
         return self._matrix(pose) @ self._matrix(self.pose).inverted()
 
     def _matrix(self, pose: Array) -> Matrix:
-        return Matrix.Translation(Vector(self.frame.to_world(pose[:3]))) @ Matrix.Rotation(float(pose[3]), 4, "Z")
+        return Matrix.Translation(Vector(self.frame.to_world(pose[:3]))) @ Matrix.Rotation(
+            float(pose[3]), 4, "Z"
+        )
 
 
 def require_movable(target: bpy.types.Object, character: bpy.types.Object | None) -> None:
     """Raise an NsmError unless a take may key where ``target`` is."""
     require_editable(target)
-    if character is not None and (target == character or target in character.children_recursive or character in target.children_recursive):
-        raise GoalError(f"{target.name} and the character {character.name} hang on each other; unparent them, or choose another object.")
+    if character is not None and (
+        target == character
+        or target in character.children_recursive
+        or character in target.children_recursive
+    ):
+        raise GoalError(
+            f"{target.name} and the character {character.name} hang on each other; unparent them, or choose "
+            "another object."
+        )
     if not target.evaluated_get(bpy.context.evaluated_depsgraph_get()).is_evaluated:
-        raise GoalError(f"{target.name} is switched off in the viewport, so that it does not move; show it and its collection.")
+        raise GoalError(
+            f"{target.name} is switched off in the viewport, so that it does not move; show it and its "
+            "collection."
+        )
     switches = animated_switches(target)
     constraint = next((c.name for c in target.constraints if acts(c, switches.get(("", c.name), ()))), None)
     if constraint is not None:
-        raise GoalError(f"{target.name} has constraints ({constraint}), so that keys alone do not move it; mute or apply them.")
+        raise GoalError(
+            f"{target.name} has constraints ({constraint}), so that keys alone do not move it; mute or "
+            "apply them."
+        )
     body = target.rigid_body
     if body is not None and body.type == "ACTIVE" and body.enabled and not body.kinematic:
         raise GoalError(f"{target.name} is moved by physics; set its rigid body to Animated, or remove it.")
@@ -95,16 +124,22 @@ def require_movable(target: bpy.types.Object, character: bpy.types.Object | None
         raise GoalError(f"{target.name} is moved by drivers; remove these, or choose another object.")
     moved = next((c.data_path for c in strip_curves(target) if c.data_path in _DELTAS and varies(c)), None)
     if moved is not None:
-        raise GoalError(f"{target.name} is moved by an NLA strip on its {moved.replace('_', ' ')}; mute that track in the NLA editor.")
+        raise GoalError(
+            f"{target.name} is moved by an NLA strip on its {moved.replace('_', ' ')}; mute that track in "
+            "the NLA editor."
+        )
 
 
 def rides_along(target: bpy.types.Object, others: Sequence[bpy.types.Object]) -> bool:
     """Whether an object follows one of ``others`` by a constraint, so that it needs no keys of its own."""
-    return any(c.enabled and c.influence > 0 and getattr(c, "target", None) in others for c in target.constraints)
+    return any(
+        c.enabled and c.influence > 0 and getattr(c, "target", None) in others for c in target.constraints
+    )
 
 
 def _require_unsheared(target: bpy.types.Object) -> None:
-    """Raise GoalError where location and rotation cannot turn an object about the vertical without distorting it.
+    """Raise GoalError where location and rotation cannot turn an object about the vertical without distorting
+    it.
 
     So it is under parents of uneven scale, unless their vertical axis alone is longer or shorter.
     """
@@ -114,13 +149,16 @@ def _require_unsheared(target: bpy.types.Object) -> None:
     if np.abs(own @ own.T - np.eye(3)).max() > _SHEAR:
         over = target.parent.name if target.parent else "a parent"
         raise GoalError(
-            f"{target.name} hangs on {over}, whose scale is uneven, so that it would be sheared as it turns; apply that scale "
+            f"{target.name} hangs on {over}, whose scale is uneven, so that it would be sheared as it "
+            "turns; apply that scale "
             "(Ctrl+A, Scale), or unparent it and keep its transform."
         )
 
 
 def resample_poses(poses: Array, fps_from: float, fps_to: float) -> Array:
-    """Sample poses (T, 4) at another rate: (N, 4), linear, headings by the shorter way; ends as in ``keying.resample_take``."""
+    """Sample poses (T, 4) at another rate: (N, 4), linear, headings by the shorter way; ends as in
+    ``keying.resample_take``.
+    """
     poses = np.array(poses, dtype=np.float64)
     poses[:, 3] = np.unwrap(poses[:, 3])
     seconds = (len(poses) - 1) / fps_from
@@ -129,19 +167,29 @@ def resample_poses(poses: Array, fps_from: float, fps_to: float) -> Array:
 
 
 def key_thing(
-    thing: MovedObject, poses: Array, frame_start: int, fps: float, scene_rate: float, name: str, scene: bpy.types.Scene
+    thing: MovedObject,
+    poses: Array,
+    frame_start: int,
+    fps: float,
+    scene_rate: float,
+    name: str,
+    scene: bpy.types.Scene,
 ) -> Generator[float, None, KeyedThing | None]:
-    """Key a moved object as a new action and keep the action it had; the generator's value is None where it never moves.
+    """Key a moved object as a new action and keep the action it had; the generator's value is None where it
+    never moves.
 
-    ``poses`` (T, 4), core frame, of its prop at ``fps`` are resampled to ``scene_rate`` from ``frame_start`` on.  Keys lie
-    where it moves, and at both ends.  Raises as ``require_movable``, and NsmError on values that are not numbers; the object is
-    then as before.
+    ``poses`` (T, 4), core frame, of its prop at ``fps`` are resampled to ``scene_rate`` from ``frame_start``
+    on.  Keys lie where it moves, and at both ends.  Raises as ``require_movable``, and NsmError on values
+    that are not numbers; the object is then as before.
     """
     target = thing.object
     require_movable(target, None)
     poses = np.asarray(poses, dtype=np.float64)
     if poses.ndim != 2 or poses.shape[1] != 4 or not np.isfinite(poses).all():
-        raise NsmError(f"The take holds places of {target.name} that are not numbers, so nothing was keyed; try another seed.")
+        raise NsmError(
+            f"The take holds places of {target.name} that are not numbers, so nothing was keyed; try "
+            "another seed."
+        )
     poses = resample_poses(poses, fps, scene_rate)
     rows = moving_rows(poses)
     if not len(rows):
@@ -156,7 +204,15 @@ def key_thing(
     data = target.animation_data
     previous = data.action if data else None
     previous_slot = getattr(data, "action_slot", None) if previous else None
-    keyed = KeyedThing(target, None, None, previous, previous_slot, bool(previous and previous.use_fake_user), transform_of(target))
+    keyed = KeyedThing(
+        target,
+        None,
+        None,
+        previous,
+        previous_slot,
+        bool(previous and previous.use_fake_user),
+        transform_of(target),
+    )
     with restored_on_failure(Kept(scene, [target])):
         if previous:
             previous.use_fake_user = True  # or it would be lost with the file's next save
@@ -164,7 +220,9 @@ def key_thing(
         for path, values in (("location", location), (rotation_channel(target.rotation_mode), rotation)):
             for i in range(values.shape[1]):
                 channels.curve(path, i, "Object Transforms", frames, values[:, i])
-        if previous or any(c.data_path == "scale" for c in strip_curves(target)):  # its size must stay what it was
+        if previous or any(
+            c.data_path == "scale" for c in strip_curves(target)
+        ):  # its size must stay what it was
             for i in range(3):
                 channels.curve("scale", i, "Object Transforms", frames[:1], scale[i : i + 1])
         assign(target, channels.action, channels.slot)
@@ -187,7 +245,9 @@ def discard_thing(keyed: KeyedThing) -> None:
 
 
 def moving_rows(poses: Array) -> Array:
-    """Rows of poses (N, 4) that need a key: both ends and every frame next to a move; empty where nothing moves."""
+    """Rows of poses (N, 4) that need a key: both ends and every frame next to a move; empty where nothing
+    moves.
+    """
     steps = np.abs(np.diff(poses, axis=0)).max(1) > _MOVED if len(poses) > 1 else np.zeros(0, bool)
     if not steps.any():
         return np.zeros(0, int)
@@ -196,9 +256,11 @@ def moving_rows(poses: Array) -> Array:
 
 
 def _channel_values(thing: MovedObject, poses: Array, spaces: list[Matrix]) -> tuple[Array, Array, Array]:
-    """Location (N, 3), rotation (N, 3 or 4) in the object's mode and first scale (3,) that put it where ``poses`` (N, 4) say.
+    """Location (N, 3), rotation (N, 3 or 4) in the object's mode and first scale (3,) that put it where
+    ``poses`` (N, 4) say.
 
-    ``spaces``, one for each pose or one for all: from the world to the object's own channels, its parents as they are then.
+    ``spaces``, one for each pose or one for all: from the world to the object's own channels, its parents as
+    they are then.
     """
     target, mode = thing.object, thing.object.rotation_mode
     undelta, back = delta_turn(target).inverted(), thing.space.inverted_safe()
@@ -216,7 +278,9 @@ def _channel_values(thing: MovedObject, poses: Array, spaces: list[Matrix]) -> t
             axis, angle = turn.to_axis_angle()
             rotation.append((angle, *axis))
         else:
-            rotation.append(turn.to_euler(mode, rotation[-1]) if rotation else turn.to_euler(mode, target.rotation_euler))
+            rotation.append(
+                turn.to_euler(mode, rotation[-1]) if rotation else turn.to_euler(mode, target.rotation_euler)
+            )
         last = turn
     scale = (thing.space @ thing.world).to_scale()
     return np.array(location, dtype=np.float64), np.array(rotation, dtype=np.float64), np.array(scale)
@@ -227,7 +291,9 @@ def _space(target: bpy.types.Object) -> Matrix:
 
 
 def own_turn(target: bpy.types.Object, values: Sequence[float] | None = None) -> Quaternion:
-    """The rotation channels of an object, in whatever mode, or these ``values`` of theirs, as a quaternion."""
+    """The rotation channels of an object, in whatever mode, or these ``values`` of theirs, as a
+    quaternion.
+    """
     values = getattr(target, rotation_channel(target.rotation_mode)) if values is None else values
     if target.rotation_mode == "QUATERNION":
         return Quaternion(values).normalized()

@@ -25,8 +25,12 @@ class Preview:
     def __init__(self, armature: bpy.types.Object) -> None:
         self.armature, self.placement, self.mount = armature, Placement.of(armature), Mount.of(armature)
 
-    def show(self, hips_world: Array, local_rotations: Array, moved: Iterable[tuple[bpy.types.Object, Matrix]] = ()) -> None:
-        """Pose the character: hips (3,) world, Blender units, and rotations (23, 4) as in the core; put objects at world matrices."""
+    def show(
+        self, hips_world: Array, local_rotations: Array, moved: Iterable[tuple[bpy.types.Object, Matrix]] = ()
+    ) -> None:
+        """Pose the character: hips (3,) world, Blender units, and rotations (23, 4) as in the core; put
+        objects at world matrices.
+        """
         rotations = quat_normalize(np.asarray(local_rotations, dtype=np.float64))[None]
         hips = np.asarray(hips_world, dtype=np.float64)[None]
         location, basis = bone_channels(self.armature, self.placement, self.mount, hips, rotations)

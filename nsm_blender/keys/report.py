@@ -20,18 +20,27 @@ from .keying import KeyedTake
 from .shown import OFF, ShownTake
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
-_ERRORS = ("position_error_cm", "rotation_error_deg", "network_position_error_cm", "network_rotation_error_deg")
+_ERRORS = (
+    "position_error_cm",
+    "rotation_error_deg",
+    "network_position_error_cm",
+    "network_rotation_error_deg",
+)
 _WRISTS = [arm[2] for arm in ARMS]
 _HAND_ERRORS = ("hand_error_cm", "hand_rotation_deg", "network_hand_error_cm", "network_hand_rotation_deg")
 
 
-def build_report(name: str, result: TakeResult, shown: ShownTake, keyed: KeyedTake, asked: TakeRequest, keying_ms: float) -> dict[str, Any]:
+def build_report(
+    name: str, result: TakeResult, shown: ShownTake, keyed: KeyedTake, asked: TakeRequest, keying_ms: float
+) -> dict[str, Any]:
     """Gather a take's figures, in the units their names end in, as plain values for JSON.
 
-    They are measured on the bones and objects that the scene shows (``shown``); what the network alone did is told beside.
-    ``frames`` and ``fps`` are those of the keys; ``ms_per_frame`` is per frame of the 30 Hz network clock, its ``keying`` being
-    ``keying_ms``.  Lengths are in metres of the character: a scaled one is measured at its own size.  ``warnings`` are sentences
-    on what is seen and is not what was made.  It touches none of Blender's data, so that a thread may do it.
+    They are measured on the bones and objects that the scene shows (``shown``); what the network alone did is
+    told beside.
+    ``frames`` and ``fps`` are those of the keys; ``ms_per_frame`` is per frame of the 30 Hz network clock,
+    its ``keying`` being ``keying_ms``.  Lengths are in metres of the character: a scaled one is measured at
+    its own size.  ``warnings`` are sentences on what is seen and is not what was made.  It touches none of
+    Blender's data, so that a thread may do it.
     """
     ground = asked.ground
     heights = ground.height if ground else None
@@ -55,8 +64,12 @@ def build_report(name: str, result: TakeResult, shown: ShownTake, keyed: KeyedTa
 
 
 def _goal_report(goal: GoalResult, shown: ShownTake, prop: Prop | None) -> dict[str, Any]:
-    """One goal, judged by what is seen at the frame at which it was judged; hands, at the one at which they take its prop."""
-    values = {key: getattr(goal, key) for key in (*_ERRORS, *(_HAND_ERRORS if BY_KEY[goal.action].hands else ()))}
+    """One goal, judged by what is seen at the frame at which it was judged; hands, at the one at which they
+    take its prop.
+    """
+    values = {
+        key: getattr(goal, key) for key in (*_ERRORS, *(_HAND_ERRORS if BY_KEY[goal.action].hands else ()))
+    }
     reached, reason = bool(goal.reached), goal.reason
     if math.isfinite(goal.position_error_cm) and goal.place is not None:
         frame = min(goal.end_frame, len(shown.hips) - 1)
@@ -64,14 +77,25 @@ def _goal_report(goal: GoalResult, shown: ShownTake, prop: Prop | None) -> dict[
             position, heading = shown.poses[prop.name][frame, :3], float(shown.poses[prop.name][frame, 3])
         else:
             position = shown.hips[frame]
-            heading = float(root_of(forward_kinematics(position, shown.local[frame], shown.offsets.astype(np.float64))[0])[1])
+            heading = float(
+                root_of(
+                    forward_kinematics(position, shown.local[frame], shown.offsets.astype(np.float64))[0]
+                )[1]
+            )
         values["position_error_cm"], values["rotation_error_deg"] = goal_errors(goal, position, heading)
         if reached and values["position_error_cm"] > goal.position_error_cm + 100 * OFF:
-            reached, reason = False, f"On screen it is {values['position_error_cm']:.1f} cm off: {_what_is_off(shown)}"
+            reached, reason = (
+                False,
+                f"On screen it is {values['position_error_cm']:.1f} cm off: {_what_is_off(shown)}",
+            )
     if goal.taken is not None and prop is not None and 0 <= goal.taken.frame < len(shown.hips):
         frame = goal.taken.frame
-        joints = forward_kinematics(shown.hips[frame], shown.local[frame], shown.offsets.astype(np.float64))[0]
-        values["hand_error_cm"], values["hand_rotation_deg"] = goal.taken.errors(joints[_WRISTS], shown.poses[prop.name][frame])
+        joints = forward_kinematics(shown.hips[frame], shown.local[frame], shown.offsets.astype(np.float64))[
+            0
+        ]
+        values["hand_error_cm"], values["hand_rotation_deg"] = goal.taken.errors(
+            joints[_WRISTS], shown.poses[prop.name][frame]
+        )
     return {
         "object": goal.object,
         "action": goal.action,
@@ -83,7 +107,10 @@ def _goal_report(goal: GoalResult, shown: ShownTake, prop: Prop | None) -> dict[
 
 
 def _what_is_off(shown: ShownTake) -> str:
-    return f"{shown.off_name} is {100 * shown.off:.1f} cm from its keys at frame {shown.off_frame}, so that something else moves it."
+    return (
+        f"{shown.off_name} is {100 * shown.off:.1f} cm from its keys at frame {shown.off_frame}, so that "
+        "something else moves it."
+    )
 
 
 def _warnings(shown: ShownTake) -> list[str]:
@@ -111,17 +138,27 @@ def goal_line(goal: dict[str, Any]) -> str:
         return f"{goal['object']}: {BY_KEY[goal['action']].done} after {goal['seconds']:.1f} s, {errors}."
     if goal.get("reason"):
         return f"{goal['object']}: not reached. {goal['reason']}"
-    return f"{goal['object']}: not reached in {goal['seconds']:.1f} s, {errors}; clear its way, start nearer, or try another seed."
+    return (
+        f"{goal['object']}: not reached in {goal['seconds']:.1f} s, {errors}; clear its way, start nearer, "
+        "or try another seed."
+    )
 
 
-def result_lines(report: dict[str, Any], first: int = 1, scene_end: int | None = None) -> list[tuple[str, bool]]:
+def result_lines(
+    report: dict[str, Any], first: int = 1, scene_end: int | None = None
+) -> list[tuple[str, bool]]:
     """Lines about a take for the sidebar, each with whether it is good news.
 
-    ``first`` is the frame of its first key; ``scene_end``, the scene's last frame, is told where it cuts the take off.
+    ``first`` is the frame of its first key; ``scene_end``, the scene's last frame, is told where it cuts the
+    take off.
     """
     lines = [(goal_line(goal), bool(goal["reached"])) for goal in report["goals"]]
     lines += [(warning, False) for warning in report.get("warnings", ())]
     last = first + report["frames"] - 1
-    short = "" if scene_end is None or last <= scene_end else f"; the scene ends at {scene_end}, so set its End to {last} to play all"
+    short = (
+        ""
+        if scene_end is None or last <= scene_end
+        else f"; the scene ends at {scene_end}, so set its End to {last} to play all"
+    )
     lines.append((f"Keys on frames {first} to {last}{short}.", True))
     return lines

@@ -1,9 +1,11 @@
-"""A keyed take as the scene shows it: evaluated bones and moved objects, frame by frame, beside the motion that was made.
+"""A keyed take as the scene shows it: evaluated bones and moved objects, frame by frame, beside the motion
+that was made.
 
-Whatever else plays in a scene, a report must tell of what is seen.  Evaluating costs as much as the scene is heavy, so the
-first frame, the last, those at which goals were judged or things taken, and a dozen between are looked at, then ever more
-between these, until all are seen or a tenth of the time that the take itself took (``SHARE``) is spent.  Between frames looked
-at, the difference from the motion made is taken as linear.
+Whatever else plays in a scene, a report must tell of what is seen.  Evaluating costs as much as the scene is
+heavy, so the first frame, the last, those at which goals were judged or things taken, and a dozen between are
+looked at, then ever more
+between these, until all are seen or a tenth of the time that the take itself took (``SHARE``) is spent.
+Between frames looked at, the difference from the motion made is taken as linear.
 """
 
 from __future__ import annotations
@@ -37,10 +39,11 @@ _FEWEST = 12  # frames looked at however heavy the scene is
 class ShownTake:
     """What a scene shows of a take, core frame, at the 30 Hz of the motion made.
 
-    ``hips`` (T, 3) and ``local`` (T, 23, 4) of the evaluated bones, ``offsets`` (23, 3) of the character's own joints, ``poses``
-    (T, 4) of the props by name as the moved objects are seen; ``looked_at`` counts the scene's frames evaluated.  ``off`` is the
-    largest distance, metres, between a joint or a moved object and where its keys should put it, of ``off_name`` at the scene's
-    frame ``off_frame``; ``unlike`` the largest between a joint, of ``unlike_name``, and the motion made for the network's skeleton.
+    ``hips`` (T, 3) and ``local`` (T, 23, 4) of the evaluated bones, ``offsets`` (23, 3) of the character's
+    own joints, ``poses`` (T, 4) of the props by name as the moved objects are seen; ``looked_at`` counts the
+    scene's frames evaluated.  ``off`` is the largest distance, metres, between a joint or a moved object and
+    where its keys should put it, of ``off_name`` at the scene's frame ``off_frame``; ``unlike`` the largest
+    between a joint, of ``unlike_name``, and the motion made for the network's skeleton.
     """
 
     hips: Array
@@ -57,15 +60,23 @@ class ShownTake:
 
 
 def look_at(
-    keyed: KeyedTake, result: TakeResult, frame: WorldFrame, things: Mapping[str, MovedObject], scene: bpy.types.Scene
+    keyed: KeyedTake,
+    result: TakeResult,
+    frame: WorldFrame,
+    things: Mapping[str, MovedObject],
+    scene: bpy.types.Scene,
 ) -> Generator[float, None, ShownTake]:
-    """Evaluate a keyed take; yields the share done after every frame, and puts the scene's frame back at the end.
+    """Evaluate a keyed take; yields the share done after every frame, and puts the scene's frame back at the
+    end.
 
-    ``result`` is the motion made, in the ``frame`` of the character; ``things`` are what it moves, by their names.
+    ``result`` is the motion made, in the ``frame`` of the character; ``things`` are what it moves, by their
+    names.
     """
     count = keyed.frame_end - keyed.frame_start + 1
     budget = max(SHARE * sum(result.stage_ms.values()) / 1000 * len(result.hips_position), 0.2)
-    moments = [goal.end_frame for goal in result.goals] + [goal.taken.frame for goal in result.goals if goal.taken is not None]
+    moments = [goal.end_frame for goal in result.goals] + [
+        goal.taken.frame for goal in result.goals if goal.taken is not None
+    ]
     judged = {min(round(max(moment, 0) / FPS * keyed.fps), count - 1) for moment in moments}
     look = _Look(keyed, frame, things)
     spent, step = 0.0, max(1, count // _FEWEST)
@@ -100,7 +111,10 @@ class _Look:
         go_to(scene, self.keyed.frame_start + row)
         joints, _, local = read_world_pose(self.keyed.armature, self.placement)
         depsgraph = bpy.context.evaluated_depsgraph_get()
-        objects = {name: thing.object.evaluated_get(depsgraph).matrix_world.copy() for name, thing in self.things.items()}
+        objects = {
+            name: thing.object.evaluated_get(depsgraph).matrix_world.copy()
+            for name, thing in self.things.items()
+        }
         self.seen[row] = self.frame.to_core(joints), local, objects
 
     def beside(self, result: TakeResult) -> ShownTake:
@@ -110,18 +124,26 @@ class _Look:
         motion = (np.asarray(m, dtype=np.float64) for m in (result.hips_position, result.local_rotations))
         made_hips, made_local = (m[rows] for m in resample_take(*motion, FPS, self.keyed.fps))
         offsets = own_offsets(self.placement)
-        own, standard = (forward_kinematics(made_hips, made_local, o.astype(np.float64))[0] for o in (offsets, OFFSETS))
-        shown = ShownTake(np.empty(0), np.empty(0), offsets, {}, len(rows), character=self.keyed.armature.name)
+        own, standard = (
+            forward_kinematics(made_hips, made_local, o.astype(np.float64))[0] for o in (offsets, OFFSETS)
+        )
+        shown = ShownTake(
+            np.empty(0), np.empty(0), offsets, {}, len(rows), character=self.keyed.armature.name
+        )
         gap = np.linalg.norm(joints - own, axis=-1)
         self._note(shown, gap.max(1), rows, [JOINTS[j] for j in gap.argmax(1)])
         gap = np.linalg.norm(joints - standard, axis=-1)
         shown.unlike, shown.unlike_name = float(gap.max()), JOINTS[int(gap.max(0).argmax())]
 
         at = rows / self.keyed.fps * FPS
-        shown.hips = result.hips_position + _between(at, joints[:, HIPS] - made_hips, len(result.hips_position))
+        shown.hips = result.hips_position + _between(
+            at, joints[:, HIPS] - made_hips, len(result.hips_position)
+        )
         turn = quat_mul(local, quat_conjugate(made_local))
         turn = np.where(turn[..., :1] < 0, -turn, turn)
-        turn = quat_normalize(_between(at, turn.reshape(len(rows), -1), len(result.hips_position)).reshape(-1, len(JOINTS), 4))
+        turn = quat_normalize(
+            _between(at, turn.reshape(len(rows), -1), len(result.hips_position)).reshape(-1, len(JOINTS), 4)
+        )
         shown.local = quat_mul(turn, np.asarray(result.local_rotations, dtype=np.float64))
         for name, poses in result.props.items():
             shown.poses[name] = np.asarray(poses, dtype=np.float64)
@@ -129,7 +151,9 @@ class _Look:
             self._thing(name, thing, rows, at, shown, result)
         return shown
 
-    def _thing(self, name: str, thing: MovedObject, rows: Array, at: Array, shown: ShownTake, result: TakeResult) -> None:
+    def _thing(
+        self, name: str, thing: MovedObject, rows: Array, at: Array, shown: ShownTake, result: TakeResult
+    ) -> None:
         """Note where a moved object is seen; its prop, where it has its name, is then there too."""
         poses = np.asarray(result.props[thing.prop], dtype=np.float64)
         made, change = resample_poses(poses, FPS, self.keyed.fps)[rows], np.zeros((len(rows), 4))
@@ -150,13 +174,17 @@ class _Look:
 
 
 def own_offsets(placement: Placement) -> Array:
-    """Joint offsets (23, 3) of a character in its own metres; the network's where they are the same to a millimetre."""
+    """Joint offsets (23, 3) of a character in its own metres; the network's where they are the same to a
+    millimetre.
+    """
     heads = placement.heads
     offsets = np.array([heads[j] - (heads[p] if p >= 0 else 0) for j, p in enumerate(PARENTS)])
     return OFFSETS if np.abs(offsets[1:] - OFFSETS[1:]).max() < 1e-3 else offsets
 
 
 def _between(at: Array, values: Array, count: int) -> Array:
-    """Values (N, K) known at moments ``at`` (N,), in frames of the motion, for each of its ``count`` frames, linear."""
+    """Values (N, K) known at moments ``at`` (N,), in frames of the motion, for each of its ``count`` frames,
+    linear.
+    """
     frames = np.arange(count)
     return np.column_stack([np.interp(frames, at, values[:, k]) for k in range(values.shape[1])])

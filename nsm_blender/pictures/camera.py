@@ -24,8 +24,8 @@ _BODY = 0.9  # metres before the middle of the body that belong to it when what 
 class Shot:
     """How a camera follows a take.
 
-    ``height`` of the world that fits in the picture at the character, metres of an adult; ``tracking`` 0 holds the middle of
-    the path, 1 stays with the hips; ``softness`` in seconds smooths the camera's way.
+    ``height`` of the world that fits in the picture at the character, metres of an adult; ``tracking`` 0
+    holds the middle of the path, 1 stays with the hips; ``softness`` in seconds smooths the camera's way.
     """
 
     height: float
@@ -41,7 +41,8 @@ def follow_camera(
     wish: Sequence[float] | None = None,
     frames: Sequence[int] | None = None,
 ) -> None:
-    """Key ``camera`` so that it follows the take as ``shot`` says, seeing it; call with the render size already set.
+    """Key ``camera`` so that it follows the take as ``shot`` says, seeing it; call with the render size
+    already set.
 
     ``wish`` (3,) and ``frames`` are those of ``choose_views``.
     """
@@ -65,14 +66,19 @@ def follow_camera(
         turn.make_compatible(last)
     channels = new_action("NSM Picture", camera.name)
     at = np.arange(take.frame_start, take.frame_end + 1)
-    for path, values in (("location", targets + views.directions * distance), ("rotation_quaternion", np.array(turns))):
+    for path, values in (
+        ("location", targets + views.directions * distance),
+        ("rotation_quaternion", np.array(turns)),
+    ):
         for i in range(values.shape[1]):
             channels.curve(path, i, "Camera", at, values[:, i])
     assign(camera, channels.action, channels.slot)
 
 
 def path_of(take: KeyedTake, scene: bpy.types.Scene) -> tuple[Array, Array]:
-    """Hips (N, 3), world, Blender units, and facing directions (N, 2) at every frame of a take, from its keys."""
+    """Hips (N, 3), world, Blender units, and facing directions (N, 2) at every frame of a take, from its
+    keys.
+    """
     hips, facing = [], []
     kept = scene.frame_current, scene.frame_subframe
     for number in range(take.frame_start, take.frame_end + 1):

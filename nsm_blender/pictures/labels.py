@@ -13,7 +13,8 @@ _ROWS = 5
 
 
 def stamp(picture: Array, text: str, size: int = 3) -> None:
-    """Write ``text`` (digits, point, s) dark on a light plate into the top left of a picture (H, W, 4), bottom row first, in place.
+    """Write ``text`` (digits, point, s) dark on a light plate into the top left of a picture (H, W, 4),
+    bottom row first, in place.
 
     ``size`` is of one dot, pixels.
     """
@@ -26,5 +27,9 @@ def stamp(picture: Array, text: str, size: int = 3) -> None:
             for column in range(3):
                 if int(digit) >> (2 - column) & 1:
                     y = top - (row + 1) * size
-                    picture[y : y + size, x + column * size : x + (column + 1) * size, :3] = (0.10, 0.12, 0.16)
+                    picture[y : y + size, x + column * size : x + (column + 1) * size, :3] = (
+                        0.10,
+                        0.12,
+                        0.16,
+                    )
         x += (3 if character == "." else 4) * size

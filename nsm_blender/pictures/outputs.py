@@ -30,7 +30,8 @@ def with_ending(path: Path, ending: str) -> Path:
 
 
 def require_writable(path: str | Path, ending: str = "", what: str = "") -> Path:
-    """Return ``path`` with ``ending``, its folder made; OutputError, about ``what``, where a file cannot be written there.
+    """Return ``path`` with ``ending``, its folder made; OutputError, about ``what``, where a file cannot be
+    written there.
 
     Nothing is left in the folder, and a file that is there stays as it is.
     """
@@ -59,8 +60,8 @@ def require_writable(path: str | Path, ending: str = "", what: str = "") -> Path
 def written(path: Path, what: str, is_whole: Callable[[Path], bool] | None = None) -> Iterator[Path]:
     """Yield a temporary path that takes the place of ``path`` at the end, if the file there ``is_whole``.
 
-    Blender's own writers do not always say that a disk was full, hence the look at what they left.  Raises OutputError about
-    ``what``; the old file, if any, is then still there.
+    Blender's own writers do not always say that a disk was full, hence the look at what they left.  Raises
+    OutputError about ``what``; the old file, if any, is then still there.
     """
     with _told(path, what), atomic_path(path) as temporary:
         if is_whole and temporary == Path(os.path.realpath(path)):
@@ -69,7 +70,9 @@ def written(path: Path, what: str, is_whole: Callable[[Path], bool] | None = Non
             yield temporary
         except RuntimeError as problem:  # what an operator reports
             reason = str(problem).removeprefix("Error: ").strip().splitlines() or ["no reason given"]
-            raise OSError(errno.EIO, f"Blender says: {reason[0]}".replace(str(temporary), path.name)) from problem
+            raise OSError(
+                errno.EIO, f"Blender says: {reason[0]}".replace(str(temporary), path.name)
+            ) from problem
         if is_whole and not is_whole(temporary):
             raise OSError(errno.ENOSPC, "it was cut short; the disk may be full")
 
@@ -83,12 +86,20 @@ def write_json(path: Path, data: Any, what: str = "The report") -> None:
 
 def save_blend(path: Path, what: str = "The scene", compress: bool = False) -> None:
     """Save the open scene as a copy; OutputError when that fails."""
-    with written(path, what, blend_is_whole) as temporary, quiet(), redirect_stdout(_Renaming(sys.stdout, temporary.name, path.name)):
-        bpy.ops.wm.save_as_mainfile(filepath=str(temporary), copy=True, relative_remap=True, compress=compress)
+    with (
+        written(path, what, blend_is_whole) as temporary,
+        quiet(),
+        redirect_stdout(_Renaming(sys.stdout, temporary.name, path.name)),
+    ):
+        bpy.ops.wm.save_as_mainfile(
+            filepath=str(temporary), copy=True, relative_remap=True, compress=compress
+        )
 
 
 class _Renaming(io.TextIOBase):
-    """Passes on what is printed, with the name that a file will have for the passing one: Blender says where it has saved."""
+    """Passes on what is printed, with the name that a file will have for the passing one: Blender says where
+    it has saved.
+    """
 
     def __init__(self, stream: TextIO, passing: str, final: str) -> None:
         self._stream, self._passing, self._final = stream, passing, final
@@ -107,7 +118,9 @@ def scratch_folder() -> Iterator[Path]:
     try:
         folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
     except OSError as problem:
-        raise OutputError(f"No temporary folder can be made ({problem.strerror}); make room on that disk.") from problem
+        raise OutputError(
+            f"No temporary folder can be made ({problem.strerror}); make room on that disk."
+        ) from problem
     with folder as name:
         yield Path(name)
 
@@ -118,7 +131,9 @@ def blend_is_whole(path: Path) -> bool:
         start = file.read(9)
         file.seek(max(0, path.stat().st_size - 32))
         end = file.read()
-    if start.startswith(b"BLENDER"):  # the last block is ENDB: a head alone, of 32 bytes from 5.0 on, whose files have a digit here
+    if start.startswith(
+        b"BLENDER"
+    ):  # the last block is ENDB: a head alone, of 32 bytes from 5.0 on, whose files have a digit here
         return end[0 if start[7:].isdigit() else 8 :].startswith(b"ENDB")
     # Compressed: Zstandard frames with a table of them at the end, which has a magic number of its own.
     return start.startswith(b"\x28\xb5\x2f\xfd") and end.endswith(b"\xb1\xea\x92\x8f")

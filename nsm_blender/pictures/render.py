@@ -33,11 +33,13 @@ def contact_sheet(
     progress: Progress | None = None,
     frames: Sequence[int] | None = None,
 ) -> Path:
-    """Render frames of a take, evenly spaced or those in ``frames``, side by side into one PNG and return its path.
+    """Render frames of a take, evenly spaced or those in ``frames``, side by side into one PNG and return its
+    path.
 
-    The camera stays with the character and looks from ``direction`` (from the character towards the camera) or, where
-    something stands there, from a side where it is seen.  ``size`` is of a tile, pixels; ``numbers`` writes the time into
-    each.  ``progress`` hears 0..1.
+    The camera stays with the character and looks from ``direction`` (from the character towards the camera)
+    or, where
+    something stands there, from a side where it is seen.  ``size`` is of a tile, pixels; ``numbers`` writes
+    the time into each.  ``progress`` hears 0..1.
     The scene's own settings come back.  Raises OutputError when the file cannot be written.
     """
     scene = scene or bpy.context.scene
@@ -45,7 +47,8 @@ def contact_sheet(
     if frames is None:
         frames = np.unique(np.linspace(take.frame_start, take.frame_end, tiles).round().astype(int))
     pictures = []
-    # Twice as large and halved: smooth edges for half of what the renderer's own samples cost without a graphics card.
+    # Twice as large and halved: smooth edges for half of what the renderer's own samples cost without a
+    # graphics card.
     with scratch_folder() as folder, studio(scene, (2 * size[0], 2 * size[1])) as temporary:
         follow_camera(temporary.camera, take, scene, Shot(height=2.3), direction, frames)
         scene.render.image_settings.file_format = "PNG"
@@ -56,7 +59,11 @@ def contact_sheet(
             _render(tile, png_is_whole, write_still=True, scene=scene.name)
             picture = halved(read_png(tile))
             if numbers:
-                stamp(picture, f"{(frame - take.frame_start) / take.fps:.1f}s", size=max(1, picture.shape[0] // 90))
+                stamp(
+                    picture,
+                    f"{(frame - take.frame_start) / take.fps:.1f}s",
+                    size=max(1, picture.shape[0] // 90),
+                )
             pictures.append(picture)
             if progress:
                 progress((k + 1) / len(frames))
@@ -75,8 +82,8 @@ def video(
 ) -> Path:
     """Render a take as an H.264 MP4 at the scene's own speed and return its path.
 
-    ``step`` renders every so many frames only; the rest as for ``contact_sheet``.  Raises OutputError when the file
-    cannot be written.
+    ``step`` renders every so many frames only; the rest as for ``contact_sheet``.  Raises OutputError when
+    the file cannot be written.
     """
     scene = scene or bpy.context.scene
     path = require_writable(path, FILM, "The video")
@@ -88,7 +95,9 @@ def video(
             progress(min(len(heard) / max(1, len(range(take.frame_start, take.frame_end + 1, step))), 1.0))
 
     with scratch_folder() as folder, studio(scene, size, fast=True) as temporary:
-        follow_camera(temporary.camera, take, scene, Shot(height=2.35, tracking=0.85, softness=0.6), direction)
+        follow_camera(
+            temporary.camera, take, scene, Shot(height=2.35, tracking=0.85, softness=0.6), direction
+        )
         use_mp4(scene)
         scene.frame_start, scene.frame_end, scene.frame_step = take.frame_start, take.frame_end, step
         scene.render.fps_base *= step
@@ -116,7 +125,9 @@ def use_mp4(scene: bpy.types.Scene) -> None:
 
 
 def _render(made: Path, is_whole: Callable[[Path], bool], **how: str | bool) -> None:
-    """Render to a temporary file; OutputError where it is not there or, since Blender is silent about that, cut short."""
+    """Render to a temporary file; OutputError where it is not there or, since Blender is silent about that,
+    cut short.
+    """
     reason = ""
     try:
         with quiet():
@@ -124,9 +135,14 @@ def _render(made: Path, is_whole: Callable[[Path], bool], **how: str | bool) -> 
     except RuntimeError as problem:
         reason = f" (Blender says: {str(problem).removeprefix('Error: ').strip()})"
     if reason or (made.exists() and not is_whole(made)):
-        raise OutputError(f"Rendering into {made.parent} was cut short{reason}; the disk may be full: make room there.")
+        raise OutputError(
+            f"Rendering into {made.parent} was cut short{reason}; the disk may be full: make room there."
+        )
     if not made.exists():
-        raise OutputError(f"This Blender wrote no {made.suffix}; make room in {made.parent.parent}, or use a build with FFmpeg.")
+        raise OutputError(
+            f"This Blender wrote no {made.suffix}; make room in {made.parent.parent}, or use a build with "
+            "FFmpeg."
+        )
 
 
 def read_png(path: Path) -> Array:

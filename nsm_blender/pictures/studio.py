@@ -35,9 +35,11 @@ class Temporary:
 
 @contextlib.contextmanager
 def studio(scene: bpy.types.Scene, size: tuple[int, int], fast: bool = False) -> Iterator[Temporary]:
-    """Make ``scene`` ready for Workbench pictures of ``size`` pixels with a camera of its own; restore it on leaving.
+    """Make ``scene`` ready for Workbench pictures of ``size`` pixels with a camera of its own; restore it on
+    leaving.
 
-    ``fast`` leaves out what costs most without a graphics card, cast shadows (two thirds of a frame) and shading in corners.
+    ``fast`` leaves out what costs most without a graphics card, cast shadows (two thirds of a frame) and
+    shading in corners.
     """
     owners = [
         (scene, _SCENE),
@@ -48,7 +50,12 @@ def studio(scene: bpy.types.Scene, size: tuple[int, int], fast: bool = False) ->
         (scene.display, _DISPLAY),
         (scene.view_settings, _VIEW),
     ]
-    kept = [(owner, name, _value(owner, name)) for owner, names in owners for name in names if hasattr(owner, name)]
+    kept = [
+        (owner, name, _value(owner, name))
+        for owner, names in owners
+        for name in names
+        if hasattr(owner, name)
+    ]
     frame = scene.frame_current, scene.frame_subframe
     data = bpy.data.cameras.new("NSM Picture")
     camera = bpy.data.objects.new("NSM Picture", data)
@@ -76,7 +83,11 @@ def studio(scene: bpy.types.Scene, size: tuple[int, int], fast: bool = False) ->
 def _set_up(scene: bpy.types.Scene, size: tuple[int, int], fast: bool) -> None:
     render, shading, display, view = scene.render, scene.display.shading, scene.display, scene.view_settings
     render.engine = "BLENDER_WORKBENCH"
-    render.resolution_x, render.resolution_y, render.resolution_percentage = size[0] // 2 * 2, size[1] // 2 * 2, 100
+    render.resolution_x, render.resolution_y, render.resolution_percentage = (
+        size[0] // 2 * 2,
+        size[1] // 2 * 2,
+        100,
+    )
     render.film_transparent = render.use_stamp = render.use_border = False
     render.use_compositing = render.use_sequencer = False
     render.use_file_extension = render.use_overwrite = True
@@ -98,7 +109,11 @@ def _set_up(scene: bpy.types.Scene, size: tuple[int, int], fast: bool) -> None:
 
 def _all(owner: Any, first: tuple[str, ...]) -> list[str]:
     """Every plain setting of ``owner``, those in ``first`` before the others."""
-    plain = [p.identifier for p in owner.bl_rna.properties if p.type in {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"} and not p.is_readonly]
+    plain = [
+        p.identifier
+        for p in owner.bl_rna.properties
+        if p.type in {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"} and not p.is_readonly
+    ]
     return [*first, *(name for name in plain if name not in first)]
 
 
@@ -113,14 +128,18 @@ _HARMLESS = ("EGL Error", "EGL_BAD_MATCH", "libEGL warning", "MESA: error: ZINK"
 
 @contextlib.contextmanager
 def quiet() -> Iterator[None]:
-    """Keep the renderer's own lines and the driver's harmless ones off the terminal; Python's prints and errors still arrive."""
+    """Keep the renderer's own lines and the driver's harmless ones off the terminal; Python's prints and
+    errors still arrive.
+    """
     with _held(sys.stdout, 1), _held(sys.stderr, 2):
         yield
 
 
 @contextlib.contextmanager
 def _held(stream: TextIO, number: int) -> Iterator[None]:
-    """Hold what is written to file descriptor ``number`` past Python; of the error stream, all but harmless lines comes after."""
+    """Hold what is written to file descriptor ``number`` past Python; of the error stream, all but harmless
+    lines comes after.
+    """
     try:
         fileno = stream.fileno()
     except (OSError, AttributeError, ValueError):

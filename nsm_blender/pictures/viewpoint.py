@@ -1,4 +1,6 @@
-"""From which side a take is looked at, moment by moment: where nothing stands before the body, changing sides as little as it can."""
+"""From which side a take is looked at, moment by moment: where nothing stands before the body, changing sides
+as little as it can.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,8 @@ SEEN = ("Head", "Chest2", "Hips", "LeftWrist", "RightWrist", "LeftAnkle", "Right
 _SIDES, _FIRST_SIDE = 16, -np.pi / 3
 _ELEVATIONS = np.radians((20.0, 50.0))
 _EVERY = 0.5  # seconds between the moments at which a film looks around
-# What a view is worth: all of the body in sight, near the wished side or else half from the front, not from high above.
+# What a view is worth: all of the body in sight, near the wished side or else half from the front, not from
+# high above.
 _SIGHT, _WISH, _FRONT, _HIGH = 3.0, 0.6, 0.3, 0.4
 # What a change costs: by one step to the side or up, and by a cut; pictures of a sheet stand for themselves.
 _STEP, _CUT, _OTHER_TILE = 0.25, 4.0, 0.3
@@ -30,8 +33,9 @@ _GOOD = 0.75  # share of the body in sight, over a take, that is good enough
 class Views:
     """Where to look from at each frame of a take.
 
-    ``directions`` (N, 3) unit vectors from the character to the camera; ``nearness`` 1 for the usual distance, less for a
-    camera that has come into the room with a wider lens; ``cutaway``: what stands before the character is cut away.
+    ``directions`` (N, 3) unit vectors from the character to the camera; ``nearness`` 1 for the usual
+    distance, less for a camera that has come into the room with a wider lens; ``cutaway``: what stands before
+    the character is cut away.
     """
 
     directions: Array
@@ -50,14 +54,19 @@ def choose_views(
 ) -> Views:
     """Choose a view for each frame of a take; the scene's current frame changes.
 
-    ``places`` (N, 3) world, what the camera looks at, and ``facing`` (N, 2) are of every frame; ``distance`` in Blender units
-    is that of the camera.  ``wish`` (3,) is the side to look from wherever nothing blocks it.  With ``frames`` (of a sheet)
-    each of these is looked at by itself; without, as in a film, the camera goes round and cuts only where it must.
+    ``places`` (N, 3) world, what the camera looks at, and ``facing`` (N, 2) are of every frame; ``distance``
+    in Blender units is that of the camera.  ``wish`` (3,) is the side to look from wherever nothing blocks
+    it.  With ``frames`` (of a sheet) each of these is looked at by itself; without, as in a film, the camera
+    goes round and cuts only where it must.
     """
     own = own_objects(take.armature, scene)
     film = frames is None
     if film:
-        frames = np.unique(np.linspace(take.frame_start, take.frame_end, 2 + int(len(places) / take.fps / _EVERY)).round().astype(int))
+        frames = np.unique(
+            np.linspace(take.frame_start, take.frame_end, 2 + int(len(places) / take.fps / _EVERY))
+            .round()
+            .astype(int)
+        )
     rows = np.asarray(frames) - take.frame_start
     azimuth, elevation = _grid(wish)
     candidates = _direction(azimuth[:, None], elevation[None])  # (A, E, 3)
@@ -67,7 +76,9 @@ def choose_views(
         sight = np.zeros((len(rows), *candidates.shape[:2]))
         for k, frame in enumerate(frames):
             scene.frame_set(int(frame))
-            sight[k] = _sight(take, scene, places[rows[k]], candidates * distance * nearness, own, 0.8 if cutaway else 0.0)
+            sight[k] = _sight(
+                take, scene, places[rows[k]], candidates * distance * nearness, own, 0.8 if cutaway else 0.0
+            )
         picks = _cheapest(-_SIGHT * sight - merit, film)
         if sight[(np.arange(len(rows)), *picks)].mean() >= _GOOD:
             break
@@ -85,14 +96,19 @@ def _grid(wish: Sequence[float] | None) -> tuple[Array, Array]:
     first, elevations = _FIRST_SIDE, _ELEVATIONS
     if wish is not None:
         x, y, z = np.asarray(wish, dtype=np.float64) / np.linalg.norm(wish)
-        first, elevations = np.arctan2(y, x), np.array((np.arcsin(z), max(np.arcsin(z) + np.radians(25), _ELEVATIONS[1])))
+        first, elevations = (
+            np.arctan2(y, x),
+            np.array((np.arcsin(z), max(np.arcsin(z) + np.radians(25), _ELEVATIONS[1]))),
+        )
     return first + np.arange(_SIDES) * (2 * np.pi / _SIDES), elevations
 
 
 def _direction(azimuth: Array, elevation: Array) -> Array:
     """Unit vectors (..., 3) of angles that broadcast, radians."""
     azimuth, elevation = np.broadcast_arrays(azimuth, elevation)
-    return np.stack((np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)), axis=-1)
+    return np.stack(
+        (np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)), axis=-1
+    )
 
 
 def _merit(candidates: Array, elevation: Array, facing: Array, wish: Sequence[float] | None) -> Array:
@@ -104,8 +120,16 @@ def _merit(candidates: Array, elevation: Array, facing: Array, wish: Sequence[fl
     return -_FRONT * np.abs(np.einsum("aed,nd->nae", candidates[..., :2], facing) - 0.6) - high
 
 
-def _sight(take: KeyedTake, scene: bpy.types.Scene, place: Array, offsets: Array, own: set[bpy.types.Object], cut: float) -> Array:
-    """Share (A, E) of the body in sight of cameras at ``place`` + ``offsets`` (A, E, 3), in the scene as it is now.
+def _sight(
+    take: KeyedTake,
+    scene: bpy.types.Scene,
+    place: Array,
+    offsets: Array,
+    own: set[bpy.types.Object],
+    cut: float,
+) -> Array:
+    """Share (A, E) of the body in sight of cameras at ``place`` + ``offsets`` (A, E, 3), in the scene as it
+    is now.
 
     With ``cut`` only what is nearer to the body than the camera by this share of its distance is looked at.
     """
@@ -120,7 +144,13 @@ def _sight(take: KeyedTake, scene: bpy.types.Scene, place: Array, offsets: Array
     return seen / max(len(points), 1)
 
 
-def _is_clear(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, camera: Vector, point: Vector, own: set[bpy.types.Object]) -> bool:
+def _is_clear(
+    scene: bpy.types.Scene,
+    depsgraph: bpy.types.Depsgraph,
+    camera: Vector,
+    point: Vector,
+    own: set[bpy.types.Object],
+) -> bool:
     """Whether a picture shows the character where ``camera`` looks towards a ``point`` of it."""
     way = point - camera
     distance = way.length
@@ -137,7 +167,9 @@ def _is_clear(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, camera: Ve
 
 
 def _cheapest(cost: Array, film: bool) -> tuple[Array, Array]:
-    """Indices (N,), (N,) of the views of least total cost: ``cost`` (N, A, E) of each, and of changing from one to the next."""
+    """Indices (N,), (N,) of the views of least total cost: ``cost`` (N, A, E) of each, and of changing from
+    one to the next.
+    """
     count, sides, heights = cost.shape
     index = np.arange(sides * heights)
     around = np.abs(index[:, None] // heights - index // heights)
@@ -155,10 +187,14 @@ def _cheapest(cost: Array, film: bool) -> tuple[Array, Array]:
 
 
 def _glide(azimuth: Array, elevation: Array, rows: Array, count: int, fps: float) -> Array:
-    """Directions (count, 3) that lead softly through views at ``rows``, but for cuts, which fall half-way between two."""
+    """Directions (count, 3) that lead softly through views at ``rows``, but for cuts, which fall half-way
+    between two.
+    """
     step = 2 * np.pi / _SIDES
     turns = np.angle(np.exp(1j * np.diff(azimuth)))
-    cuts = np.flatnonzero((np.abs(turns) > 1.5 * step) | ((np.abs(turns) > 0.5 * step) & (np.diff(elevation) != 0)))
+    cuts = np.flatnonzero(
+        (np.abs(turns) > 1.5 * step) | ((np.abs(turns) > 0.5 * step) & (np.diff(elevation) != 0))
+    )
     starts, ends = [0, *(cuts + 1)], [*(cuts + 1), len(rows)]
     edges = [0, *((rows[cuts] + rows[cuts + 1] + 1) // 2), count]
     out = np.empty((count, 3))
@@ -177,4 +213,6 @@ def soften(path: Array, frames: float) -> Array:
         return path.copy()
     kernel = np.exp(-0.5 * (np.arange(-2 * width, 2 * width + 1) / width) ** 2)
     padded = np.concatenate((np.repeat(path[:1], 2 * width, 0), path, np.repeat(path[-1:], 2 * width, 0)))
-    return np.stack([np.convolve(padded[:, i], kernel / kernel.sum(), "valid") for i in range(path.shape[1])], axis=-1)
+    return np.stack(
+        [np.convolve(padded[:, i], kernel / kernel.sum(), "valid") for i in range(path.shape[1])], axis=-1
+    )

@@ -10,10 +10,13 @@ from .mannequin.build import build_mannequin
 CHARACTER = "Character"
 
 
-def add_character(location: tuple[float, float, float] | None = None, name: str = CHARACTER) -> bpy.types.Object:
+def add_character(
+    location: tuple[float, float, float] | None = None, name: str = CHARACTER
+) -> bpy.types.Object:
     """Add the bundled character in its T-pose, facing -Y, at ``location`` (3,) metres or at the 3D cursor.
 
-    Returns the armature object, named ``name`` (Blender adds a number where that is taken), active and selected;
+    Returns the armature object, named ``name`` (Blender adds a number where that is taken), active and
+    selected;
     the mannequin is its child.  Must be called in object mode.
     """
     if location is None:

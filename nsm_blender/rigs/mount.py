@@ -1,4 +1,6 @@
-"""What carries a character's hips: the armature object and the bones above them, frame by frame, as the scene evaluates them."""
+"""What carries a character's hips: the armature object and the bones above them, frame by frame, as the scene
+evaluates them.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,9 @@ from ..animation.kept import frame_kept
 class Mount:
     """Where the hips' channels begin, in N frames or, with N = 1, in all.
 
-    ``matrix`` (N, 4, 4) armature to world and ``rotation`` (N, 4) its quaternion; ``frame`` (N, 4, 4) the hips bone in the armature
-    with no pose on it and ``turn`` (N, 4) its rotation; ``axes`` (N, 3, 3): a location of the hips' channels, seen in the armature.
+    ``matrix`` (N, 4, 4) armature to world and ``rotation`` (N, 4) its quaternion; ``frame`` (N, 4, 4) the
+    hips bone in the armature with no pose on it and ``turn`` (N, 4) its rotation; ``axes`` (N, 3, 3): a
+    location of the hips' channels, seen in the armature.
     """
 
     matrix: Array
@@ -32,24 +35,36 @@ class Mount:
 
     @classmethod
     def of(cls, armature: bpy.types.Object) -> Mount:
-        """As the scene shows the armature now; SkeletonError where the bones above the hips are scaled unevenly."""
+        """As the scene shows the armature now; SkeletonError where the bones above the hips are scaled
+        unevenly.
+        """
         shown = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
         bone, parent = armature.data.bones["Hips"], shown.pose.bones["Hips"].parent
 
         def posed(basis: Matrix) -> Matrix:
-            """The hips in the armature with ``basis`` on them: Blender's own rule, the bone's inheritance flags included."""
+            """The hips in the armature with ``basis`` on them: Blender's own rule, the bone's inheritance
+            flags included.
+            """
             if parent is None:
                 return bone.convert_local_to_pose(basis, bone.matrix_local)
             return bone.convert_local_to_pose(
-                basis, bone.matrix_local, parent_matrix=parent.matrix, parent_matrix_local=parent.bone.matrix_local
+                basis,
+                bone.matrix_local,
+                parent_matrix=parent.matrix,
+                parent_matrix_local=parent.bone.matrix_local,
             )
 
         frame = posed(Matrix())
-        axes = np.column_stack([posed(Matrix.Translation(axis)).translation - frame.translation for axis in Matrix.Identity(3)])
+        axes = np.column_stack(
+            [posed(Matrix.Translation(axis)).translation - frame.translation for axis in Matrix.Identity(3)]
+        )
         lengths = np.linalg.norm(np.array(frame, dtype=np.float64)[:3, :3], axis=0)
         if lengths.min() < 1e-6 or lengths.max() / lengths.min() > 1.001 or abs(np.linalg.det(axes)) < 1e-12:
             above = parent.name if parent is not None else bone.name
-            raise SkeletonError(f"The bone {above} of {armature.name} is scaled unevenly or to nothing; clear its scale (Alt+S).")
+            raise SkeletonError(
+                f"The bone {above} of {armature.name} is scaled unevenly or to nothing; clear its scale "
+                "(Alt+S)."
+            )
         rotation, turn = (np.array(m.to_quaternion(), dtype=np.float64) for m in (shown.matrix_world, frame))
         matrix, frame = (np.array(m, dtype=np.float64) for m in (shown.matrix_world, frame))
         return cls(*(a[None] for a in (matrix, rotation, frame, turn, axes)))
@@ -57,7 +72,12 @@ class Mount:
     @classmethod
     def over(cls, each: Sequence[Mount]) -> Mount:
         """Several frames in one."""
-        return cls(*(np.concatenate([getattr(m, k) for m in each]) for k in ("matrix", "rotation", "frame", "turn", "axes")))
+        return cls(
+            *(
+                np.concatenate([getattr(m, k) for m in each])
+                for k in ("matrix", "rotation", "frame", "turn", "axes")
+            )
+        )
 
     @property
     def scale(self) -> float:
@@ -65,20 +85,29 @@ class Mount:
         return float(np.cbrt(abs(np.linalg.det(self.frame[0, :3, :3]))))
 
     def require_one_size(self, name: str) -> None:
-        """Raise SkeletonError where the armature ``name`` grows or shrinks over the frames: no keys of rotations make up for that."""
+        """Raise SkeletonError where the armature ``name`` grows or shrinks over the frames: no keys of
+        rotations make up for that.
+        """
         sizes = np.cbrt(np.abs(np.linalg.det(self.matrix[:, :3, :3]) * np.linalg.det(self.frame[:, :3, :3])))
         if sizes.max() > 1.001 * sizes.min():
             raise SkeletonError(
-                f"The armature {name} changes its size during the take, {sizes.max() / sizes.min():.2f} times as large at one frame as at "
-                "another; find the scale that is animated on it, its root bone or its parents, or the constraint that copies one."
+                f"The armature {name} changes its size during the take, {sizes.max() / sizes.min():.2f} "
+                "times as large at one frame as at "
+                "another; find the scale that is animated on it, its root bone or its parents, or the "
+                "constraint that copies one."
             )
 
     def location(self, hips: Array) -> Array:
         """Location channels (T, 3) of the hips bone that put the hips at world points (T, 3)."""
         inverse = np.linalg.inv(self.matrix)
-        in_armature = np.einsum("nij,nj->ni", np.broadcast_to(inverse[:, :3, :3], (len(hips), 3, 3)), hips) + inverse[:, :3, 3]
+        in_armature = (
+            np.einsum("nij,nj->ni", np.broadcast_to(inverse[:, :3, :3], (len(hips), 3, 3)), hips)
+            + inverse[:, :3, 3]
+        )
         channels = np.linalg.inv(self.axes)
-        return np.einsum("nij,nj->ni", np.broadcast_to(channels, (len(hips), 3, 3)), in_armature - self.frame[:, :3, 3])
+        return np.einsum(
+            "nij,nj->ni", np.broadcast_to(channels, (len(hips), 3, 3)), in_armature - self.frame[:, :3, 3]
+        )
 
 
 def go_to(scene: bpy.types.Scene, frame: float) -> None:
@@ -88,8 +117,12 @@ def go_to(scene: bpy.types.Scene, frame: float) -> None:
     scene.frame_set(whole, subframe=frame - whole)
 
 
-def along(scene: bpy.types.Scene, frames: Sequence[float], read: Callable[[], Any]) -> Generator[float, None, list[Any]]:
-    """Go through ``frames`` and collect what ``read`` returns at each; yields the share done, and puts the frame back at the end."""
+def along(
+    scene: bpy.types.Scene, frames: Sequence[float], read: Callable[[], Any]
+) -> Generator[float, None, list[Any]]:
+    """Go through ``frames`` and collect what ``read`` returns at each; yields the share done, and puts the
+    frame back at the end.
+    """
     found = []
     with frame_kept(scene):
         for i, frame in enumerate(frames):

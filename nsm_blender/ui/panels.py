@@ -24,7 +24,15 @@ class NSM_UL_goals(bpy.types.UIList):
     """One goal a row: enabled, object or place, action."""
 
     def draw_item(
-        self, _context: bpy.types.Context, layout: Any, _data: Any, item: Any, _icon: int, _active: Any, _property: str, _index: int = 0
+        self,
+        _context: bpy.types.Context,
+        layout: Any,
+        _data: Any,
+        item: Any,
+        _icon: int,
+        _active: Any,
+        _property: str,
+        _index: int = 0,
     ) -> None:
         row = layout.row(align=True)
         row.prop(item, "enabled", text="")

@@ -24,7 +24,9 @@ from .running import unknown_action
 # What can evaluate to a mesh, and empties: markers, collection instances and parents of parts.
 GOAL_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "EMPTY"}
 # Files keep the numbers: an action's is its place among all.
-_ACTION_ITEMS = [(a.key, a.label, a.description, FINDERS[a.key].icon, number) for number, a in enumerate(ACTIONS)]
+_ACTION_ITEMS = [
+    (a.key, a.label, a.description, FINDERS[a.key].icon, number) for number, a in enumerate(ACTIONS)
+]
 
 
 def _is_armature(_self: bpy.types.PropertyGroup, candidate: bpy.types.Object) -> bool:
@@ -39,7 +41,9 @@ class NsmGoal(bpy.types.PropertyGroup):
     """One row of the queue: an object or a place, and what to do there."""
 
     enabled: BoolProperty(name="Enabled", description="Whether the next take does this goal", default=True)
-    object: PointerProperty(name="Object", description="What the character goes to", type=bpy.types.Object, poll=_is_goal)
+    object: PointerProperty(
+        name="Object", description="What the character goes to", type=bpy.types.Object, poll=_is_goal
+    )
     action: EnumProperty(
         name="Action",
         description="What the character does there",
@@ -60,7 +64,9 @@ class NsmGoal(bpy.types.PropertyGroup):
         type=bpy.types.Object,
         poll=_is_goal,
     )
-    location: FloatVectorProperty(name="Place", description="Where to go when no object is chosen", subtype="TRANSLATION", size=3)
+    location: FloatVectorProperty(
+        name="Place", description="Where to go when no object is chosen", subtype="TRANSLATION", size=3
+    )
 
 
 class NsmResult(bpy.types.PropertyGroup):
@@ -83,7 +89,9 @@ class NsmKeyed(bpy.types.PropertyGroup):
 
 
 class NsmTake(bpy.types.PropertyGroup):
-    """A take that is neither accepted nor rejected yet; kept in the scene, so that it is saved and undone with it."""
+    """A take that is neither accepted nor rejected yet; kept in the scene, so that it is saved and undone
+    with it.
+    """
 
     character: PointerProperty(type=NsmKeyed)
     things: CollectionProperty(type=NsmKeyed)
@@ -96,14 +104,22 @@ class NsmTake(bpy.types.PropertyGroup):
 class NsmSettings(bpy.types.PropertyGroup):
     """Everything the sidebar shows for a scene."""
 
-    character: PointerProperty(name="Character", description="The armature that acts", type=bpy.types.Object, poll=_is_armature)
+    character: PointerProperty(
+        name="Character", description="The armature that acts", type=bpy.types.Object, poll=_is_armature
+    )
     goals: CollectionProperty(type=NsmGoal)
     active_goal: IntProperty(name="Goal", default=0, min=0)
     start_frame: IntProperty(
-        name="Start Frame", description="The frame of the first key; the character starts from its pose there", default=1
+        name="Start Frame",
+        description="The frame of the first key; the character starts from its pose there",
+        default=1,
     )
-    seed: IntProperty(name="Seed", description="Another seed gives another take of the same goals", default=0, min=0)
-    contact_ik: BoolProperty(name="Contact IK", description="Hold planted feet still and seat the hips exactly", default=True)
+    seed: IntProperty(
+        name="Seed", description="Another seed gives another take of the same goals", default=0, min=0
+    )
+    contact_ik: BoolProperty(
+        name="Contact IK", description="Hold planted feet still and seat the hips exactly", default=True
+    )
     results: CollectionProperty(type=NsmResult)
     takes: CollectionProperty(type=NsmTake)
 

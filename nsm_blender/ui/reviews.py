@@ -1,4 +1,6 @@
-"""Takes under review: kept in the scene's settings, so that saving, opening and undoing keep or lose them with their keys."""
+"""Takes under review: kept in the scene's settings, so that saving, opening and undoing keep or lose them
+with their keys.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,10 @@ from .properties import NsmKeyed, NsmTake, settings_of
 def remember(scene: bpy.types.Scene, take: KeyedTake) -> None:
     """Offer a take for review.
 
-    The one that it replaces, not accepted yet and as it was made, is removed: rejecting the new one then gives back what was
-    before both.  One that the animator has edited, or from whose end the new one goes on, stays as if accepted.
+    The one that it replaces, not accepted yet and as it was made, is removed: rejecting the new one then
+    gives back what was
+    before both.  One that the animator has edited, or from whose end the new one goes on, stays as if
+    accepted.
     """
     takes = settings_of(scene).takes
     for index in reversed(range(len(takes))):
@@ -40,7 +44,9 @@ def remember(scene: bpy.types.Scene, take: KeyedTake) -> None:
 
 
 def pending(scene: bpy.types.Scene) -> NsmTake | None:
-    """Return the take under review of the chosen character, the newest where none is chosen; None when there is none."""
+    """Return the take under review of the chosen character, the newest where none is chosen; None when there
+    is none.
+    """
     settings = settings_of(scene)
     for record in reversed(settings.takes):
         armature = record.character.object
@@ -52,16 +58,22 @@ def pending(scene: bpy.types.Scene) -> NsmTake | None:
 
 
 def settle(scene: bpy.types.Scene, record: NsmTake) -> KeyedTake:
-    """Take a take out of the review and return what it keyed; objects and actions that are gone by now are passed over."""
+    """Take a take out of the review and return what it keyed; objects and actions that are gone by now are
+    passed over.
+    """
     take, takes = _keyed(record), settings_of(scene).takes
     takes.remove(next(i for i, other in enumerate(takes) if other == record))
     settings_of(scene).results.clear()
-    take.things = [thing for thing in take.things if _action_of(thing.object) == thing.action]  # another one is the animator's
+    take.things = [
+        thing for thing in take.things if _action_of(thing.object) == thing.action
+    ]  # another one is the animator's
     return take
 
 
 def reject(scene: bpy.types.Scene, record: NsmTake) -> None:
-    """Remove a take's actions and give the character, and what it moved, back the actions and places they had."""
+    """Remove a take's actions and give the character, and what it moved, back the actions and places they
+    had.
+    """
     discard_take(settle(scene, record))
 
 
@@ -89,7 +101,9 @@ def _keyed(record: NsmTake) -> KeyedTake:
 
 
 def _replaced(record: NsmTake, take: KeyedTake) -> bool:
-    """Whether ``take`` is another try at what a record holds, and nothing of it is the animator's own work."""
+    """Whether ``take`` is another try at what a record holds, and nothing of it is the animator's own
+    work.
+    """
     action = record.character.action
     if action is None or action != take.previous_action or record.frame_start != take.frame_start:
         return False
@@ -113,7 +127,11 @@ def _supersede(old: KeyedTake, new: KeyedTake) -> None:
 
 def _inherit(new: KeyedTake | KeyedThing, old: KeyedTake | KeyedThing) -> None:
     old.action.use_fake_user = new.previous_fake_user  # keying has set it, to keep what it replaces
-    new.previous_action, new.previous_slot, new.previous_fake_user = old.previous_action, old.previous_slot, old.previous_fake_user
+    new.previous_action, new.previous_slot, new.previous_fake_user = (
+        old.previous_action,
+        old.previous_slot,
+        old.previous_fake_user,
+    )
     if old.action.users == int(old.action.use_fake_user):
         bpy.data.actions.remove(old.action)
 
@@ -125,7 +143,9 @@ def _checksum(take: KeyedTake) -> str:
         for curve in curves_in(made.action, made.slot):
             places = np.empty(2 * len(curve.keyframe_points), np.float32)
             curve.keyframe_points.foreach_get("co", places)
-            total = zlib.crc32(f"{curve.data_path}[{curve.array_index}]".encode(), zlib.crc32(places.tobytes(), total))
+            total = zlib.crc32(
+                f"{curve.data_path}[{curve.array_index}]".encode(), zlib.crc32(places.tobytes(), total)
+            )
     return f"{total:08x}"
 
 
@@ -155,5 +175,9 @@ def _values(text: str) -> Any:
 
 def _back(value: Any) -> Any:
     if isinstance(value, dict):
-        return Matrix(value["matrix"]) if "matrix" in value else {name: _back(part) for name, part in value.items()}
+        return (
+            Matrix(value["matrix"])
+            if "matrix" in value
+            else {name: _back(part) for name, part in value.items()}
+        )
     return tuple(_back(part) for part in value) if isinstance(value, list) else value

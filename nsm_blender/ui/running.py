@@ -53,7 +53,9 @@ def end() -> None:
 
 
 def interrupt(sentence: str) -> None:
-    """Stop the take under way, if there is one, for the reason that ``sentence`` tells; the scene is then as it was before."""
+    """Stop the take under way, if there is one, for the reason that ``sentence`` tells; the scene is then as
+    it was before.
+    """
     state = _running
     end()
     if state is not None and state.stop is not None:
@@ -72,7 +74,9 @@ def advance(stage: str, fraction: float) -> str:
 
 
 def time_left(fraction: float, elapsed: float) -> str:
-    """Words for the time left after ``elapsed`` seconds at ``fraction`` of the work; empty while it is a guess."""
+    """Words for the time left after ``elapsed`` seconds at ``fraction`` of the work; empty while it is a
+    guess.
+    """
     if fraction < 0.05 or fraction >= 1 or elapsed < 0.5:
         return ""
     return f", {max(round(elapsed * (1 - fraction) / fraction), 1)} s left"
@@ -96,7 +100,10 @@ def reason_not_ready(context: bpy.types.Context) -> str:
     missing = [name for name in JOINTS if name not in character.data.bones]
     if missing:
         more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
-        return f"{character.name} lacks the bone {missing[0]}{more}; rename its bones to the 23 joint names, or add the bundled character."
+        return (
+            f"{character.name} lacks the bone {missing[0]}{more}; rename its bones to the 23 joint names, "
+            "or add the bundled character."
+        )
     if not settings.goals:
         return "There is no goal yet; select a seat and press the plus beside the list."
     enabled = [(number, goal) for number, goal in enumerate(settings.goals, 1) if goal.enabled]
@@ -109,13 +116,21 @@ def reason_not_ready(context: bpy.types.Context) -> str:
         if goal.object is None and action.needs_object:
             return f"A goal to {goal.action} has no object; choose one, or remove the goal."
         if goal.destination is None and action.needs_destination:
-            return f"A goal to {goal.action} {goal.object.name} has no destination; choose the object or empty where it goes."
+            return (
+                f"A goal to {goal.action} {goal.object.name} has no destination; choose the object or empty "
+                "where it goes."
+            )
     if context.mode not in {"OBJECT", "POSE"}:
         return "Generate works in Object and Pose Mode; leave the present mode with Tab."
     return ""
 
 
 def unknown_action(number: int, name: str) -> str:
-    """Sentence about row ``number`` of the queue, whose stored action this version does not know (a file of another version)."""
+    """Sentence about row ``number`` of the queue, whose stored action this version does not know (a file of
+    another version).
+    """
     of = f", {name}," if name else ""
-    return f"Goal {number}{of} has an action that this version of the add-on does not know; choose one of the list's, or remove the goal."
+    return (
+        f"Goal {number}{of} has an action that this version of the add-on does not know; choose one of the "
+        "list's, or remove the goal."
+    )

@@ -1,4 +1,6 @@
-"""A take that grows between redraws: stepped within a time budget, shown as it grows, taken back without a trace."""
+"""A take that grows between redraws: stepped within a time budget, shown as it grows, taken back without a
+trace.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +29,9 @@ _FORGETTING = 0.9  # a step, from which the length of the longest to come is gue
 class TakeSession:
     """One take under way in a scene; at most one runs at a time.
 
-    However it ends, the scene is as it was or holds the whole take, and nothing counts as running.  ``why`` then says in a
-    sentence what ended it without a take; ``ended``, if given, is called once at that moment, whoever ends it.
+    However it ends, the scene is as it was or holds the whole take, and nothing counts as running.  ``why``
+    then says in a sentence what ended it without a take; ``ended``, if given, is called once at that moment,
+    whoever ends it.
     """
 
     def __init__(
@@ -39,10 +42,11 @@ class TakeSession:
         steps: Callable[[TakeSpec, bpy.types.Scene], Generator[Progress, None, Any]] = generate,
         stopped: str = _NOT_KEYED,
     ) -> None:
-        """Start a take; NsmError while another one is under way, SkeletonError and GoalError as for its goals.
+        """Start a take; NsmError while another one is under way, SkeletonError and GoalError as for its
+        goals.
 
-        Other ``steps`` than a take's, as of ``takes.show_goal_points``, are watched in the same way; ``stopped`` says in
-        their sentences what did not come about.
+        Other ``steps`` than a take's, as of ``takes.show_goal_points``, are watched in the same way;
+        ``stopped`` says in their sentences what did not come about.
         """
         if running.current() is not None:
             raise NsmError(running.reason_busy())
@@ -61,11 +65,11 @@ class TakeSession:
         running.begin(scene, spec.character, self._stop, self._put_back)
 
     def tick(self, budget: float, show: bool = True) -> Any:
-        """Step frames for up to ``budget`` seconds and, with ``show``, pose the character as in the newest; the Take (or the value
-        of the other steps) when done, None before.
+        """Step frames for up to ``budget`` seconds and, with ``show``, pose the character as in the newest;
+        the Take (or the value of the other steps) when done, None before.
 
-        Raises NsmError with one sentence, as ``takes.generate`` does, or where something that the take needs is gone; the scene is
-        then as it was before the session.
+        Raises NsmError with one sentence, as ``takes.generate`` does, or where something that the take needs
+        is gone; the scene is then as it was before the session.
         """
         if self.over:
             raise NsmError(self.why or "This take has ended; generate again.")
@@ -95,11 +99,15 @@ class TakeSession:
             raise
 
     def cancel(self) -> None:
-        """Stop and put frame, pose and places back; no key has been made.  Does nothing where the take has ended."""
+        """Stop and put frame, pose and places back; no key has been made.  Does nothing where the take has
+        ended.
+        """
         self._stop(f"{self._stopped.partition(' stopped')[0]} was cancelled; everything is as it was.")
 
     def _step(self, deadline: float) -> Progress | None:
-        """Take steps while the next one can be expected to end before ``deadline``; the newest progress, None when all are done."""
+        """Take steps while the next one can be expected to end before ``deadline``; the newest progress, None
+        when all are done.
+        """
         while True:
             begin = time.perf_counter()
             try:
@@ -153,7 +161,10 @@ class TakeSession:
 
     def _unforeseen(self, error: Exception) -> str:
         if isinstance(error, ReferenceError):
-            return "Something that the take reads was deleted or undone meanwhile, so Generate stopped and nothing was keyed; try again."
+            return (
+                "Something that the take reads was deleted or undone meanwhile, so Generate stopped and "
+                "nothing was keyed; try again."
+            )
         _log.error("Generate met an error that it does not know", exc_info=error)
         what = f"{type(error).__name__}: {error}".rstrip(": ")
         return f"{_NOT_KEYED}, because of an error in the add-on ({what}); the console tells more."

@@ -1,4 +1,6 @@
-"""What a take under way stands on: whether it is still there, and what Blender tells before it takes it away."""
+"""What a take under way stands on: whether it is still there, and what Blender tells before it takes
+it away.
+"""
 
 from __future__ import annotations
 
@@ -20,45 +22,77 @@ _STOPPED = "so Generate stopped and nothing was keyed"
 
 
 class Watch:
-    """The scene, the character, its bones and the goals' objects of one take: these very ones, whatever they are called by now."""
+    """The scene, the character, its bones and the goals' objects of one take: these very ones, whatever they
+    are called by now.
+    """
 
     def __init__(self, spec: TakeSpec, scene: bpy.types.Scene) -> None:
-        self.scene, self.character, self.data = Known(scene), Known(spec.character), Known(spec.character.data)
+        self.scene, self.character, self.data = (
+            Known(scene),
+            Known(spec.character),
+            Known(spec.character.data),
+        )
         self.bones = [name for name in JOINTS if name in spec.character.data.bones]
         goals = [needed for goal in spec.goals for needed in (goal.object, goal.to) if needed is not None]
         self.goals = [Known(needed) for needed in dict.fromkeys(goals)]
 
     def changed(self) -> str:
-        """Return what was deleted, exchanged or renamed meanwhile, as a sentence with what to do; empty where the take can go on."""
+        """Return what was deleted, exchanged or renamed meanwhile, as a sentence with what to do; empty where
+        the take can go on.
+        """
         scene, character, data = self.scene.block, self.character.block, self.data.block
-        known = [block.here for block in (self.scene, self.character, self.data, *self.goals)]  # and called what they are now
+        known = [
+            block.here for block in (self.scene, self.character, self.data, *self.goals)
+        ]  # and called what they are now
         who = f"The character {self.character.name}"
         if not known[0]:
-            return f"The scene {self.scene.name} was deleted or undone meanwhile, {_STOPPED}; generate again in the scene that is left."
+            return (
+                f"The scene {self.scene.name} was deleted or undone meanwhile, {_STOPPED}; generate again "
+                "in the scene that is left."
+            )
         if getattr(bpy.context, "scene", scene) != scene:
-            return f"Another scene than {self.scene.name} was chosen meanwhile, {_STOPPED}; go back to it and generate again."
+            return (
+                f"Another scene than {self.scene.name} was chosen meanwhile, {_STOPPED}; go back to it and "
+                "generate again."
+            )
         if not known[1]:
             return f"{who} was deleted or undone meanwhile, {_STOPPED}; choose another one."
         if not holds(scene, character):
-            return f"{who} was taken out of the scene meanwhile, {_STOPPED}; put it back, or choose another one."
+            return (
+                f"{who} was taken out of the scene meanwhile, {_STOPPED}; put it back, or choose another one."
+            )
         if character.library is not None and character.override_library is None:
-            return f"{who} became a link to another file meanwhile, {_STOPPED}; make a library override of it."
+            return (
+                f"{who} became a link to another file meanwhile, {_STOPPED}; make a library override of it."
+            )
         if not known[2] or character.data != data:
             return f"{who} got another armature meanwhile, {_STOPPED}; generate again."
         if character.mode == "EDIT":
             return f"{who} went into Edit Mode meanwhile, {_STOPPED}; leave it with Tab and generate again."
-        lost = next((name for name in self.bones if name not in data.bones or name not in character.pose.bones), None)
+        lost = next(
+            (name for name in self.bones if name not in data.bones or name not in character.pose.bones), None
+        )
         if lost is not None:
-            return f"The bone {lost} of {character.name} was renamed or deleted meanwhile, {_STOPPED}; undo that, or name it back."
+            return (
+                f"The bone {lost} of {character.name} was renamed or deleted meanwhile, {_STOPPED}; undo "
+                "that, or name it back."
+            )
         for goal, here in zip(self.goals, known[3:], strict=True):
             if not here:
-                return f"{goal.name}, a goal of the take, was deleted meanwhile, {_STOPPED}; choose another object, or remove the goal."
+                return (
+                    f"{goal.name}, a goal of the take, was deleted meanwhile, {_STOPPED}; choose another "
+                    "object, or remove the goal."
+                )
             if not holds(scene, goal.block):
-                return f"The goal {goal.name} was taken out of the scene meanwhile, {_STOPPED}; put it back, or choose another one."
+                return (
+                    f"The goal {goal.name} was taken out of the scene meanwhile, {_STOPPED}; put it back, "
+                    "or choose another one."
+                )
         return ""
 
 
-_words = ""  # why a take was stopped, to be told when the step has been undone: the sidebar's lines are undone with it
+# why a take was stopped, to be told when the step has been undone: the sidebar's lines are undone with it
+_words = ""
 
 
 def _stop(sentence: str) -> None:
@@ -70,7 +104,8 @@ def _stop(sentence: str) -> None:
 
 @persistent
 def _before_undo(*_: object) -> None:
-    # Before, not after: Blender leaves alone what it thinks unchanged between two steps, so that a preview would stay.
+    # Before, not after: Blender leaves alone what it thinks unchanged between two steps, so that a preview
+    # would stay.
     _stop(f"The scene was undone meanwhile, {_STOPPED}; generate again.")
 
 

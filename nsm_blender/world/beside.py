@@ -1,4 +1,6 @@
-"""Work beside the window: a thread computes while Blender goes on, and touches Blender's data only while Blender waits for it."""
+"""Work beside the window: a thread computes while Blender goes on, and touches Blender's data only while
+Blender waits for it.
+"""
 
 from __future__ import annotations
 
@@ -79,7 +81,9 @@ _under_way: weakref.WeakSet[_Work] = weakref.WeakSet()
 
 
 def _give_up() -> None:
-    """Have all work end with the program: what a thread still holds would keep Blender, as a package, from ending for ever."""
+    """Have all work end with the program: what a thread still holds would keep Blender, as a package, from
+    ending for ever.
+    """
     for made in list(_under_way):
         made.given_up = True
         with suppress(RuntimeError):  # not this thread's: nobody waits for it
@@ -90,12 +94,15 @@ def _give_up() -> None:
 atexit.register(_give_up)
 
 
-def beside(work: Callable[[Callable[[float], None]], _T], touches: bool = False) -> Generator[float, None, _T]:
+def beside(
+    work: Callable[[Callable[[float], None]], _T], touches: bool = False
+) -> Generator[float, None, _T]:
     """Do ``work`` in a thread, yielding how far it is, 0..1, every few milliseconds; the value is its result.
 
-    It is given a function to tell how far it is.  Without ``touches`` it must not touch Blender's data at all; with it, it
-    does all but what it does ``freely`` while nothing else runs.  What it raises is raised here.  Work that is no longer
-    waited for, because the generator is closed, ends where it next tells or would touch Blender's data.
+    It is given a function to tell how far it is.  Without ``touches`` it must not touch Blender's data at
+    all; with it, it does all but what it does ``freely`` while nothing else runs.  What it raises is raised
+    here.  Work that is no longer waited for, because the generator is closed, ends where it next tells or
+    would touch Blender's data.
     """
     made = _Work(work, touches)
     try:
@@ -117,7 +124,9 @@ def beside(work: Callable[[Callable[[float], None]], _T], touches: bool = False)
 
 @contextmanager
 def freely() -> Iterator[None]:
-    """Compute without Blender's data, so that Blender may go on meanwhile; on its own thread this changes nothing."""
+    """Compute without Blender's data, so that Blender may go on meanwhile; on its own thread this changes
+    nothing.
+    """
     work: _Work | None = getattr(_here, "work", None)
     if work is None or not work.holds:
         yield

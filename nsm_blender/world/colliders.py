@@ -28,9 +28,9 @@ _REACH = float(np.ceil(SPHERE_RADIUS * 100) / 100)
 _COARSE_CELL = 0.1
 _MOST_CELLS = 4_000_000
 _FEW = 200  # points are asked at once without letting Blender go on
-# Triangles in one tree: Blender builds it in one go, in some 30 ms.  Triangles from which a mesh has trees of its own, which are
-# kept with its reading, and those that all copies of one mesh may have before they share them, each being asked by itself;
-# pairs of points and solids compared at once.
+# Triangles in one tree: Blender builds it in one go, in some 30 ms.  Triangles from which a mesh has trees of
+# its own, which are kept with its reading, and those that all copies of one mesh may have before they share
+# them, each being asked by itself; pairs of points and solids compared at once.
 # Share of its distance by which a point must be over a face at least so that the face alone tells its side.
 _SQUARE = 0.999
 _CHUNK, _LARGE, _MANY, _PAIRS = 36_000, 12_000, 200_000, 1 << 20
@@ -55,7 +55,9 @@ class _Chunk:
 
 
 def _chunks(vertices: Array, triangles: Array, sides: Array, owners: Array | None = None) -> list[_Chunk]:
-    """Part triangles (F, 3) with their sides and owners (F,) into chunks that lie together, cut across the longest way."""
+    """Part triangles (F, 3) with their sides and owners (F,) into chunks that lie together, cut across the
+    longest way.
+    """
     if not len(triangles):
         return []
     middle, parts, done = vertices[triangles].mean(1), [np.arange(len(triangles))], []
@@ -80,11 +82,13 @@ def _own_chunks(reading: Reading) -> list[_Chunk]:
 
 
 class BVHQuery:
-    """Distances to triangle meshes by ``mathutils.bvhtree``; implements ``nsm_core.world.geometry.distance.DistanceQuery``.
+    """Distances to triangle meshes by ``mathutils.bvhtree``; implements
+    ``nsm_core.world.geometry.distance.DistanceQuery``.
 
-    Distances are exact.  A point is inside where the voxels of a mesh (4 cm) close it off from the outside, whichever
-    way faces look; and, within the voxels of the surface itself, where it lies behind a face of a closed part.  So
-    open and broken meshes are solid where their gaps are narrower than a voxel, and thin shells elsewhere.
+    Distances are exact.  A point is inside where the voxels of a mesh (4 cm) close it off from the outside,
+    whichever way faces look; and, within the voxels of the surface itself, where it lies behind a face of a
+    closed part.  So open and broken meshes are solid where their gaps are narrower than a voxel, and thin
+    shells elsewhere.
     """
 
     still = True  # what it has answered once it will answer again
@@ -92,7 +96,8 @@ class BVHQuery:
     def __init__(self, solids: Sequence[Solid], floor: bool = False) -> None:
         """Take what is solid, all of it in one frame.
 
-        With a ``floor``, which lies at zero, faces of room-sized meshes at its height are part of it and are left out.
+        With a ``floor``, which lies at zero, faces of room-sized meshes at its height are part of it and are
+        left out.
         """
         self.solids, self._floor = list(solids), floor
         self._chunks: list[_Chunk] = []
@@ -100,17 +105,24 @@ class BVHQuery:
         if not self.solids:
             return
         bounds = np.array([s.bounds for s in self.solids])
-        self._low, self._high = (bounds[:, 0] - 1e-6).astype(np.float32), (bounds[:, 1] + 1e-6).astype(np.float32)
+        self._low, self._high = (
+            (bounds[:, 0] - 1e-6).astype(np.float32),
+            (bounds[:, 1] + 1e-6).astype(np.float32),
+        )
         self._share(floor)
         self._map_nearness(floor)
 
     @classmethod
     def from_triangles(cls, vertices: Array, triangles: Array) -> BVHQuery:
-        """Query over one mesh: ``vertices`` (V, 3) and ``triangles`` (F, 3); GeometryError where it has no faces."""
+        """Query over one mesh: ``vertices`` (V, 3) and ``triangles`` (F, 3); GeometryError where it has no
+        faces.
+        """
         return cls([Solid.of(vertices, triangles)])
 
     def _share(self, floor: bool) -> None:
-        """Put the triangles of all small meshes together; a large one, or one that is shown often, has trees of its own."""
+        """Put the triangles of all small meshes together; a large one, or one that is shown often, has trees
+        of its own.
+        """
         times = Counter(id(s.reading) for s in self.solids)
         vertices, triangles, sides, owners, start = [], [], [], [], 0
         for k, solid in enumerate(self.solids):
@@ -132,7 +144,10 @@ class BVHQuery:
 
     def _map_nearness(self, floor: bool) -> None:
         """Mark the coarse cells within reach of any solid voxel; most sphere centres are elsewhere."""
-        low, high = self._low.min(0).astype(np.float64) - _REACH, self._high.max(0).astype(np.float64) + _REACH
+        low, high = (
+            self._low.min(0).astype(np.float64) - _REACH,
+            self._high.max(0).astype(np.float64) + _REACH,
+        )
         voxel = max(float((s.size * s.reading.cell).max()) for s in self.solids)
         cell = max(_COARSE_CELL, voxel, float(np.cbrt(np.prod(high - low) / _MOST_CELLS)))
         margin = int(np.ceil((_REACH + 2 * voxel * np.sqrt(0.75)) / cell))
@@ -162,7 +177,8 @@ class BVHQuery:
         self._near = np.ascontiguousarray(near)
 
     def signed_distance(self, points: Array, max_distance: float) -> Array:
-        """Distances (N,) float32 in metres of ``points`` (N, 3): negative inside, never over ``max_distance``.
+        """Distances (N,) float32 in metres of ``points`` (N, 3): negative inside, never over
+        ``max_distance``.
 
         Deeper inside than ``max_distance`` the answer is ``-max_distance``.
         """
@@ -172,7 +188,9 @@ class BVHQuery:
             return self._ask(points, max_distance, None)
 
     def nearest(self, points: Array, max_distance: float) -> list[str | None]:
-        """The names of the objects nearest to ``points`` (N, 3), or in which they lie; None where none is within ``max_distance``."""
+        """The names of the objects nearest to ``points`` (N, 3), or in which they lie; None where none is
+        within ``max_distance``.
+        """
         of = np.full(len(points), -1)
         self._ask(points, max_distance, of)
         return [None if k < 0 else self.solids[k].owner for k in of.tolist()]
@@ -196,15 +214,24 @@ class BVHQuery:
         inside, on_surface = code == 2, code == 1
         owner = None if of is None else within
         for chunk in self._chunks:
-            some = np.arange(len(p)) if len(self._chunks) == 1 else _near_box(p, distance, chunk.low, chunk.high)
+            some = (
+                np.arange(len(p)) if len(self._chunks) == 1 else _near_box(p, distance, chunk.low, chunk.high)
+            )
             _nearest(chunk, p[some], some, 1.0, None, distance, inside, on_surface, owner)
         for solid, k in self._copies:
             some = _near_box(p, distance, self._low[k], self._high[k])
             if not len(some):
                 continue
-            chunks, local = _own_chunks(solid.reading), ((p[some] - solid.origin) @ (solid.turn / solid.size)).astype(np.float32)
+            chunks, local = (
+                _own_chunks(solid.reading),
+                ((p[some] - solid.origin) @ (solid.turn / solid.size)).astype(np.float32),
+            )
             for chunk in chunks:
-                near = slice(None) if len(chunks) == 1 else _near_box(local, distance[some] / solid.size, chunk.low, chunk.high)
+                near = (
+                    slice(None)
+                    if len(chunks) == 1
+                    else _near_box(local, distance[some] / solid.size, chunk.low, chunk.high)
+                )
                 _nearest(chunk, local[near], some[near], solid.size, k, distance, inside, on_surface, owner)
         out[rows] = np.where(inside, -distance, distance)
         if of is not None:
@@ -221,10 +248,14 @@ class BVHQuery:
         return rows[self._near[tuple(cells[rows].T)]]
 
     def _codes(self, points: Array) -> tuple[Array, Array]:
-        """Greatest code (N,) of any mesh at points (N, 3), and the number (N,) of one in which they lie, -1 for none."""
+        """Greatest code (N,) of any mesh at points (N, 3), and the number (N,) of one in which they lie, -1
+        for none.
+        """
         code, of = np.zeros(len(points), dtype=np.int8), np.full(len(points), -1)
         solids = np.flatnonzero(((self._low <= points.max(0)) & (self._high >= points.min(0))).all(1))
-        if len(solids) * len(points) > _PAIRS and len(points) > 64:  # part the points until each part meets few solids
+        if (
+            len(solids) * len(points) > _PAIRS and len(points) > 64
+        ):  # part the points until each part meets few solids
             order = np.argsort(points[:, int(np.ptp(points, axis=0).argmax())])
             for half in np.array_split(order, 2):
                 code[half], of[half] = self._codes(points[half])
@@ -232,7 +263,14 @@ class BVHQuery:
         if not len(solids):
             return code, of
         low, high, (x, y, z) = self._low[solids, :, None], self._high[solids, :, None], points.T
-        within = (x >= low[:, 0]) & (x <= high[:, 0]) & (y >= low[:, 1]) & (y <= high[:, 1]) & (z >= low[:, 2]) & (z <= high[:, 2])
+        within = (
+            (x >= low[:, 0])
+            & (x <= high[:, 0])
+            & (y >= low[:, 1])
+            & (y <= high[:, 1])
+            & (z >= low[:, 2])
+            & (z <= high[:, 2])
+        )
         for i in np.flatnonzero(within.any(1)):
             k = int(solids[i])
             at = np.flatnonzero(within[i])
@@ -252,12 +290,20 @@ def _nearest(
     chunk: _Chunk, points: Array, rows: Array, size: float, only: int | None,
     distance: Array, inside: Array, on_surface: Array, owners: Array | None,
 ) -> None:  # fmt: skip
-    """Bring ``distance``, ``inside`` and ``owners`` (None: nobody asks) up to date in ``rows`` (M,) with a chunk.
+    """Bring ``distance``, ``inside`` and ``owners`` (None: nobody asks) up to date in ``rows`` (M,) with a
+    chunk.
 
-    ``points`` (M, 3) are as the chunk sees them, which is ``size`` times as large in the scene; ``only``: the owner of all of it.
+    ``points`` (M, 3) are as the chunk sees them, which is ``size`` times as large in the scene; ``only``: the
+    owner of all of it.
     """
     find, sides = chunk.tree.find_nearest, chunk.sides
-    asked = zip(rows.tolist(), points.tolist(), (distance[rows] / size).tolist(), on_surface[rows].tolist(), strict=True)
+    asked = zip(
+        rows.tolist(),
+        points.tolist(),
+        (distance[rows] / size).tolist(),
+        on_surface[rows].tolist(),
+        strict=True,
+    )
     for i, point, limit, touching in asked:
         place, normal, face, d = find(point, limit)
         if d is None:
@@ -278,10 +324,13 @@ def _height(normal: Sequence[float], point: Sequence[float], place: Sequence[flo
 
 
 def _judged(chunk: _Chunk, point: Sequence[float], place: Sequence[float], distance: float) -> float:
-    """How far a point is over the face, of those that meet in ``place``, that says most: negative inside a closed part.
+    """How far a point is over the face, of those that meet in ``place``, that says most: negative inside a
+    closed part.
 
-    Next to a sharp edge or corner a point may lie behind the plane of one of its faces and yet be outside; the face that it is
-    farthest over or under tells.  Where two say as much, as the two leaves of a fold without thickness do, it is outside.
+    Next to a sharp edge or corner a point may lie behind the plane of one of its faces and yet be outside;
+    the face that it is
+    farthest over or under tells.  Where two say as much, as the two leaves of a fold without thickness do, it
+    is outside.
     """
     most, least, within = 0.0, 0.0, max(1e-5, 1e-4 * distance)
     for _, normal, face, _ in chunk.tree.find_nearest_range(place, within):
@@ -310,10 +359,12 @@ def gather_colliders(
     exclude: Iterable[bpy.types.Object] = (),
     frame: WorldFrame = WorldFrame(),  # noqa: B008
 ) -> BVHQuery:
-    """Build the query over everything solid in the scene as evaluated now, at its current frame, in the core's ``frame``.
+    """Build the query over everything solid in the scene as evaluated now, at its current frame, in the
+    core's ``frame``.
 
-    Solid is what ``collider_shapes`` says; the faces of room-sized meshes at floor level are floor and are left out.  A scene
-    without colliders gives a query that finds nothing.  Raises GeometryError on coordinates that are not finite.
+    Solid is what ``collider_shapes`` says; the faces of room-sized meshes at floor level are floor and are
+    left out.  A scene without colliders gives a query that finds nothing.  Raises GeometryError on
+    coordinates that are not finite.
     """
     if depsgraph is None:
         depsgraph = bpy.context.evaluated_depsgraph_get()
@@ -326,19 +377,25 @@ def collider_shapes(
     exclude: Sequence[bpy.types.Object] = (),
     frame: WorldFrame = WorldFrame(),  # noqa: B008
 ) -> list[Solid]:
-    """Meshes of the scene that characters collide with, in the core's ``frame``: what looks solid in the viewport.
+    """Meshes of the scene that characters collide with, in the core's ``frame``: what looks solid in the
+    viewport.
 
-    Left out: ``exclude`` and whatever is parented to or deformed by one of it; what is hidden in the viewport, shown as wire
-    or bounds, or has materials without a surface, as fog has; copies as small as grass and pebbles; and what is walked over as
-    ``ground.is_ground`` says.  What is only hidden in renders, or from the camera, or held out is solid, as it is seen.
-    The custom property "nsm_collider" on an object wins over looks: switched off it is no collider, switched on it is one,
-    even hidden.
+    Left out: ``exclude`` and whatever is parented to or deformed by one of it; what is hidden in the
+    viewport, shown as wire or bounds, or has materials without a surface, as fog has; copies as small as
+    grass and pebbles; and what is walked over as
+    ``ground.is_ground`` says.  What is only hidden in renders, or from the camera, or held out is solid, as
+    it is seen.  The custom property "nsm_collider" on an object wins over looks: switched off it is no
+    collider, switched on it is one, even hidden.
     """
     return obstacles(scene_solids(solid_seen(Snapshot.now(depsgraph), scene, exclude), frame))
 
 
-def scene_solids(seen: Sequence[Seen], frame: WorldFrame, said: Callable[[float], None] = lambda _: None) -> list[Solid]:
-    """Read what is seen as solid, without litter but with what is walked over; ``said`` hears how far that is, 0..1."""
+def scene_solids(
+    seen: Sequence[Seen], frame: WorldFrame, said: Callable[[float], None] = lambda _: None
+) -> list[Solid]:
+    """Read what is seen as solid, without litter but with what is walked over; ``said`` hears how far that
+    is, 0..1.
+    """
     made = zip(seen, solids_of(seen, frame, said), strict=True)
     return [solid for s, solid in made if not (s.instance and not s.said and is_litter(solid))]
 
@@ -351,7 +408,9 @@ def obstacles(solids: Iterable[Solid]) -> list[Solid]:
 def solid_seen(snapshot: Snapshot, scene: bpy.types.Scene, exclude: Iterable[bpy.types.Object]) -> list[Seen]:
     """What of a snapshot looks solid, or is said to be, but for ``exclude`` and what belongs to it."""
     left_out = belonging_to(scene, exclude)
-    return [s for s in snapshot.seen if s.owner not in left_out and (s.looks_solid if s.said is None else s.said)]
+    return [
+        s for s in snapshot.seen if s.owner not in left_out and (s.looks_solid if s.said is None else s.said)
+    ]
 
 
 def belonging_to(scene: bpy.types.Scene, owners: Iterable[bpy.types.Object]) -> set[str]:
@@ -366,7 +425,8 @@ def query_of(solids: Sequence[Solid]) -> BVHQuery:
     key, names = placed(solids), [s.owner for s in solids]
     last = _last
     if last is None or last[0] != (key, names):
-        # The query holds its readings, so that none of their numbers is given to another one while it is kept.
+        # The query holds its readings, so that none of their numbers is given to another one while it is
+        # kept.
         last = _last = (key, names), BVHQuery(solids, floor=True)
     return last[1]
 
@@ -382,7 +442,10 @@ def forget() -> None:
 
 def _belongs_to(candidate: bpy.types.Object, owners: set[str]) -> bool:
     """Whether an object is one of ``owners``, hangs on one, or is deformed by one."""
-    if any(m.type == "ARMATURE" and m.object is not None and m.object.name_full in owners for m in candidate.modifiers):
+    if any(
+        m.type == "ARMATURE" and m.object is not None and m.object.name_full in owners
+        for m in candidate.modifiers
+    ):
         return True
     ancestor: bpy.types.Object | None = candidate
     while ancestor is not None:

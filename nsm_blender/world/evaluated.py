@@ -25,7 +25,8 @@ _DENSE = 30_000  # faces' corners from which Blender's own triangles, read one b
 
 @dataclass(frozen=True)
 class Shape:
-    """One mesh in the world: ``vertices`` (V, 3) float64, Blender units, and ``triangles`` (F, 3) int64, outward as modelled.
+    """One mesh in the world: ``vertices`` (V, 3) float64, Blender units, and ``triangles`` (F, 3) int64,
+    outward as modelled.
 
     ``owner`` is the object in the scene it belongs to: itself, or the one that makes the instance.
     """
@@ -36,7 +37,9 @@ class Shape:
 
 
 class MeshData:
-    """The faces of one evaluated mesh, copied out of Blender in its own frame, so that any thread may work on them."""
+    """The faces of one evaluated mesh, copied out of Blender in its own frame, so that any thread may work on
+    them.
+    """
 
     def __init__(self, mesh: bpy.types.Mesh) -> None:
         self._vertices = np.empty((len(mesh.vertices), 3), dtype=np.float32)
@@ -63,7 +66,9 @@ class MeshData:
     @cached_property
     def digest(self) -> bytes:
         """What the mesh holds, as a short name: that of an edited mesh is another."""
-        return digest(self._vertices, self._corners, *(a for a in (self._starts, self._made) if a is not None))
+        return digest(
+            self._vertices, self._corners, *(a for a in (self._starts, self._made) if a is not None)
+        )
 
     @cached_property
     def faces(self) -> tuple[Array, Array]:
@@ -77,7 +82,9 @@ class MeshData:
         return self._vertices[used], (np.cumsum(used) - 1)[triangles]
 
     def _triangulated(self) -> Array:
-        """Triangles (F, 3) of the faces: quads along the diagonal that does not fold them, larger ones as fans where they are convex."""
+        """Triangles (F, 3) of the faces: quads along the diagonal that does not fold them, larger ones as
+        fans where they are convex.
+        """
         size = np.diff(np.append(self._starts, len(self._corners)))
         threes, fours = self._starts[size == 3], self._starts[size == 4]
         parts = [self._corners[threes[:, None] + np.arange(3)]]
@@ -95,13 +102,17 @@ class MeshData:
             fan = np.stack((np.zeros(n - 2, int), np.arange(1, n - 1), np.arange(2, n)), 1)
             parts.append(faces[convex][:, fan].reshape(-1, 3))
             for face in faces[~convex]:
-                cut = np.array(tessellate_polygon([self._vertices[face].tolist()]), dtype=np.int64).reshape(-1, 3)
+                cut = np.array(tessellate_polygon([self._vertices[face].tolist()]), dtype=np.int64).reshape(
+                    -1, 3
+                )
                 parts.append(face[cut])
         return np.concatenate(parts)
 
 
 def _starts(mesh: bpy.types.Mesh) -> Array:
-    """First corners (P,) of the faces; where all seem to have three or four corners a look at some saves asking for each."""
+    """First corners (P,) of the faces; where all seem to have three or four corners a look at some saves
+    asking for each.
+    """
     count, corners = len(mesh.polygons), len(mesh.loops)
     for n in (3, 4):
         looked_at = {*range(0, count, max(1, count // 500)), count - 1}
@@ -114,10 +125,11 @@ def _starts(mesh: bpy.types.Mesh) -> Array:
 
 @dataclass(frozen=True)
 class Seen:
-    """One mesh where it is shown: ``matrix`` (4, 4) to the world; ``owner`` the full name of the object that it belongs to.
+    """One mesh where it is shown: ``matrix`` (4, 4) to the world; ``owner`` the full name of the object that
+    it belongs to.
 
-    ``instance``: one of many copies that its owner makes.  ``solid``: whether it looks solid, and whether the animator has
-    said that it is one (True), or that it is none (False).
+    ``instance``: one of many copies that its owner makes.  ``solid``: whether it looks solid, and whether the
+    animator has said that it is one (True), or that it is none (False).
     """
 
     owner: str
@@ -128,7 +140,8 @@ class Seen:
     said: bool | None
 
 
-COLLIDER_PROPERTY = "nsm_collider"  # on an object: True where characters collide with it whatever it looks like, False where not
+# on an object: True where characters collide with it whatever it looks like, False where not
+COLLIDER_PROPERTY = "nsm_collider"
 
 
 class Snapshot:
@@ -140,10 +153,11 @@ class Snapshot:
 
     @classmethod
     def take(cls, evaluated: Callable[[], bpy.types.Depsgraph]) -> Generator[None, None, Snapshot]:
-        """Copy the meshes in slices; ``evaluated`` gives the scene's depsgraph as of the moment, and is asked anew in each.
+        """Copy the meshes in slices; ``evaluated`` gives the scene's depsgraph as of the moment, and is asked
+        anew in each.
 
-        Instances of collections, vertices, particles and geometry nodes come once each, with the object that makes them as
-        owner; so do hidden meshes that are marked as colliders.
+        Instances of collections, vertices, particles and geometry nodes come once each, with the object that
+        makes them as owner; so do hidden meshes that are marked as colliders.
         """
         made, known, done = cls(), {}, 0
         while done is not None:
@@ -161,11 +175,15 @@ class Snapshot:
             except StopIteration as stop:
                 return stop.value
 
-    def _slice(self, depsgraph: bpy.types.Depsgraph, known: dict[tuple[int, ...], Any], done: int) -> int | None:
+    def _slice(
+        self, depsgraph: bpy.types.Depsgraph, known: dict[tuple[int, ...], Any], done: int
+    ) -> int | None:
         """Copy what comes after the first ``done`` instances; how many are done now, None when all are."""
         instances, stopped = iter(depsgraph.object_instances), None
         deque(islice(instances, done), maxlen=0)
-        until = time.perf_counter() + _SLICE  # going through thousands takes some of these milliseconds itself: begun once there
+        until = (
+            time.perf_counter() + _SLICE
+        )  # going through thousands takes some of these milliseconds itself: begun once there
         for index, instance in enumerate(instances, done + 1):
             shown = instance.object
             if shown.type == "MESH":  # curves, texts and metaballs come a second time, as the mesh they make
@@ -174,7 +192,13 @@ class Snapshot:
                 if time.perf_counter() - asked > _SLICE / 3 and self._begun != index:
                     self._begun, stopped = index, index - 1  # it is copied in the next slice
                     break
-                self._add(instance.parent if instance.is_instance else shown, shown, instance.matrix_world, instance.is_instance, known)
+                self._add(
+                    instance.parent if instance.is_instance else shown,
+                    shown,
+                    instance.matrix_world,
+                    instance.is_instance,
+                    known,
+                )
             if time.perf_counter() > until:
                 stopped = index
                 break
@@ -183,16 +207,26 @@ class Snapshot:
         if stopped is not None:
             return stopped
         for hidden in depsgraph.scene.objects:
-            if hidden.type == "MESH" and hidden.get(COLLIDER_PROPERTY) and not hidden.visible_get(view_layer=depsgraph.view_layer):
+            if (
+                hidden.type == "MESH"
+                and hidden.get(COLLIDER_PROPERTY)
+                and not hidden.visible_get(view_layer=depsgraph.view_layer)
+            ):
                 self._add(hidden, hidden, hidden.matrix_world, False, known)
         return None
 
     def _add(
-        self, maker: bpy.types.Object, shown: bpy.types.Object, matrix: Matrix, instance: bool, known: dict[tuple[int, ...], Any]
+        self,
+        maker: bpy.types.Object,
+        shown: bpy.types.Object,
+        matrix: Matrix,
+        instance: bool,
+        known: dict[tuple[int, ...], Any],
     ) -> None:
         mesh = shown.data
         key = (mesh.as_pointer(), len(mesh.vertices), len(mesh.loops))
-        # An object shows a mesh thousands of times: what the two are is asked once.  Of instances ``shown`` is a passing copy.
+        # An object shows a mesh thousands of times: what the two are is asked once.  Of instances ``shown``
+        # is a passing copy.
         pair = (*key, maker.as_pointer(), shown.original.as_pointer())
         if pair not in known:
             if key not in known:
@@ -200,7 +234,9 @@ class Snapshot:
             known[pair] = None if known[key][0].empty else _looks(maker.original, shown, *known[key])
         if known[pair] is not None:
             owner, data, solid, said = known[pair]
-            place = np.array([x for row in matrix for x in row]).reshape(4, 4)  # of the matrix as it is numpy makes it 14 times slower
+            place = np.array([x for row in matrix for x in row]).reshape(
+                4, 4
+            )  # of the matrix as it is numpy makes it 14 times slower
             self.seen.append(Seen(owner, data, place, instance, solid, said))
 
     def of(self, owners: Iterable[str]) -> list[Seen]:
@@ -212,7 +248,9 @@ class Snapshot:
 def _looks(
     owner: bpy.types.Object, shown: bpy.types.Object, data: MeshData, dense: bool
 ) -> tuple[str, MeshData, bool, bool | None]:
-    """Of an object that shows a mesh: the owner's full name, the mesh, whether it looks solid, and what the animator says of it."""
+    """Of an object that shows a mesh: the owner's full name, the mesh, whether it looks solid, and what the
+    animator says of it.
+    """
     said = shown.get(COLLIDER_PROPERTY, owner.get(COLLIDER_PROPERTY))
     outlined = {shown.display_type, owner.display_type} & {"WIRE", "BOUNDS"}
     return owner.name_full, data, dense and not outlined, None if said is None else bool(said)
@@ -232,8 +270,11 @@ def _without_surface(material: bpy.types.Material) -> bool:
     return output is not None and output.inputs["Volume"].is_linked and not output.inputs["Surface"].is_linked
 
 
-def evaluated_shapes(depsgraph: bpy.types.Depsgraph, owners: Iterable[bpy.types.Object] | None = None) -> Iterator[Shape]:
-    """Yield every visible surface of the evaluated scene, of all objects or of ``owners`` alone; one ``Snapshot`` in one go.
+def evaluated_shapes(
+    depsgraph: bpy.types.Depsgraph, owners: Iterable[bpy.types.Object] | None = None
+) -> Iterator[Shape]:
+    """Yield every visible surface of the evaluated scene, of all objects or of ``owners`` alone; one
+    ``Snapshot`` in one go.
 
     Raises GeometryError on coordinates that are not finite.
     """
@@ -245,7 +286,9 @@ def evaluated_shapes(depsgraph: bpy.types.Depsgraph, owners: Iterable[bpy.types.
 
 
 def world_faces(seen: Seen) -> tuple[Array, Array]:
-    """World vertices (V, 3) float64, Blender units, and triangles (F, 3) of a shown mesh; GeometryError where they are no numbers."""
+    """World vertices (V, 3) float64, Blender units, and triangles (F, 3) of a shown mesh; GeometryError where
+    they are no numbers.
+    """
     vertices, triangles = seen.mesh.faces
     with np.errstate(invalid="ignore", over="ignore"):
         world = vertices.astype(np.float64) @ seen.matrix[:3, :3].T + seen.matrix[:3, 3]
@@ -258,7 +301,9 @@ def world_faces(seen: Seen) -> tuple[Array, Array]:
 def require_finite(numbers: Array, owner: str) -> None:
     """Raise GeometryError that names the object where coordinates are not numbers."""
     if not np.isfinite(numbers).all():
-        raise GeometryError(f"{owner} has coordinates that are not numbers; delete these vertices or repair its scale.")
+        raise GeometryError(
+            f"{owner} has coordinates that are not numbers; delete these vertices or repair its scale."
+        )
 
 
 def family_of(target: bpy.types.Object) -> list[bpy.types.Object]:
@@ -270,12 +315,14 @@ def require_faces(found: list, target: bpy.types.Object) -> None:
     """Raise GeometryError where nothing was ``found`` of an object."""
     if not found:
         raise GeometryError(
-            f"{target.name} has no visible faces to sense; choose an object with a mesh, show it in the viewport, or add faces to it."
+            f"{target.name} has no visible faces to sense; choose an object with a mesh, show it in the "
+            "viewport, or add faces to it."
         )
 
 
 def object_mesh_triangles(target: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[Array, Array]:
-    """World vertices (V, 3), Blender units, and triangles (F, 3) of an object, its instances and its children.
+    """World vertices (V, 3), Blender units, and triangles (F, 3) of an object, its instances and its
+    children.
 
     Children that a character's armature deforms are left out.  Raises GeometryError when there are no faces.
     """
@@ -289,7 +336,9 @@ def join(shapes: list) -> tuple[Array, Array]:
     if not shapes:
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
     starts = np.cumsum([0] + [len(s.vertices) for s in shapes[:-1]])
-    return np.concatenate([s.vertices for s in shapes]), np.concatenate([s.triangles + i for s, i in zip(shapes, starts, strict=True)])
+    return np.concatenate([s.vertices for s in shapes]), np.concatenate(
+        [s.triangles + i for s, i in zip(shapes, starts, strict=True)]
+    )
 
 
 def is_worn(candidate: bpy.types.Object) -> bool:

@@ -14,9 +14,11 @@ from ..rigs.armature import Placement
 
 @dataclass(frozen=True)
 class WorldFrame:
-    """The core's world as one character sees it: its own metres, of which its legs are as long as the skeleton's; its floor at zero.
+    """The core's world as one character sees it: its own metres, of which its legs are as long as the
+    skeleton's; its floor at zero.
 
-    ``scale`` is Blender units to such a metre, whatever the units of scene, object and bones are; ``floor`` a height, Blender units.
+    ``scale`` is Blender units to such a metre, whatever the units of scene, object and bones are; ``floor`` a
+    height, Blender units.
     """
 
     scale: float = 1.0
@@ -24,7 +26,9 @@ class WorldFrame:
 
     @classmethod
     def of(cls, armature: bpy.types.Object) -> WorldFrame:
-        """Frame of a character: the size of its skeleton and its armature's height; SkeletonError as for ``Placement.of``."""
+        """Frame of a character: the size of its skeleton and its armature's height; SkeletonError as for
+        ``Placement.of``.
+        """
         placement = Placement.of(armature)
         return cls(placement.scale, float(placement.matrix[2, 3]))
 
@@ -38,5 +42,7 @@ class WorldFrame:
 
 
 def holds(scene: bpy.types.Scene, wanted: bpy.types.Object) -> bool:
-    """Whether an object itself is in a scene, not another one of its name (a linked and a local one may share it)."""
+    """Whether an object itself is in a scene, not another one of its name (a linked and a local one may share
+    it).
+    """
     return scene.objects.get(wanted.name) == wanted or any(o == wanted for o in scene.objects)

@@ -1,4 +1,6 @@
-"""What of a scene is walked over: rugs, mats, thresholds, kerbs, low podiums and the uneven floor of a room."""
+"""What of a scene is walked over: rugs, mats, thresholds, kerbs, low podiums and the uneven floor of
+a room.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +14,8 @@ from nsm_core.world.scene.terrain import FLOOR_TOP, HeightMap, Terrain
 
 from .solids import Solid, placed
 
-# Metres over the floor under which everything counts as floor, and the longest side from which on a thing of up to FLOOR_TOP
-# does: one steps on a mat or a threshold, but round a shoe, a bowl or a book.
+# Metres over the floor under which everything counts as floor, and the longest side from which on a thing of
+# up to FLOOR_TOP does: one steps on a mat or a threshold, but round a shoe, a bowl or a book.
 _PAPER, _MAT = 0.03, 0.45
 # Objects this wide both ways may hold the floor of a room; their faces at floor level are floor, metres.
 ROOM_WIDTH = 2.5
@@ -29,7 +31,9 @@ def is_ground(solid: Solid) -> bool:
 
 
 def floor_faces(vertices: Array, triangles: Array) -> Array:
-    """Which triangles (F,) of a mesh, ``vertices`` (V, 3) in metres over the floor, are a room's floor, with its low edges."""
+    """Which triangles (F,) of a mesh, ``vertices`` (V, 3) in metres over the floor, are a room's floor, with
+    its low edges.
+    """
     if not (np.ptp(vertices[:, :2], axis=0) > ROOM_WIDTH).all():
         return np.zeros(len(triangles), bool)
     return ~(vertices[triangles][..., 2] > FLOOR_TOP + 1e-4).any(1)
@@ -56,9 +60,11 @@ def _top_of(shape: Solid) -> HeightMap | None:
 
 
 def floor_under(place: Array, scale: float, scene: bpy.types.Scene, but: Iterable[bpy.types.Object]) -> float:
-    """Height, Blender units, of the floor for a character whose origin is at ``place`` (3,): that under the rug it stands on.
+    """Height, Blender units, of the floor for a character whose origin is at ``place`` (3,): that under the
+    rug it stands on.
 
-    Who is placed on a rug that lies on the world's floor, or on a floor of the scene, walks off it one step down.
+    Who is placed on a rug that lies on the world's floor, or on a floor of the scene, walks off it one step
+    down.
     """
     boxes = _boxes_around(place[:2], scene, set(but))
 
@@ -68,13 +74,18 @@ def floor_under(place: Array, scale: float, scene: bpy.types.Scene, but: Iterabl
     floor = float(place[2])
     for low, high in boxes:
         if ends_at(high, float(place[2])) and 0.004 * scale < high[2] - low[2] <= FLOOR_TOP * scale:
-            rests = abs(float(low[2])) < 1e-3 * scale or any(ends_at(h, float(low[2])) and h is not high for _, h in boxes)
+            rests = abs(float(low[2])) < 1e-3 * scale or any(
+                ends_at(h, float(low[2])) and h is not high for _, h in boxes
+            )
             floor = min(floor, float(low[2])) if rests else floor
     return floor
 
 
-def _boxes_around(place: Array, scene: bpy.types.Scene, but: set[bpy.types.Object]) -> list[tuple[Array, Array]]:
-    """Corners (3,), (3,), Blender units, of the boxes around the meshes that are seen over or under ``place`` (2,).
+def _boxes_around(
+    place: Array, scene: bpy.types.Scene, but: set[bpy.types.Object]
+) -> list[tuple[Array, Array]]:
+    """Corners (3,), (3,), Blender units, of the boxes around the meshes that are seen over or under ``place``
+    (2,).
 
     Thousands of objects are asked at once: one by one they would keep the window for seconds.
     """
@@ -87,5 +98,9 @@ def _boxes_around(place: Array, scene: bpy.types.Scene, but: set[bpy.types.Objec
         corners = corners.reshape(-1, 8, 3).astype(np.float64) @ columns[:, :3, :3] + columns[:, 3:, :3]
     low, high = corners.min(1), corners.max(1)
     near = np.flatnonzero(((low[:, :2] <= place) & (place <= high[:, :2])).all(1))
-    seen = [k for k, o in ((int(k), objects[int(k)]) for k in near) if o.type == "MESH" and o not in but and o.visible_get()]
+    seen = [
+        k
+        for k, o in ((int(k), objects[int(k)]) for k in near)
+        if o.type == "MESH" and o not in but and o.visible_get()
+    ]
     return [(low[k], high[k]) for k in seen]

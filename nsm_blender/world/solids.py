@@ -1,4 +1,6 @@
-"""Meshes in a character's own metres: read once, cached by what they hold, and placed as often as they are shown."""
+"""Meshes in a character's own metres: read once, cached by what they hold, and placed as often as they are
+shown.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +17,8 @@ from .evaluated import Seen, require_finite
 from .frame import WorldFrame
 
 READINGS = Readings()
-# Copies that a scene's objects make of a mesh are grass, leaves and pebbles, and no obstacles, where they are smaller than this
-# in every way, or thinner than this in two and no longer than a knee is high, metres.
+# Copies that a scene's objects make of a mesh are grass, leaves and pebbles, and no obstacles, where they are
+# smaller than this in every way, or thinner than this in two and no longer than a knee is high, metres.
 _PEBBLE, _BLADE, _KNEE = 0.12, 0.03, 0.5
 # Sizes of one mesh between two of which one reading serves: factors of the fourth root of two.
 _SIZES = 4
@@ -24,7 +26,8 @@ _SIZES = 4
 
 @dataclass(frozen=True)
 class Solid:
-    """One mesh placed in the core's frame: its reading, turned by ``turn`` (3, 3), as large as ``size``, at ``origin`` (3,).
+    """One mesh placed in the core's frame: its reading, turned by ``turn`` (3, 3), as large as ``size``, at
+    ``origin`` (3,).
 
     ``owner`` is the full name of the object that it belongs to.
     """
@@ -69,22 +72,34 @@ class Solid:
 
     @cached_property
     def _first(self) -> Array:
-        return (self.origin @ (self.turn / self.size / self.reading.cell) + self.reading.low / self.reading.cell).astype(np.float32)
+        return (
+            self.origin @ (self.turn / self.size / self.reading.cell) + self.reading.low / self.reading.cell
+        ).astype(np.float32)
 
     def seen_from(self, pose: Array) -> Solid:
         """The same in a frame that stands upright at ``pose`` (4,): x, y, z and heading."""
         back = quat_to_matrix(heading_quat(np.array(-float(pose[3]))))
-        return Solid(self.owner, self.reading, back @ self.turn, self.size, back @ (self.origin - np.asarray(pose[:3], dtype=np.float64)))
+        return Solid(
+            self.owner,
+            self.reading,
+            back @ self.turn,
+            self.size,
+            back @ (self.origin - np.asarray(pose[:3], dtype=np.float64)),
+        )
 
     @classmethod
     def of(cls, vertices: Array, triangles: Array, owner: str = "") -> Solid:
         """Read vertices (V, 3), metres, and triangles (F, 3); GeometryError where they make no mesh."""
         vertices = np.asarray(vertices)
-        reading = READINGS.get((digest(vertices, np.asarray(triangles)),), lambda: Reading.of(vertices, triangles))
+        reading = READINGS.get(
+            (digest(vertices, np.asarray(triangles)),), lambda: Reading.of(vertices, triangles)
+        )
         return cls(owner, reading, np.eye(3), 1.0, np.zeros(3))
 
 
-def solids_of(seen: Sequence[Seen], frame: WorldFrame, said: Callable[[float], None] = lambda _: None) -> list[Solid]:
+def solids_of(
+    seen: Sequence[Seen], frame: WorldFrame, said: Callable[[float], None] = lambda _: None
+) -> list[Solid]:
     """Read what is seen in the core's ``frame``; ``said`` hears how far it is, 0..1.
 
     Raises GeometryError that names the object on coordinates that are not finite.
@@ -115,12 +130,18 @@ def solids_of(seen: Sequence[Seen], frame: WorldFrame, said: Callable[[float], N
     return out
 
 
-def _boxes(readings: Sequence[Reading], turns: Array, sizes: Array, origins: Array) -> Iterator[tuple[Array, Array, float]]:
-    """Lowest and highest corners (3,), (3,) of the boxes around readings so placed (N,), and heights that they reach for certain."""
+def _boxes(
+    readings: Sequence[Reading], turns: Array, sizes: Array, origins: Array
+) -> Iterator[tuple[Array, Array, float]]:
+    """Lowest and highest corners (3,), (3,) of the boxes around readings so placed (N,), and heights that
+    they reach for certain.
+    """
     low, high = (np.array([getattr(r, side) for r in readings]) for side in ("low", "high"))
     turns, sizes = turns.astype(np.float64), sizes[:, None]
     middle = sizes * (turns @ ((low + high) / 2)[..., None])[..., 0] + origins
-    reach = sizes[..., None] * np.abs(turns) * ((high - low) / 2)[:, None]  # of each of its axes along those of the world
+    reach = (
+        sizes[..., None] * np.abs(turns) * ((high - low) / 2)[:, None]
+    )  # of each of its axes along those of the world
     half = reach.sum(-1)
     # Something touches its end of each axis, at worst where the other two lead lowest.
     tops = middle[:, 2] + (2 * reach[:, 2].max(-1) - half[:, 2])
@@ -132,7 +153,9 @@ def placed(solids: Sequence[Solid]) -> bytes:
     if not solids:
         return b""
     return digest(
-        np.array([s.turn for s in solids]), np.array([s.origin for s in solids]), np.array([(id(s.reading), s.size) for s in solids], float)
+        np.array([s.turn for s in solids]),
+        np.array([s.origin for s in solids]),
+        np.array([(id(s.reading), s.size) for s in solids], float),
     )
 
 

@@ -1,4 +1,6 @@
-"""What stands around the goals of a take, read once: solids, free floor, and what earlier goals have moved by then."""
+"""What stands around the goals of a take, read once: solids, free floor, and what earlier goals have moved by
+then.
+"""
 
 from __future__ import annotations
 
@@ -37,10 +39,11 @@ class _Plan(FloorPlan):
 
 
 class Surroundings:
-    """The scene around a take, in its character's core frame, as it is when this is made, or as ``snapshot`` has it.
+    """The scene around a take, in its character's core frame, as it is when this is made, or as ``snapshot``
+    has it.
 
-    ``moving`` are the objects that its goals move; they are no part of ``query``.  ``left`` holds, by the object, the
-    props of the goals resolved so far and the poses (4,) in which these goals leave them.
+    ``moving`` are the objects that its goals move; they are no part of ``query``.  ``left`` holds, by the
+    object, the props of the goals resolved so far and the poses (4,) in which these goals leave them.
     """
 
     def __init__(
@@ -68,7 +71,8 @@ class Surroundings:
         return [self.character] if self.character else []
 
     def reading(self, *goals: bpy.types.Object) -> Callable[[Callable[[float], None]], None]:
-        """The work of reading what is solid, and these objects, which needs no Blender data and may be done by another thread.
+        """The work of reading what is solid, and these objects, which needs no Blender data and may be done
+        by another thread.
 
         It is a function of one that hears how far it is, 0..1.
         """
@@ -121,7 +125,9 @@ class Surroundings:
         """A goal object's mesh, upright; see ``GoalBody.of``."""
         key = target.name_full, snug
         if key not in self._bodies:
-            known = self.snapshot if self.snapshot.of(o.name_full for o in family_of(target)) else None  # it may be newer
+            known = (
+                self.snapshot if self.snapshot.of(o.name_full for o in family_of(target)) else None
+            )  # it may be newer
             self._bodies[key] = GoalBody.of(target, self.frame, snug, known)
         return copy(self._bodies[key])
 
@@ -151,6 +157,8 @@ class Surroundings:
         return True
 
     def meshes_but(self, *left_out: bpy.types.Object) -> list[tuple[Array, Array]]:
-        """Vertices (V, 3), core frame, and triangles (F, 3) of each solid but ``left_out``, the character and what was moved by now."""
+        """Vertices (V, 3), core frame, and triangles (F, 3) of each solid but ``left_out``, the character and
+        what was moved by now.
+        """
         still = self._but([*(o for o in self.moving if o in self.left), *left_out])
         return [(s.vertices, s.triangles) for s in self.obstacles if still(s)]

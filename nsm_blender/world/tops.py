@@ -1,4 +1,6 @@
-"""The level top of a mesh seen from above: where a box can be set down on it, and where one can stand on it."""
+"""The level top of a mesh seen from above: where a box can be set down on it, and where one can stand
+on it.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +25,8 @@ _WINDOW = 2.2  # metres around a place in which the tops of large things are loo
 class Level:
     """A level top, as cells seen from above.
 
-    ``height`` metres; ``top`` (X, Y) cells that belong to it and ``free`` those of them on which nothing stands; ``corner``
-    (2,) of cell 0, 0, metres.  Facing +Y looks from the near edge over the top.
+    ``height`` metres; ``top`` (X, Y) cells that belong to it and ``free`` those of them on which nothing
+    stands; ``corner`` (2,) of cell 0, 0, metres.  Facing +Y looks from the near edge over the top.
     """
 
     height: float
@@ -38,7 +40,9 @@ class Level:
         return float(self.top.sum()) * CELL**2
 
     def seen_from(self, quarter: int) -> Level:
-        """The same top in axes that are turned by ``quarter`` times 90 degrees: what faced +Y there faces +Y of the result."""
+        """The same top in axes that are turned by ``quarter`` times 90 degrees: what faced +Y there faces +Y
+        of the result.
+        """
         top, free, corner = self.top, self.free, self.corner
         for _ in range(quarter % 4):
             corner = np.array((corner[1], -corner[0] - len(top) * CELL))
@@ -53,14 +57,17 @@ class Level:
 
 @freely()
 def find_levels(vertices: Array, triangles: Array, near: Array) -> list[Level]:
-    """Find the level tops of a mesh, the largest first; ``vertices`` (V, 3) metres with Z up, ``triangles`` (F, 3).
+    """Find the level tops of a mesh, the largest first; ``vertices`` (V, 3) metres with Z up, ``triangles``
+    (F, 3).
 
-    Of a mesh larger than a few metres, a floor or a stage say, only the part nearest to ``near`` (2,) is looked at.  Levels
-    smaller than a sheet of paper are left out.
+    Of a mesh larger than a few metres, a floor or a stage say, only the part nearest to ``near`` (2,) is
+    looked at.  Levels smaller than a sheet of paper are left out.
     """
     vertices = np.asarray(vertices, dtype=np.float64)
     low, high = vertices[:, :2].min(0), vertices[:, :2].max(0)
-    middle = np.clip(near, np.minimum(low + _WINDOW, (low + high) / 2), np.maximum(high - _WINDOW, (low + high) / 2))
+    middle = np.clip(
+        near, np.minimum(low + _WINDOW, (low + high) / 2), np.maximum(high - _WINDOW, (low + high) / 2)
+    )
     samples = _samples(vertices[triangles], middle - _WINDOW - CELL, middle + _WINDOW + CELL)
     if not len(samples):
         return []
@@ -88,7 +95,9 @@ def find_levels(vertices: Array, triangles: Array, near: Array) -> list[Level]:
 
 @freely()
 def occupy(level: Level, meshes: Iterable[tuple[Array, Array]], height: float) -> None:
-    """Take the cells away from ``free`` above which a mesh stands lower than ``height`` metres over the top; same frame as the level."""
+    """Take the cells away from ``free`` above which a mesh stands lower than ``height`` metres over the top;
+    same frame as the level.
+    """
     low = np.append(level.corner, level.height + 0.01)
     high = np.append(level.corner + np.array(level.top.shape) * CELL, level.height + height)
     for vertices, triangles in meshes:
@@ -99,16 +108,23 @@ def occupy(level: Level, meshes: Iterable[tuple[Array, Array]], height: float) -
 
 
 def occupy_rectangle(level: Level, centre: Array, size: Array, turn: float) -> None:
-    """Take the cells of a rectangle away from ``free``: ``centre`` (2,) and ``size`` (2,) metres, turned by ``turn`` radians."""
-    x, y = np.meshgrid(*(level.corner[k] + CELL * (np.arange(level.top.shape[k]) + 0.5) for k in (0, 1)), indexing="ij")
+    """Take the cells of a rectangle away from ``free``: ``centre`` (2,) and ``size`` (2,) metres, turned by
+    ``turn`` radians.
+    """
+    x, y = np.meshgrid(
+        *(level.corner[k] + CELL * (np.arange(level.top.shape[k]) + 0.5) for k in (0, 1)), indexing="ij"
+    )
     own = rotate_planar(np.stack((x, y), -1) - centre, np.float64(-turn))
     level.free &= ~(np.abs(own) <= np.asarray(size) / 2 + CELL).all(-1)
 
 
-def places_near_edge(level: Level, width: float, depth: float, margin: float, reach: float) -> Iterator[tuple[float, float, float, float]]:
+def places_near_edge(
+    level: Level, width: float, depth: float, margin: float, reach: float
+) -> Iterator[tuple[float, float, float, float]]:
     """Yield the places of a ``width`` by ``depth`` thing behind the near edge.
 
-    Each is the x of its middle, the y of its near face, the gap between the edge and this face, and the top's width on the
+    Each is the x of its middle, the y of its near face, the gap between the edge and this face, and the top's
+    width on the
     narrower side of it; metres, in the level's axes.  The gap is at least ``margin`` and at most ``reach``.
     """
     nx, ny = int(np.ceil(width / CELL)) + 1, int(np.ceil(depth / CELL)) + 1
@@ -133,26 +149,43 @@ def places_near_edge(level: Level, width: float, depth: float, margin: float, re
             row = first + int(rows[0])
             across = np.flatnonzero(level.top[:, row + ny // 2])
             beside = min(i - int(across[0]), int(across[-1]) + 1 - i - nx) * CELL
-            yield float(level.corner[0] + (i + nx / 2) * CELL), float(level.corner[1] + row * CELL), gap, beside
+            yield (
+                float(level.corner[0] + (i + nx / 2) * CELL),
+                float(level.corner[1] + row * CELL),
+                gap,
+                beside,
+            )
 
 
 def standing_room(level: Level, from_edge: float) -> Array:
-    """Places (N, 2) on the top, level's axes, at least ``from_edge`` metres from its edges and from what stands on it."""
+    """Places (N, 2) on the top, level's axes, at least ``from_edge`` metres from its edges and from what
+    stands on it.
+    """
     n = round(from_edge / CELL)
     room = _shrink(np.pad(level.free, 1), n)[1:-1, 1:-1] if n else level.free
     return level.corner + CELL * (np.argwhere(room) + 0.5)
 
 
 def _samples(corners: Array, low: Array, high: Array) -> Array:
-    """Points (N, 3) on triangles (F, 3, 3) between two corners (2,) of the floor, dense enough for every cell of the map."""
-    squeeze = np.array((1, 1, 0.3))  # steep faces need few samples: cut them by a length that counts height less
+    """Points (N, 3) on triangles (F, 3, 3) between two corners (2,) of the floor, dense enough for every cell
+    of the map.
+    """
+    squeeze = np.array(
+        (1, 1, 0.3)
+    )  # steep faces need few samples: cut them by a length that counts height less
     points = _cut(corners * squeeze, np.append(low, -np.inf), np.append(high, np.inf)) / squeeze
     return points[((points[:, :2] >= low) & (points[:, :2] <= high)).all(1)]
 
 
 def _cut(corners: Array, low: Array, high: Array) -> Array:
-    """Corners (N, 3) of triangles (F, 3, 3) cut to the size of cells, of those near the box from ``low`` to ``high`` (3,)."""
-    for longest in (np.inf, 2.0, 0.3):  # walls and floors are cut coarsely first, and only what is near finely
+    """Corners (N, 3) of triangles (F, 3, 3) cut to the size of cells, of those near the box from ``low`` to
+    ``high`` (3,).
+    """
+    for longest in (
+        np.inf,
+        2.0,
+        0.3,
+    ):  # walls and floors are cut coarsely first, and only what is near finely
         corners = cut_triangles(corners, longest)
         corners = corners[((corners.max(1) >= low) & (corners.min(1) <= high)).all(1)]
     return cut_triangles(corners, 0.85 * CELL).reshape(-1, 3)

@@ -21,9 +21,9 @@ MIRRORED = "~"  # ends the name of a mirror image
 class Clip:
     """Hips positions (T, 3), metres, world, and parent-relative rotations (T, J, 4) at 30 Hz.
 
-    ``notes`` are sentences on what its file says other than it was read.  ``phase`` (T, 2): cycles of the clip and of its mirror
-    image; ``feet`` (T, 2): 1 where the right and the left foot stand, 0 where not; both where somebody says them, NaN in columns
-    that nobody does, None where all follows from the motion.
+    ``notes`` are sentences on what its file says other than it was read.  ``phase`` (T, 2): cycles of the
+    clip and of its mirror image; ``feet`` (T, 2): 1 where the right and the left foot stand, 0 where not;
+    both where somebody says them, NaN in columns that nobody does, None where all follows from the motion.
     """
 
     name: str
@@ -36,11 +36,16 @@ class Clip:
     def __post_init__(self) -> None:
         """Check shapes and numbers; CaptureError says what is wrong."""
         if self.hips_position.shape != (len(self), 3) or self.local_rotations.shape != (len(self), J, 4):
-            raise CaptureError(f"{self.name}: expected hips (T, 3) and rotations (T, {J}, 4); read the capture again.")
-        bad = ~(np.isfinite(self.hips_position).all(axis=1) & np.isfinite(self.local_rotations).all(axis=(1, 2)))
+            raise CaptureError(
+                f"{self.name}: expected hips (T, 3) and rotations (T, {J}, 4); read the capture again."
+            )
+        bad = ~(
+            np.isfinite(self.hips_position).all(axis=1) & np.isfinite(self.local_rotations).all(axis=(1, 2))
+        )
         if bad.any():
             raise CaptureError(
-                f"{self.name}: frame {int(np.argmax(bad))} holds values that are not numbers; repair or cut that frame and read it again."
+                f"{self.name}: frame {int(np.argmax(bad))} holds values that are not numbers; repair or cut "
+                "that frame and read it again."
             )
 
     def __len__(self) -> int:
@@ -62,27 +67,41 @@ class Clip:
 
     def __getitem__(self, frames: slice) -> Clip:
         phase, feet = (None if told is None else told[frames] for told in (self.phase, self.feet))
-        return replace(self, hips_position=self.hips_position[frames], local_rotations=self.local_rotations[frames], phase=phase, feet=feet)
+        return replace(
+            self,
+            hips_position=self.hips_position[frames],
+            local_rotations=self.local_rotations[frames],
+            phase=phase,
+            feet=feet,
+        )
 
 
-def transform(hips_position: Array, local_rotations: Array, position: Array, heading: Array) -> tuple[Array, Array]:
+def transform(
+    hips_position: Array, local_rotations: Array, position: Array, heading: Array
+) -> tuple[Array, Array]:
     """Turn a motion about the world's Z by ``heading`` (...) and then move it by ``position`` (..., 2)."""
     q = _heading_quat(np.asarray(heading, hips_position.dtype)).astype(hips_position.dtype)
     hips = quat_rotate(np.broadcast_to(q, hips_position.shape[:-1] + (4,)), hips_position)
     hips[..., :2] += position
     rotations = local_rotations.copy()
-    rotations[..., 0, :] = quat_mul(np.broadcast_to(q, rotations[..., 0, :].shape), local_rotations[..., 0, :])
+    rotations[..., 0, :] = quat_mul(
+        np.broadcast_to(q, rotations[..., 0, :].shape), local_rotations[..., 0, :]
+    )
     return hips, rotations
 
 
-def resample(hips_position: Array, local_rotations: Array, times: Array, fps: float = FPS) -> tuple[Array, Array]:
+def resample(
+    hips_position: Array, local_rotations: Array, times: Array, fps: float = FPS
+) -> tuple[Array, Array]:
     """Sample a motion (T, ...) recorded at ``fps`` at ``times`` (N,), seconds; ends are held."""
     x = np.clip(np.asarray(times) * fps, 0, len(hips_position) - 1)
     i = np.minimum(x.astype(int), max(len(hips_position) - 2, 0))
     k = np.minimum(i + 1, len(hips_position) - 1)
     f = (x - i).astype(hips_position.dtype)
     hips = hips_position[i] + f[:, None] * (hips_position[k] - hips_position[i])
-    rotations = quat_slerp(local_rotations[i], local_rotations[k], np.repeat(f[:, None], local_rotations.shape[1], axis=1))
+    rotations = quat_slerp(
+        local_rotations[i], local_rotations[k], np.repeat(f[:, None], local_rotations.shape[1], axis=1)
+    )
     return hips, quat_normalize(rotations)
 
 
@@ -90,7 +109,8 @@ ROOT_SMOOTHING = 0.12  # seconds: standard deviation of the Gaussian over root p
 
 
 def smoothed_root(positions: Array) -> tuple[Array, Array]:
-    """Root positions (T, 2) and unwrapped headings (T,) of world joints (T, J, 3), smoothed over ROOT_SMOOTHING.
+    """Root positions (T, 2) and unwrapped headings (T,) of world joints (T, J, 3), smoothed over
+    ROOT_SMOOTHING.
 
     The root is only a frame of reference, so smoothing costs no precision: the pose is expressed in it.
     It keeps the sway of a walking pelvis out of the trajectory that the network has to predict.

@@ -21,12 +21,15 @@ HEEL_FROM_TOE = HEEL_FROM_ANKLE - TOE_OFFSET
 _AHEAD = np.array((0.0, -1.0, 0.0))
 
 
-def detect_foot_contacts(positions: Array, height: float = 0.07, speed: float = RESTING, window: int = 5, fps: float = FPS) -> Array:
+def detect_foot_contacts(
+    positions: Array, height: float = 0.07, speed: float = RESTING, window: int = 5, fps: float = FPS
+) -> Array:
     """Tell which feet stand: (T, 2) bool, right and left, from world joint positions (T, 23, 3), metres.
 
-    A foot stands where its toe joint is lower than ``height`` metres and horizontally slower than ``speed`` metres a second,
-    after a majority vote over ``window`` frames that removes flicker.  The speed tells a swing; the height is generous
-    because a foot that pushes off carries its toe joint up to 7 cm high in some captures.
+    A foot stands where its toe joint is lower than ``height`` metres and horizontally slower than ``speed``
+    metres a second,
+    after a majority vote over ``window`` frames that removes flicker.  The speed tells a swing; the height is
+    generous because a foot that pushes off carries its toe joint up to 7 cm high in some captures.
     """
     toes = positions[:, TOES]
     velocity = np.zeros(toes.shape[:2] + (2,), dtype=np.float64)
@@ -39,8 +42,11 @@ def detect_foot_contacts(positions: Array, height: float = 0.07, speed: float = 
     return votes > half
 
 
-def sole_depth(toes: Array, feet: Array, ground: Array | float = 0.0, heel_ground: Array | float | None = None) -> Array:
-    """How far (...) feet reach under the ground, metres, at least 0: toe joints (..., 3) world, ankle rotations (..., 4) world.
+def sole_depth(
+    toes: Array, feet: Array, ground: Array | float = 0.0, heel_ground: Array | float | None = None
+) -> Array:
+    """How far (...) feet reach under the ground, metres, at least 0: toe joints (..., 3) world, ankle
+    rotations (..., 4) world.
 
     ``ground`` is its height (...) under the foot, ``heel_ground`` that under the heel where it differs.
     """

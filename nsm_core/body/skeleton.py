@@ -54,13 +54,17 @@ ARMS = ((INDEX["RightShoulder"], INDEX["RightElbow"], INDEX["RightWrist"]),
         (INDEX["LeftShoulder"], INDEX["LeftElbow"], INDEX["LeftWrist"]))  # fmt: skip
 
 
-ARM_LENGTH = float(np.linalg.norm(OFFSETS[list(ARMS[0][1:])], axis=-1).sum())  # from shoulder to wrist, metres
+ARM_LENGTH = float(
+    np.linalg.norm(OFFSETS[list(ARMS[0][1:])], axis=-1).sum()
+)  # from shoulder to wrist, metres
 # From the spine to the skin of the back, and how far over the pivot of a lean it moves with it, metres.
 BACK_RADIUS, BACK_FROM = 0.1, 0.15
 
 
 def _levels() -> list[tuple[Array, Array]]:
-    """Joints as many steps from the hips as each other, and their parents: computed together, since each step costs by the call."""
+    """Joints as many steps from the hips as each other, and their parents: computed together, since each step
+    costs by the call.
+    """
     depth = [0] * J
     for j in range(1, J):
         depth[j] = depth[PARENTS[j]] + 1
@@ -72,7 +76,9 @@ _PARENTS = np.array(PARENTS)
 LEVELS = _levels()
 
 
-def forward_kinematics(hips_position: Array, local_rotations: Array, offsets: Array = OFFSETS) -> tuple[Array, Array]:
+def forward_kinematics(
+    hips_position: Array, local_rotations: Array, offsets: Array = OFFSETS
+) -> tuple[Array, Array]:
     """World joint positions (..., J, 3), metres, and rotations (..., J, 4) of a pose.
 
     ``hips_position`` (..., 3) is in the world; ``local_rotations`` (..., J, 4) are relative to the parent.
@@ -102,6 +108,7 @@ def root_of(positions: Array) -> tuple[Array, Array]:
     The position lies under the hips; the heading is at right angles to the summed hip and shoulder axes
     (the reference code's rule; papers/000 section 3.1 leaves it open).
     """
+
     def axis(left: str, right: str) -> Array:
         v = positions[..., INDEX[left], :2] - positions[..., INDEX[right], :2]
         return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-6)

@@ -1,5 +1,5 @@
-"""A body thinner than the one that is seen: training data is checked with it, so that captures of people in real rooms pass,
-and a leaf gives way to it.
+"""A body thinner than the one that is seen: training data is checked with it, so that captures of people in
+real rooms pass, and a leaf gives way to it.
 
 How deep a take is inside solids is told by ``capsules``, which is fitted to what is seen.
 """
@@ -17,9 +17,10 @@ from .skeleton import END_SITES, INDEX, forward_kinematics
 if TYPE_CHECKING:
     from nsm_core.world.geometry.distance import DistanceQuery
 
-# The body as capsules: two joints (or a joint and the end of its bone) and a radius at each, metres.  Pelvis and thighs are
-# as thin below as a seated person's are once flesh and cushion have given way: the hip joints of a seated pose lie 4 cm over
-# the seat (HIP_OVER_SEAT less their offset), so sitting as told counts as touching, not as penetrating.
+# The body as capsules: two joints (or a joint and the end of its bone) and a radius at each, metres.  Pelvis
+# and thighs are as thin below as a seated person's are once flesh and cushion have given way: the hip joints
+# of a seated pose lie 4 cm over the seat (HIP_OVER_SEAT less their offset), so sitting as told counts as
+# touching, not as penetrating.
 THIN_CAPSULES: tuple[tuple[str, str, float, float], ...] = (
     ("RightHip", "LeftHip", 0.04, 0.04),
     ("Hips", "Chest2", 0.07, 0.09),
@@ -48,13 +49,17 @@ def thin_depths(hips_position: Array, local_rotations: Array, query: DistanceQue
     """Depth (T,) in metres of the deepest point of the body in each frame, 0 where it touches nothing."""
     centres, radii = thin_spheres(hips_position, local_rotations)
     reach = float(radii.max()) + 0.02
-    distance = query.signed_distance(centres.reshape(-1, 3).astype(np.float32), reach).reshape(centres.shape[:2])
+    distance = query.signed_distance(centres.reshape(-1, 3).astype(np.float32), reach).reshape(
+        centres.shape[:2]
+    )
     return np.maximum(0, radii - distance).max(axis=1)
 
 
 def thin_spheres(hips_position: Array, local_rotations: Array) -> tuple[Array, Array]:
     """Spheres along ``THIN_CAPSULES``: centres (T, S, 3) world and radii (S,), metres."""
-    positions, rotations = forward_kinematics(hips_position.astype(np.float64), local_rotations.astype(np.float64))
+    positions, rotations = forward_kinematics(
+        hips_position.astype(np.float64), local_rotations.astype(np.float64)
+    )
 
     def point(name: str) -> Array:
         joint = name.removesuffix(" end")

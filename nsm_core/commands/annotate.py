@@ -23,13 +23,18 @@ from nsm_core.data.captures.sidecar import Sheet, fingerprint
 from nsm_core.errors import CaptureError, NsmError
 
 
-def annotate_clip(folder: CaptureFolder, capture: Capture, overwrite: bool) -> tuple[Clip, Sheet, dict[int, str], list[str]]:
-    """Read a clip and propose its sheet; the fourth value names the sections that a person's edits have kept."""
+def annotate_clip(
+    folder: CaptureFolder, capture: Capture, overwrite: bool
+) -> tuple[Clip, Sheet, dict[int, str], list[str]]:
+    """Read a clip and propose its sheet; the fourth value names the sections that a person's edits
+    have kept.
+    """
     clip = folder.read(capture)
     kept = sidecar.read(capture.sidecar) if capture.sidecar is not None and not overwrite else None
     if kept is not None and kept.frames != len(clip):
         raise CaptureError(
-            f"{sidecar.sidecar_of(capture.path).name} speaks of {kept.frames} frames, {capture.path.name} has {len(clip)} at 30 a second; "
+            f"{sidecar.sidecar_of(capture.path).name} speaks of {kept.frames} frames, {capture.path.name} "
+            f"has {len(clip)} at 30 a second; "
             "delete it, or run with --overwrite, to have it proposed anew."
         )
     sheet, remarks = propose(clip, kept)
@@ -40,7 +45,10 @@ def with_phase(sheet: Sheet, measured: dict[str, list[Any]], kept: list[str]) ->
     """The sheet with measured phases in place of those by rule, except where a person's own stand."""
     for name, keys in measured.items():
         if name not in kept:
-            sheet = replace(sheet.with_section(name, keys), proposal=sheet.proposal | {name: fingerprint(keys), f"{name}.by": "pae"})
+            sheet = replace(
+                sheet.with_section(name, keys),
+                proposal=sheet.proposal | {name: fingerprint(keys), f"{name}.by": "pae"},
+            )
     return sheet
 
 
@@ -48,9 +56,18 @@ def main(arguments: list[str]) -> int:
     """Annotate every BVH file below a folder; exit code 1 if a file could not be read."""
     parser = argparse.ArgumentParser(prog="python -m nsm_core annotate", description=__doc__)
     parser.add_argument("folder", type=Path, help="folder with BVH files; those below it count too")
-    parser.add_argument("--mapping", type=Path, help="mapping file (TOML) for all files (default: mapping.toml beside or above them)")
+    parser.add_argument(
+        "--mapping",
+        type=Path,
+        help="mapping file (TOML) for all files (default: mapping.toml beside or above them)",
+    )
     parser.add_argument("--overwrite", action="store_true", help="propose everything anew, edits too")
-    parser.add_argument("--phase", choices=("rule", "pae"), default="rule", help="by foot landings, or by a Periodic Autoencoder")
+    parser.add_argument(
+        "--phase",
+        choices=("rule", "pae"),
+        default="rule",
+        help="by foot landings, or by a Periodic Autoencoder",
+    )
     parser.add_argument("--minutes", type=float, default=2.0, help="time to train the autoencoder")
     parser.add_argument("--no-pictures", action="store_true", help="write the sidecars only")
     options = parser.parse_args(arguments)

@@ -1,4 +1,6 @@
-"""Put captured sit-downs on other seats by the five steps of contact transfer; writes each as BVH with a picture."""
+"""Put captured sit-downs on other seats by the five steps of contact transfer; writes each as BVH with a
+picture.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ def main(arguments: list[str]) -> int:
 
     parser = argparse.ArgumentParser(prog="python -m nsm_core augment", description=__doc__)
     parser.add_argument("captures", help="folder with BVH captures")
-    parser.add_argument("--objects", default=None, help="folder of furniture meshes to put beside the parametric pieces")
+    parser.add_argument(
+        "--objects", default=None, help="folder of furniture meshes to put beside the parametric pieces"
+    )
     parser.add_argument("--out", type=Path, default=Path("runs/augmented"))
     parser.add_argument("--count", type=int, default=12)
     parser.add_argument("--seed", type=int, default=0)
@@ -28,14 +32,23 @@ def main(arguments: list[str]) -> int:
     try:
         a.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{a.out} cannot be made ({error.strerror}); choose a folder you may write to.") from error
+        raise OutputError(
+            f"{a.out} cannot be made ({error.strerror}); choose a folder you may write to."
+        ) from error
     pool = Pool() if a.objects is None else Pool.load(a.objects, cache=a.out / "objects.npz").training()
     for done in switch_all(a.captures, pool, a.count, a.seed):
         clip, path = done.clip, a.out / f"{done.clip.name}.bvh"
         bvh_writer.write(path, clip.hips_position, clip.local_rotations)
         solid = cuboids([(done.piece, done.pose[:3], float(done.pose[3]))])
         seat = f"seat {done.piece.seat.height:.2f} m high"
-        contact_sheet(clip.world()[0], path.with_suffix(".png"), boxes=solid, title=f"{clip.name}, {seat}", camera="character", rows=2)
+        contact_sheet(
+            clip.world()[0],
+            path.with_suffix(".png"),
+            boxes=solid,
+            title=f"{clip.name}, {seat}",
+            camera="character",
+            rows=2,
+        )
         x, y, _, heading = done.pose
         print(f"{path.name}: {seat}, at {x:.3f}, {y:.3f}, turned by {np.degrees(heading):.1f} degrees")
     return 0

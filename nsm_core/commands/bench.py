@@ -1,4 +1,6 @@
-"""Speed of the network and of whole takes: by stage, per character, and as ratios that hold on other machines."""
+"""Speed of the network and of whole takes: by stage, per character, and as ratios that hold on other
+machines.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ BATCHES = (1, 8, 64, 256)
 def main(arguments: list[str]) -> int:
     """Print the tables; returns the exit code.  Raises WeightsError on a bad weights file."""
     parser = argparse.ArgumentParser(prog="python -m nsm_core bench", description=__doc__)
-    parser.add_argument("--weights", help="weights file (default: the bundled one, or random values of its size)")
+    parser.add_argument(
+        "--weights", help="weights file (default: the bundled one, or random values of its size)"
+    )
     parser.add_argument("--threads", type=int, default=1, help="threads of the matrix library (default 1)")
     parser.add_argument("--frames", type=int, default=300, help="frames measured per row (default 300)")
     parser.add_argument("--training", action="store_true", help="also measure training steps (needs PyTorch)")
@@ -44,7 +48,10 @@ def main(arguments: list[str]) -> int:
         return subprocess.run(command, env={**os.environ, **wanted}).returncode
     path = options.weights or (BUNDLED if BUNDLED.exists() else None)
     weights = load_weights(path) if path else random_weights(NsmConfig())
-    print(f"weights {path or 'random, of the default size'}; {options.threads} thread(s); median of {options.frames} frames")
+    print(
+        f"weights {path or 'random, of the default size'}; {options.threads} thread(s); median of "
+        f"{options.frames} frames"
+    )
     ours = model_of(weights, "numpy")
     theirs = model_of(weights, "torch") if importlib.util.find_spec("torch") else None
     if theirs:
@@ -75,7 +82,10 @@ def random_weights(config: NetworkConfig) -> Weights:
 def random_inputs(config: NetworkConfig, batch: int) -> Inputs[Array]:
     """Inputs of ``batch`` characters, standard normal."""
     rng = np.random.default_rng(batch)
-    return Inputs(rng.standard_normal((batch, config.inputs), np.float32), rng.standard_normal((batch, config.gating), np.float32))
+    return Inputs(
+        rng.standard_normal((batch, config.inputs), np.float32),
+        rng.standard_normal((batch, config.gating), np.float32),
+    )
 
 
 def median_ms(call: Callable[[], Any], count: int) -> float:
@@ -116,7 +126,10 @@ def report_frame(ours: Model, theirs: Model | None, frames: int) -> None:
     bandwidth = memory_bandwidth()
     ideal = size / bandwidth * 1e3
     print("\nratios, same run")
-    print(f"  weights {size / 1e6:.1f} MB read at {bandwidth / 1e9:.1f} GB/s from memory: {ideal:.2f} ms", end="; ")
+    print(
+        f"  weights {size / 1e6:.1f} MB read at {bandwidth / 1e9:.1f} GB/s from memory: {ideal:.2f} ms",
+        end="; ",
+    )
     print(f"ours takes {total / ideal:.2f} x that (under 1 where caches keep the weights)")
     if theirs:
         eager = median_ms(lambda: theirs.step(inputs, memory), frames)
@@ -129,8 +142,8 @@ def report_frame(ours: Model, theirs: Model | None, frames: int) -> None:
 def report_takes(model: Model) -> None:
     """One take of each action: milliseconds a frame by stage, and ratios of the same run.
 
-    Sensing is the scene as it is felt; planning, the goals and the ways to them; state, the network's input and output; correction,
-    what makes of its pose the one that is kept.
+    Sensing is the scene as it is felt; planning, the goals and the ways to them; state, the network's input
+    and output; correction, what makes of its pose the one that is kept.
     """
     from nsm_core.control.take import roll
     from nsm_core.evaluation.trials import carry, climb, locomotion, sit
@@ -144,14 +157,26 @@ def report_takes(model: Model) -> None:
         "open, pull": doors.request(doors.trials(1, 3)[2]),
         "climb": climb.request(climb.trials(1, 2)[1]),
     }
-    columns = {"sensing": "sensors", "planning": "goals", "network": "network", "state": "blending", "correction": "ik"}
-    print("\none take, ms a frame  frames" + "".join(f"{name:>11s}" for name in columns) + "      whole  correction/network  x real time")
+    columns = {
+        "sensing": "sensors",
+        "planning": "goals",
+        "network": "network",
+        "state": "blending",
+        "correction": "ik",
+    }
+    print(
+        "\none take, ms a frame  frames"
+        + "".join(f"{name:>11s}" for name in columns)
+        + "      whole  correction/network  x real time"
+    )
     for name, request in asked.items():
         take = roll(model, request)
         ms = [take.stage_ms[stage] for stage in columns.values()]
         ratio = take.stage_ms["ik"] / take.stage_ms["network"]
         values = "".join(f"{value:11.2f}" for value in ms)
-        print(f"  {name:18s}{len(take.root):8d}{values}{sum(ms):11.2f}{ratio:20.2f}{DT * 1e3 / sum(ms):13.1f}")
+        print(
+            f"  {name:18s}{len(take.root):8d}{values}{sum(ms):11.2f}{ratio:20.2f}{DT * 1e3 / sum(ms):13.1f}"
+        )
 
 
 def report_batches(models: list[Model], count: int) -> None:
@@ -182,4 +207,7 @@ def report_training(config: NetworkConfig, threads: int, batch: int = 512) -> No
         optimiser.step()
         optimiser.zero_grad(set_to_none=True)
 
-    print(f"\ntraining at batch {batch}, bfloat16, {threads} thread(s): {batch / median_ms(step, 20) * 1e3:.0f} samples a second")
+    print(
+        f"\ntraining at batch {batch}, bfloat16, {threads} thread(s): "
+        f"{batch / median_ms(step, 20) * 1e3:.0f} samples a second"
+    )

@@ -13,9 +13,13 @@ def main(arguments: list[str]) -> int:
     )
     from nsm_core.data.export import export
 
-    parser = argparse.ArgumentParser(prog="compose", description="Stitch goal-directed performances from a capture folder.")
+    parser = argparse.ArgumentParser(
+        prog="compose", description="Stitch goal-directed performances from a capture folder."
+    )
     parser.add_argument("captures", help="folder with BVH captures")
-    parser.add_argument("--objects", default=None, help="folder of furniture meshes to put beside the parametric pieces")
+    parser.add_argument(
+        "--objects", default=None, help="folder of furniture meshes to put beside the parametric pieces"
+    )
     parser.add_argument("--out", default="runs/data")
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=0)
@@ -24,7 +28,15 @@ def main(arguments: list[str]) -> int:
     def show(n: int, of: int) -> None:
         print(f"\r{min(n / of, 1):6.1%}", end="", flush=True)
 
-    folder = export(a.captures, a.out, a.minutes, a.seed, meshes=a.objects, progress=show, tell=lambda note: print(f"note: {note}"))
+    folder = export(
+        a.captures,
+        a.out,
+        a.minutes,
+        a.seed,
+        meshes=a.objects,
+        progress=show,
+        tell=lambda note: print(f"note: {note}"),
+    )
     print()
     print(report(folder))
     print(f"Wrote {picture(folder, folder / 'coverage.png')}.")

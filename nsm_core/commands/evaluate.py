@@ -16,14 +16,36 @@ def main(arguments: list[str]) -> int:
     """Entry of ``dev.py evaluate``."""
     parser = argparse.ArgumentParser(prog="evaluate", description="Measure the network on fixed trials.")
     parser.add_argument("--weights", default=None, help="weights file (default: the shipped one)")
-    parser.add_argument("--only", default=",".join(PARTS), help="parts or actions to try, with commas, or none: " + ", ".join(PARTS))
+    parser.add_argument(
+        "--only",
+        default=",".join(PARTS),
+        help="parts or actions to try, with commas, or none: " + ", ".join(PARTS),
+    )
     parser.add_argument("--starts", type=int, default=10, help="starts for each object")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--assets", default=None, help="folder of meshes whose held-back part serves as seats, tables and boxes")
-    parser.add_argument("--stress", type=float, default=0.0, metavar="SECONDS", help="also roll out so much motion of random goals")
-    parser.add_argument("--data", default=None, help="folder of composed data whose own foot slide is printed beside ours")
-    parser.add_argument("--sheets", default=None, help="only draw contact sheets of every part's first trials into this folder")
-    parser.add_argument("--no-ablation", action="store_true", help="skip the runs without parts of the method")
+    parser.add_argument(
+        "--assets",
+        default=None,
+        help="folder of meshes whose held-back part serves as seats, tables and boxes",
+    )
+    parser.add_argument(
+        "--stress",
+        type=float,
+        default=0.0,
+        metavar="SECONDS",
+        help="also roll out so much motion of random goals",
+    )
+    parser.add_argument(
+        "--data", default=None, help="folder of composed data whose own foot slide is printed beside ours"
+    )
+    parser.add_argument(
+        "--sheets",
+        default=None,
+        help="only draw contact sheets of every part's first trials into this folder",
+    )
+    parser.add_argument(
+        "--no-ablation", action="store_true", help="skip the runs without parts of the method"
+    )
     parser.add_argument("--out", default="out/evaluation.json")
     a = parser.parse_args(arguments)
     named = [name.strip() for name in a.only.split(",") if name.strip() not in ("", "none")]

@@ -23,12 +23,20 @@ from nsm_core.training.warm_start import start_from
 
 def main(arguments: list[str]) -> int:
     """Entry of ``dev.py train``."""
-    parser = argparse.ArgumentParser(prog="train", description="Train the Neural State Machine from a capture folder.")
+    parser = argparse.ArgumentParser(
+        prog="train", description="Train the Neural State Machine from a capture folder."
+    )
     defaults = TrainingSettings()
     parser.add_argument("captures", help="folder with BVH captures")
-    parser.add_argument("--objects", default=None, help="folder of furniture meshes to put beside the parametric pieces")
-    parser.add_argument("--run", default="runs/nsm", help="folder for data, checkpoints, log and plot (default: runs/nsm)")
-    parser.add_argument("--weights", default=None, help="weights file to write at the end (default: RUN/nsm.npz)")
+    parser.add_argument(
+        "--objects", default=None, help="folder of furniture meshes to put beside the parametric pieces"
+    )
+    parser.add_argument(
+        "--run", default="runs/nsm", help="folder for data, checkpoints, log and plot (default: runs/nsm)"
+    )
+    parser.add_argument(
+        "--weights", default=None, help="weights file to write at the end (default: RUN/nsm.npz)"
+    )
     parser.add_argument("--steps", type=int, default=defaults.steps)
     parser.add_argument("--data-minutes", type=float, default=defaults.data_minutes)
     parser.add_argument("--seed", type=int, default=0)
@@ -41,13 +49,24 @@ def main(arguments: list[str]) -> int:
         help="share of drift that roll-outs learn to undo per frame",
     )
     parser.add_argument(
-        "--fresh", type=float, default=defaults.fresh.share, help="share of takes composed meanwhile and put on other objects (0 for none)"
+        "--fresh",
+        type=float,
+        default=defaults.fresh.share,
+        help="share of takes composed meanwhile and put on other objects (0 for none)",
     )
-    parser.add_argument("--no-stitching", action="store_true", help="train on captured pieces by themselves, to compare")
-    parser.add_argument("--network", choices=list(KINDS), default="nsm", help="network to train (default: nsm)")
-    parser.add_argument("--device", default=defaults.device, help="where it is trained: cpu, cuda, cuda:1 ... (default: cpu)")
+    parser.add_argument(
+        "--no-stitching", action="store_true", help="train on captured pieces by themselves, to compare"
+    )
+    parser.add_argument(
+        "--network", choices=list(KINDS), default="nsm", help="network to train (default: nsm)"
+    )
+    parser.add_argument(
+        "--device", default=defaults.device, help="where it is trained: cpu, cuda, cuda:1 ... (default: cpu)"
+    )
     parser.add_argument("--threads", type=int, default=2, help="processor threads (default: 2)")
-    parser.add_argument("--start-from", default=None, help="checkpoint or weights file whose network to start from")
+    parser.add_argument(
+        "--start-from", default=None, help="checkpoint or weights file whose network to start from"
+    )
     a = parser.parse_args(arguments)
     settings = TrainingSettings(
         steps=a.steps,
@@ -85,8 +104,12 @@ def main(arguments: list[str]) -> int:
     if settings.fresh.share > 0:
         print("Composing the first fresh takes ...", flush=True)
         first = settings.seed + SEEDS_APART + done  # fewer than one take a step, so that no take comes twice
-        fresh = FreshTakes(a.captures, a.objects, str(folder / "objects.npz"), first, settings.fresh.slots, settings.stitched)
-    trainer = Trainer(Dataset.open(folder), settings, KINDS[a.network].config(), seed_offset=done, fresh=fresh)
+        fresh = FreshTakes(
+            a.captures, a.objects, str(folder / "objects.npz"), first, settings.fresh.slots, settings.stitched
+        )
+    trainer = Trainer(
+        Dataset.open(folder), settings, KINDS[a.network].config(), seed_offset=done, fresh=fresh
+    )
     about = (folder / "data.json").read_bytes()
     trainer.stance, trainer.meaning = json.loads(about)["stance"], meaning
     started_from = Path(a.start_from).name if a.start_from else ""

@@ -16,7 +16,9 @@ from nsm_core.rotations import Array
 
 
 class Stepped(Protocol):
-    """A take in the halves of its frame, as ``TakeRunner`` has them: what the network is given, and what becomes of its outputs."""
+    """A take in the halves of its frame, as ``TakeRunner`` has them: what the network is given, and what
+    becomes of its outputs.
+    """
 
     model: Model
     memory: Memory  # (1, size) each
@@ -37,8 +39,8 @@ class Stepped(Protocol):
 def step_together(takes: Sequence[Stepped]) -> list[bool]:
     """Make the next frame of every take, as ``TakeRunner.step`` does of one; for each, False when it is over.
 
-    Takes may begin and end at different calls; each keeps its own rows of the network's memory.  Raises ValueError where they do not
-    share one network, and GoalError where one of them cannot go on.
+    Takes may begin and end at different calls; each keeps its own rows of the network's memory.  Raises
+    ValueError where they do not share one network, and GoalError where one of them cannot go on.
     """
     if any(take.model is not takes[0].model for take in takes):
         raise ValueError("takes that are stepped together need one network")
@@ -52,6 +54,11 @@ def step_together(takes: Sequence[Stepped]) -> list[bool]:
         each_ms = 1000 * (time.perf_counter() - start) / len(moving)
         for row, take in enumerate(moving):
             own = slice(row, row + 1)
-            take.follow(outputs[own], {k: v[own] for k, v in memory.items()}, {k: v[own] for k, v in info.items()}, each_ms)
+            take.follow(
+                outputs[own],
+                {k: v[own] for k, v in memory.items()},
+                {k: v[own] for k, v in info.items()},
+                each_ms,
+            )
     went_on = {id(take) for take, _ in sensed}
     return [id(take) in went_on or take.mend() for take in takes]

@@ -1,7 +1,9 @@
 """Turn the queue of goals into the goal series the network is fed with (section 4.1), frame by frame.
 
-Each goal is performed by a stage (``actions``) that says what is commanded now; the director hears the goals one after the
-other, lays the commands on the keys of the series, and judges.  Whatever changes is only a change of the series.
+Each goal is performed by a stage (``actions``) that says what is commanded now; the director hears the goals
+one after the
+other, lays the commands on the keys of the series, and judges.  Whatever changes is only a change of the
+series.
 """
 
 from __future__ import annotations
@@ -26,8 +28,10 @@ from .actions.registry import begin, check_reachable
 from .goals import Goal, GoalResult, Moment
 
 SETTLE = 12  # frames of rest after which a transition has ended
-STEP_ON = 0.25  # metres of its way that one has come nearer to a goal: it is given up where so much is not gained in time
-TURNING = 8  # frames in which an interrupted goal gives way to the new one: switched in one, the network's pose would jump
+# metres of its way that one has come nearer to a goal: it is given up where so much is not gained in time
+STEP_ON = 0.25
+# frames in which an interrupted goal gives way to the new one: switched in one, the network's pose would jump
+TURNING = 8
 
 
 class Director:
@@ -46,9 +50,11 @@ class Director:
         scene: Scene | None = None,
         ik: bool = True,
     ) -> None:
-        """``scene`` is what boxes may rest on and leaves may meet; ``ik`` False leaves the body as the network has it.
+        """``scene`` is what boxes may rest on and leaves may meet; ``ik`` False leaves the body as the
+        network has it.
 
-        A goal may take as long as its way needs; it is given up after ``time_limit`` seconds without progress.
+        A goal may take as long as its way needs; it is given up after ``time_limit`` seconds without
+        progress.
         """
         self.goals, self.plan, self.rng, self.time_limit = goals, plan, rng, time_limit
         self.results = [GoalResult(g.name, g.action) for g in goals]
@@ -62,9 +68,15 @@ class Director:
         self._command: Command | None = None
         self._thing: Prop | InteractionVolume | None = None
         self._frame, self._started, self._rest, self._hold = 0, 0, 0, -1
-        self._part, self._since, self._left = 0, 0, np.inf  # the stage's part; when and where on its way the last progress was made
+        self._part, self._since, self._left = (
+            0,
+            0,
+            np.inf,
+        )  # the stage's part; when and where on its way the last progress was made
         self._given: tuple[Array, Array, Array] | None = None
-        self._given_up: tuple[Array, Array, Array] | None = None  # what was commanded when the present goals broke in
+        self._given_up: tuple[Array, Array, Array] | None = (
+            None  # what was commanded when the present goals broke in
+        )
         self._turned = 1.0  # 0..1, how far that has given way
         here = np.append(root[:2], 0.0)
         self._past_position = np.repeat(here[None].astype(np.float32), WINDOW + 1, axis=0)
@@ -73,7 +85,9 @@ class Director:
         self._wait = int(rng.integers(4, 16))  # frames of standing before the first goal is heard
 
     def update(self, moment: Moment) -> tuple[Array, Array, Array, InteractionVolume | None]:
-        """Return goal positions (13, 3), headings (13,) and actions (13, 6) for the next step, and the sensed object."""
+        """Return goal positions (13, 3), headings (13,) and actions (13, 6) for the next step, and the sensed
+        object.
+        """
         self.grasps = [g for g in self.grasps if g.active]
         if self.index < 0:
             if self._frame >= self._wait:
@@ -96,7 +110,9 @@ class Director:
         return *keys, self._sense(moment)
 
     def interrupt(self, goals: list[Goal], plan: FloorPlan | None = None) -> None:
-        """Give up the goal in hand and all that follow, and go on with ``goals`` from the next frame on; ``plan`` replaces the floor."""
+        """Give up the goal in hand and all that follow, and go on with ``goals`` from the next frame on;
+        ``plan`` replaces the floor.
+        """
         if plan is not None:
             self.plan = plan
             self._ground = Ground(plan, self.rng, self._scene)
@@ -119,13 +135,18 @@ class Director:
             self._thing = None
         return self._thing.sensed() if isinstance(self._thing, Prop) else self._thing
 
-    # --- goals one after the other -----------------------------------------------------------------------------
+    # --- goals one after the other
+    # -----------------------------------------------------------------------------
 
     def _begin(self, index: int, moment: Moment) -> None:
         following = self.goals[index] if index < len(self.goals) else None
         if self.stage is not None:
             result = self.results[self.index]
-            again = following is not None and following.prop is not None and following.prop is self.stage.goal.prop
+            again = (
+                following is not None
+                and following.prop is not None
+                and following.prop is self.stage.goal.prop
+            )
             self.stage.end(result.reached, again)
         if following is None:
             self.done = True
@@ -158,7 +179,9 @@ class Director:
             self.grasps.append(grasp)
 
     def _give_up(self, error: GoalError) -> None:
-        """Report the present goal as one that cannot be reached; the error itself where nothing has been performed yet."""
+        """Report the present goal as one that cannot be reached; the error itself where nothing has been
+        performed yet.
+        """
         if self.index == 0 and self._frame == self._started:
             raise error
         if self._hold >= 0:  # judged before; what was commanded goes on
@@ -198,19 +221,30 @@ class Director:
             return command.course.length - command.course.progress
         return float(np.linalg.norm(np.asarray(command.position)[:2] - here))
 
-    # --- the series --------------------------------------------------------------------------------------------
+    # --- the series
+    # --------------------------------------------------------------------------------------------
 
     def _ahead(self, moment: Moment) -> tuple[Array, Array, Array]:
         """Goals (7, ...) of the pivot and the keys ahead."""
         n, command = FUTURE + 1, self._command
         if command is None:
-            return np.repeat(self._past_position[-1:], n, 0), np.repeat(self._past_heading[-1:], n), np.repeat(self._past_action[-1:], n, 0)
+            return (
+                np.repeat(self._past_position[-1:], n, 0),
+                np.repeat(self._past_heading[-1:], n),
+                np.repeat(self._past_action[-1:], n, 0),
+            )
         if command.course is not None:
             command.course.advance(moment.root[:2].astype(np.float64))
             speed = max(moment.speed, 0.3)
-            position, heading, pace = command.course.preview(speed, tuple(int(f) + FPS for f in KEY_OFFSETS[PIVOT:]))
+            position, heading, pace = command.course.preview(
+                speed, tuple(int(f) + FPS for f in KEY_OFFSETS[PIVOT:])
+            )
             action = np.where((pace > 0.3)[:, None], _hot(command.action), _hot(command.resting))
-            return np.pad(position, ((0, 0), (0, 1))).astype(np.float32), heading.astype(np.float32), action.astype(np.float32)
+            return (
+                np.pad(position, ((0, 0), (0, 1))).astype(np.float32),
+                heading.astype(np.float32),
+                action.astype(np.float32),
+            )
         return (
             np.repeat(np.asarray(command.position, dtype=np.float32)[None], n, axis=0),
             np.full(n, command.heading, np.float32),

@@ -19,12 +19,14 @@ from nsm_core.world.sensors.interaction import InteractionVolume
 class Goal:
     """One entry of the queue.
 
-    ``position`` (3,) world metres: for sit the hip joint's place when seated (seat surface plus ``skeleton.HIP_OVER_SEAT``);
-    for carry where the centre of the box is set down; for climb where one stands at the end, on top of the object (z is its
-    height) or, behind a low wall, on the floor; for open the middle of the opening on the floor; else a point on the ground.
-    ``heading`` the way to face there, radians (for open it is ignored: the side one comes from decides); ``hold`` seconds to
-    stay once it is reached; ``interaction`` the sensed object of sit and climb; ``prop`` what is moved: the box of carry, the
-    leaf of open; ``terrain`` the heights of what a climb stands on (probed from the scene where None).
+    ``position`` (3,) world metres: for sit the hip joint's place when seated (seat surface plus
+    ``skeleton.HIP_OVER_SEAT``); for carry where the centre of the box is set down; for climb where one stands
+    at the end, on top of the object (z is its height) or, behind a low wall, on the floor; for open the
+    middle of the opening on the floor; else a point on the ground.
+    ``heading`` the way to face there, radians (for open it is ignored: the side one comes from decides);
+    ``hold`` seconds to stay once it is reached; ``interaction`` the sensed object of sit and climb; ``prop``
+    what is moved: the box of carry, the leaf of open; ``terrain`` the heights of what a climb stands on
+    (probed from the scene where None).
     """
 
     action: str
@@ -39,10 +41,18 @@ class Goal:
     def __post_init__(self) -> None:
         action = require_action(self.action)
         self.position = np.asarray(self.position, dtype=np.float32)
-        if self.position.shape != (3,) or not np.isfinite(self.position).all() or not np.isfinite(self.heading):
-            raise GoalError(f"The goal '{self.name}' has no usable place; give it three finite coordinates and a heading.")
+        if (
+            self.position.shape != (3,)
+            or not np.isfinite(self.position).all()
+            or not np.isfinite(self.heading)
+        ):
+            raise GoalError(
+                f"The goal '{self.name}' has no usable place; give it three finite coordinates and a heading."
+            )
         if not np.isfinite(self.hold) or self.hold < 0:
-            raise GoalError(f"The goal '{self.name}' has a hold of {self.hold} seconds; give it zero or more.")
+            raise GoalError(
+                f"The goal '{self.name}' has a hold of {self.hold} seconds; give it zero or more."
+            )
         if action.prop is not None and not isinstance(self.prop, action.prop):
             raise GoalError(f"The goal '{self.name}' has nothing to {self.action}; choose {action.handles}.")
 
@@ -51,7 +61,8 @@ class Goal:
 class Taken:
     """Where hands should be on a prop at the moment when they take it.
 
-    ``hands`` 0 right, 1 left; ``places`` (N, 3) of their wrists in the prop's frame, metres; ``frame`` of the take, -1 unknown.
+    ``hands`` 0 right, 1 left; ``places`` (N, 3) of their wrists in the prop's frame, metres; ``frame`` of the
+    take, -1 unknown.
     """
 
     hands: list[int]
@@ -59,7 +70,8 @@ class Taken:
     frame: int = -1
 
     def errors(self, wrists: Array, pose: Array) -> tuple[float, float]:
-        """Mean centimetres of wrists (2, 3), right and left, from their places on the prop at ``pose`` (4,), world frame.
+        """Mean centimetres of wrists (2, 3), right and left, from their places on the prop at ``pose`` (4,),
+        world frame.
 
         And, for two hands, degrees by which their axis is turned about the vertical; nan for one.
         """
@@ -74,13 +86,15 @@ class Taken:
 
 @dataclass
 class GoalResult:
-    """What became of a goal; errors at the end of its transition, of the pose that is keyed and of the network alone.
+    """What became of a goal; errors at the end of its transition, of the pose that is keyed and of the
+    network alone.
 
-    For carry, ``position_error_cm`` and ``rotation_error_deg`` are the box's, where it was set down.  The hands' errors are
-    those at the end of the grasp (carry: mean of both wrists and the turn of their axis; open: the one hand); nan elsewhere.
-    ``reason``: why it was given up, a sentence, where in the middle of a take no way led to it; empty where its time ran out.
-    ``place`` and ``facing`` are what the errors were measured to, over the first ``axes`` axes; None where nothing was measured.
-    ``taken`` is what the hands' were measured to.
+    For carry, ``position_error_cm`` and ``rotation_error_deg`` are the box's, where it was set down.  The
+    hands' errors are those at the end of the grasp (carry: mean of both wrists and the turn of their axis;
+    open: the one hand); nan elsewhere.
+    ``reason``: why it was given up, a sentence, where in the middle of a take no way led to it; empty where
+    its time ran out.  ``place`` and ``facing`` are what the errors were measured to, over the first ``axes``
+    axes; None where nothing was measured.  ``taken`` is what the hands' were measured to.
     """
 
     object: str
@@ -108,8 +122,9 @@ class GoalResult:
 class Moment:
     """What the director sees of a character.
 
-    ``root`` (3,), ``hips`` (3,) world, ``heading``, hip ``speed`` m/s, labels ``style`` (7,), the network's ``wrists`` (2, 3)
-    right and left, world, and its ``contacts`` (5,); ``turning`` how fast the heading changes, rad/s.
+    ``root`` (3,), ``hips`` (3,) world, ``heading``, hip ``speed`` m/s, labels ``style`` (7,), the network's
+    ``wrists`` (2, 3) right and left, world, and its ``contacts`` (5,); ``turning`` how fast the heading
+    changes, rad/s.
     """
 
     root: Array

@@ -1,4 +1,6 @@
-"""Between the network's state and poses: joints as rotations, and the standing state that a take begins with."""
+"""Between the network's state and poses: joints as rotations, and the standing state that a take
+begins with.
+"""
 
 from __future__ import annotations
 
@@ -12,18 +14,28 @@ from nsm_core.components import cross, dot, turned
 from nsm_core.errors import GoalError
 from nsm_core.model.features.state import State, standing_state
 from nsm_core.model.inference.model import Model
-from nsm_core.rotations import Array, heading_quat, matrix_from_forward_up, quat_from_matrix, quat_from_rotvec, quat_mul, quat_to_matrix
+from nsm_core.rotations import (
+    Array,
+    heading_quat,
+    matrix_from_forward_up,
+    quat_from_matrix,
+    quat_from_rotvec,
+    quat_mul,
+    quat_to_matrix,
+)
 
 _LEGS = tuple(leg[:3] for leg in FEET)
-_ELBOWS = tuple((elbow, np.array((0.0, 0.0, sign))) for (_, elbow, _), sign in zip(ARMS, (1, -1), strict=True))  # and their hinges
+_ELBOWS = tuple(
+    (elbow, np.array((0.0, 0.0, sign))) for (_, elbow, _), sign in zip(ARMS, (1, -1), strict=True)
+)  # and their hinges
 _ARM_BONES = tuple((OFFSETS[elbow].tolist(), OFFSETS[wrist].tolist()) for _, elbow, wrist in ARMS)
 
 
 def pose_of(state: State) -> tuple[Array, Array]:
     """Hips position (3,) and local rotations (23, 4) of one character's state.
 
-    Rotations come from the predicted axes; the legs are then solved so that the ankles are where the network put them,
-    since its positions carry the contact with the floor and a chain of rotations does not.
+    Rotations come from the predicted axes; the legs are then solved so that the ankles are where the network
+    put them, since its positions carry the contact with the floor and a chain of rotations does not.
     """
     matrices = matrix_from_forward_up(state.joint_forward[0], state.joint_up[0])
     world = quat_from_matrix(matrices.astype(np.float64))
@@ -36,7 +48,9 @@ def pose_of(state: State) -> tuple[Array, Array]:
 
 
 def unbend_elbows(local: Array) -> Array:
-    """Straighten elbows of local rotations (23, 4) that bend backward, as noisy captures teach now and then; returns new ones."""
+    """Straighten elbows of local rotations (23, 4) that bend backward, as noisy captures teach now and then;
+    returns new ones.
+    """
     local = local.copy()
     for (elbow, hinge), (upper, bone) in zip(_ELBOWS, _ARM_BONES, strict=True):
         lower = turned(local[elbow].tolist(), bone)
@@ -58,5 +72,8 @@ def standing_start(model: Model, root: Array, rng: np.random.Generator) -> State
     matrices = quat_to_matrix(world)
     state = standing_state(positions[None], -matrices[None, ..., 1], matrices[None, ..., 2], root[None])
     shift = float(rng.random())
-    state.phase_past, state.phase_future = (state.phase_past + shift) % 1.0, (state.phase_future + shift) % 1.0
+    state.phase_past, state.phase_future = (
+        (state.phase_past + shift) % 1.0,
+        (state.phase_future + shift) % 1.0,
+    )
     return state

@@ -1,4 +1,6 @@
-"""From the network's pose to the one that is kept: feet, hips, trunk and hands meet the scene, and props follow the hands."""
+"""From the network's pose to the one that is kept: feet, hips, trunk and hands meet the scene, and props
+follow the hands.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ from .goals import Moment
 class Finishing:
     """Corrects one character's poses, one call a frame; with ``ik`` False only props move."""
 
-    def __init__(self, scene: Scene, ik: bool = True, terrain: Terrain | None = None, low: Terrain | None = None) -> None:
+    def __init__(
+        self, scene: Scene, ik: bool = True, terrain: Terrain | None = None, low: Terrain | None = None
+    ) -> None:
         """``terrain`` and ``low`` as in ``ContactIK``."""
         self.scene, self.ik = scene, ik
         self._terrain, self._floor = terrain, Floor(low)
@@ -40,19 +44,29 @@ class Finishing:
         self._trunk, self._hands = TrunkClearance(scene.environment), HandClearance(scene.environment)
 
     def apply(
-        self, hips: Array, rotations: Array, moment: Moment, seat: SeatTarget | None, grasps: Sequence[Grasp], level: float = 0.0
+        self,
+        hips: Array,
+        rotations: Array,
+        moment: Moment,
+        seat: SeatTarget | None,
+        grasps: Sequence[Grasp],
+        level: float = 0.0,
     ) -> tuple[Array, Array]:
         """Return new hips (3,) and local rotations (23, 4) and move the props in hand.
 
-        ``hips``, ``rotations`` and ``moment`` are the network's of this frame, on a floor at the height ``level``; ``seat`` what
-        is sat on, ``grasps`` the hands at work on props.
+        ``hips``, ``rotations`` and ``moment`` are the network's of this frame, on a floor at the height
+        ``level``; ``seat`` what is sat on, ``grasps`` the hands at work on props.
         """
         kept_hips, kept = hips, rotations
         if self.ik:
-            kept_hips, kept = self._contact.apply(hips, rotations, moment.contacts, seat, moment.heading, level)
+            kept_hips, kept = self._contact.apply(
+                hips, rotations, moment.contacts, seat, moment.heading, level
+            )
             low = any(isinstance(g, Carrying) and g.low for g in grasps)
             self._legs.query = self.scene.but() if low else self.scene.environment
-            kept_hips, kept = self._legs.apply(kept_hips, kept, max(float(moment.style[CLIMB]), float(low)), self._contact.locked)
+            kept_hips, kept = self._legs.apply(
+                kept_hips, kept, max(float(moment.style[CLIMB]), float(low)), self._contact.locked
+            )
             carries = self._toes.back.any() or any(isinstance(g, Carrying) for g in grasps)
             kept = self._toes.apply(kept_hips, kept, self.scene.but() if carries else None)
             kept = self._heels.apply(kept_hips, kept, float(moment.style[SIT]), seat[0] if seat else None)
@@ -72,10 +86,14 @@ class Finishing:
         return kept_hips, kept
 
     def clear_legs(self, hips: Array, rotations: Array, climbing: Array) -> Iterator[None]:
-        """Bend the ways of the legs of the newest T frames, in place, where a climber's still are in something; see ``LegPaths``.
+        """Bend the ways of the legs of the newest T frames, in place, where a climber's still are in
+        something; see ``LegPaths``.
 
-        ``hips`` (T, 3) and ``rotations`` (T, 23, 4) as ``apply`` has returned them, ``climbing`` (T,) the climb label.
+        ``hips`` (T, 3) and ``rotations`` (T, 23, 4) as ``apply`` has returned them, ``climbing`` (T,) the
+        climb label.
         """
         if self.ik:
             locked = np.array(self._locked[-len(hips) :])
-            yield from LegPaths(self.scene.environment, self._terrain).clear(hips, rotations, locked, climbing)
+            yield from LegPaths(self.scene.environment, self._terrain).clear(
+                hips, rotations, locked, climbing
+            )

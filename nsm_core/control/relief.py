@@ -1,7 +1,9 @@
-"""Walking over low ground: rugs, mats, thresholds and kerbs raise the floor on which the network believes to stand.
+"""Walking over low ground: rugs, mats, thresholds and kerbs raise the floor on which the network believes to
+stand.
 
-The network was trained on a flat floor.  Its world is raised and lowered with the ground about the root: what it senses and
-what it is sent to is told over that ground, and the pose that it makes is lifted by it; feet find their own ground in
+The network was trained on a flat floor.  Its world is raised and lowered with the ground about the root: what
+it senses and what it is sent to is told over that ground, and the pose that it makes is lifted by it; feet
+find their own ground in
 ``footing``.  A plain addition to the paper, which knows flat floors only.
 """
 
@@ -17,7 +19,8 @@ from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.terrain import Terrain
 from nsm_core.world.sensors.interaction import InteractionVolume
 
-_REACH = 0.3  # metres about the root over which the ground is averaged: half a stride, so hips rise while the step is made
+# metres about the root over which the ground is averaged: half a stride, so hips rise while the step is made
+_REACH = 0.3
 _RINGS = ((0.0, 1), (0.15, 6), (_REACH, 12))
 _ABOUT = np.concatenate(
     [[(r * np.cos(a), r * np.sin(a)) for a in 2 * np.pi * np.arange(count) / count] for r, count in _RINGS]
@@ -27,7 +30,9 @@ _ON_GROUND = 0.02  # metres over the ground that a goal may be and still lie on 
 
 
 class Relief:
-    """The ground under one walker; one call of ``follow`` a frame.  Without terrain it is flat and costs nothing."""
+    """The ground under one walker; one call of ``follow`` a frame.  Without terrain it is flat and costs
+    nothing.
+    """
 
     def __init__(self, terrain: Terrain, root: Array) -> None:
         """``terrain`` is what is walked over, ``root`` (2,) where the walker stands."""
@@ -46,7 +51,9 @@ class Relief:
         return self.level
 
     def goals(self, places: Array) -> Array:
-        """Goals (N, 3) of the world as the walker's network is told them: what lies on the ground lies on its floor."""
+        """Goals (N, 3) of the world as the walker's network is told them: what lies on the ground lies on its
+        floor.
+        """
         if not self.terrain:
             return places
         on_ground = places[:, 2] <= self.terrain.height(places[:, :2]) + _ON_GROUND
@@ -58,7 +65,9 @@ class Relief:
         """A sensed object as it is seen from the walker's floor."""
         if not self.level:
             return volume
-        return replace(volume, centre=np.asarray(volume.centre) - np.array((0, 0, self.level), dtype=np.float32))
+        return replace(
+            volume, centre=np.asarray(volume.centre) - np.array((0, 0, self.level), dtype=np.float32)
+        )
 
     def seen(self, query: DistanceQuery) -> DistanceQuery:
         """Solids of the world, asked from the walker's floor."""
@@ -77,7 +86,9 @@ class _Seen:
         self.query, self.level = query, np.array((0, 0, level), dtype=np.float32)
 
     def signed_distance(self, points: Array, max_distance: float) -> Array:
-        """Distances (N,) float32 of ``points`` (N, 3), heights over the walker's floor; see ``DistanceQuery``."""
+        """Distances (N,) float32 of ``points`` (N, 3), heights over the walker's floor; see
+        ``DistanceQuery``.
+        """
         return self.query.signed_distance(np.asarray(points, dtype=np.float32) + self.level, max_distance)
 
 

@@ -49,9 +49,10 @@ _WRISTS = [arm[2] for arm in ARMS]
 class TakeRequest:
     """What a take needs to know, world frame.
 
-    ``start_position`` (2,) metres and ``start_heading`` of the root; ``environment`` everything solid that does not move
-    (no floor, no character, none of the goals' props); ``ground`` the heights of what is walked over, such as rugs and
-    thresholds, and is no part of it; ``time_limit`` seconds without any progress after which a goal is given up.
+    ``start_position`` (2,) metres and ``start_heading`` of the root; ``environment`` everything solid that
+    does not move (no floor, no character, none of the goals' props); ``ground`` the heights of what is walked
+    over, such as rugs and thresholds, and is no part of it; ``time_limit`` seconds without any progress after
+    which a goal is given up.
     """
 
     start_position: Array
@@ -70,9 +71,10 @@ class TakeResult:
     """A finished take of T frames at 30 Hz.
 
     ``hips_position`` (T, 3) and ``local_rotations`` (T, 23, 4) as they are keyed, ``network_hips`` and
-    ``network_rotations`` the same before contact IK; ``contacts`` (T, 5), ``root`` (T, 3), ``action`` labels (T, 7),
-    ``experts`` (T, K) gating coefficients, K 0 for a network that blends none; ``stage_ms`` mean milliseconds per frame by stage;
-    ``props`` poses (T, 4) of every prop of the goals by its name: x, y, z and heading.
+    ``network_rotations`` the same before contact IK; ``contacts`` (T, 5), ``root`` (T, 3), ``action`` labels
+    (T, 7), ``experts`` (T, K) gating coefficients, K 0 for a network that blends none; ``stage_ms`` mean
+    milliseconds per frame by stage; ``props`` poses (T, 4) of every prop of the goals by its name: x, y, z
+    and heading.
     """
 
     hips_position: Array
@@ -97,16 +99,25 @@ class TakeRunner:
             raise GoalError("There is no goal; add an object and an action to the list.")
         self.model, self.request = model, request
         rng = np.random.default_rng(request.seed)
-        root = np.array([*np.asarray(request.start_position, dtype=np.float64)[:2], request.start_heading], dtype=np.float32)
+        root = np.array(
+            [*np.asarray(request.start_position, dtype=np.float64)[:2], request.start_heading],
+            dtype=np.float32,
+        )
         if not np.isfinite(root).all():
-            raise GoalError("The character's place or heading is not a number; clear its transform and place it anew.")
+            raise GoalError(
+                "The character's place or heading is not a number; clear its transform and place it anew."
+            )
         self.state = standing_start(model, root, rng)
         goals, self.props = own_props(request.goals)
         self.scene = Scene(request.environment, self.props.values())
-        places = np.array([root[:2], *[g.position[:2] for g in goals], *[p.pose[:2] for p in self.props.values()]])
+        places = np.array(
+            [root[:2], *[g.position[:2] for g in goals], *[p.pose[:2] for p in self.props.values()]]
+        )
         self.plan = FloorPlan(request.environment, (places.min(0) - _MARGIN, places.max(0) + _MARGIN))
         check_reachable(goals, self.plan, root[:2], request.environment)
-        self.director = Director(goals, self.plan, root, rng, request.time_limit, self.scene, request.contact_ik)
+        self.director = Director(
+            goals, self.plan, root, rng, request.time_limit, self.scene, request.contact_ik
+        )
         self.relief = Relief(request.ground, root[:2])
         self.terrain = merged((request.ground, ground_of(goals, request.environment)))
         self._finishing = Finishing(self.scene, request.contact_ik, self.terrain, request.ground)
@@ -153,7 +164,9 @@ class TakeRunner:
         return step_together((self,))[0]
 
     def sense(self) -> Inputs[Array] | None:
-        """Direct and sense: what the network is given of the next frame (1, ...); None when all goals are done."""
+        """Direct and sense: what the network is given of the next frame (1, ...); None when all goals are
+        done.
+        """
         if self.director.done:
             return None
         self._mending = None
@@ -162,7 +175,11 @@ class TakeRunner:
         position, heading, action, sensed = self.director.update(self._moment(self._frames[-1][4]))
         self._measure()
         relief = self.relief
-        state.goal_position, state.goal_heading, state.goal_action = relief.goals(position)[None], heading[None], action[None]
+        state.goal_position, state.goal_heading, state.goal_action = (
+            relief.goals(position)[None],
+            heading[None],
+            action[None],
+        )
         t1 = time.perf_counter()
         root = state.root
         around = self.scene.near(root[0, :2], _SENSOR_REACH)
@@ -176,7 +193,9 @@ class TakeRunner:
         return inputs
 
     def follow(self, outputs: Array, memory: Memory, info: Info, network_ms: float) -> None:
-        """Make the frame of what the network gave for ``sense`` (``Model.step``, a batch of one) in ``network_ms`` milliseconds."""
+        """Make the frame of what the network gave for ``sense`` (``Model.step``, a batch of one) in
+        ``network_ms`` milliseconds.
+        """
         t0 = time.perf_counter()
         self.memory = memory
         predicted = read_outputs(outputs, self.state)
@@ -193,7 +212,9 @@ class TakeRunner:
             self._ms[stage] += 1000 * spent
 
     def mend(self) -> bool:
-        """Go on bending legs that are in what is climbed; False when they are clear, and at once in a take without a climb."""
+        """Go on bending legs that are in what is climbed; False when they are clear, and at once in a take
+        without a climb.
+        """
         if self._mended == self.frames:
             return False
         if self._mending is None:
@@ -211,8 +232,8 @@ class TakeRunner:
     def interrupt(self, goals: list[Goal]) -> None:
         """Drop the goal in hand and those that wait, and do ``goals`` from the next frame on.
 
-        A prop that bears the name of one in the take is that one, where it is now.  Raises GoalError, and changes nothing, where
-        there is no goal or one cannot be reached from here.
+        A prop that bears the name of one in the take is that one, where it is now.  Raises GoalError, and
+        changes nothing, where there is no goal or one cannot be reached from here.
         """
         if not goals:
             raise GoalError("There is no goal to go on with; give at least one.")
@@ -224,7 +245,9 @@ class TakeRunner:
         low, high = places.min(0) - _MARGIN / 2, places.max(0) + _MARGIN / 2
         plan = self.plan
         if (low < plan.bounds[0]).any() or (high > plan.bounds[1]).any():
-            plan = FloorPlan(self.request.environment, (np.minimum(low, plan.bounds[0]), np.maximum(high, plan.bounds[1])))
+            plan = FloorPlan(
+                self.request.environment, (np.minimum(low, plan.bounds[0]), np.maximum(high, plan.bounds[1]))
+            )
         check_reachable(goals, plan, here, self.request.environment)
         for name, prop in known.items():
             if name not in self.props:
@@ -276,7 +299,18 @@ class TakeRunner:
                 taken.frame = len(self._frames)
         for name, pose in self.prop_poses().items():
             self._poses[name].append(pose)
-        self._frames.append((kept_hips, kept, hips, rotations, contact.copy(), s.root[0].copy(), s.style_past[0, -1].copy(), experts))
+        self._frames.append(
+            (
+                kept_hips,
+                kept,
+                hips,
+                rotations,
+                contact.copy(),
+                s.root[0].copy(),
+                s.style_past[0, -1].copy(),
+                experts,
+            )
+        )
 
     def _measure(self) -> None:
         """Write the errors of a goal whose transition has just ended."""
@@ -290,15 +324,21 @@ class TakeRunner:
         if isinstance(d.goals[d.index].prop, Box):  # it was not set down where it should be
             pose = d.goals[d.index].prop.pose  # type: ignore[union-attr]
             result.axes = 3
-            result.position_error_cm, result.rotation_error_deg = goal_errors(result, pose[:3], float(pose[3]))
+            result.position_error_cm, result.rotation_error_deg = goal_errors(
+                result, pose[:3], float(pose[3])
+            )
             return
         result.position_error_cm, result.rotation_error_deg = goal_errors(result, hips, heading)
         own = goal_errors(result, network_hips, float(self.state.root[0, 2]))
         result.network_position_error_cm, result.network_rotation_error_deg = own
 
 
-def roll(model: Model, asked: TakeRequest, each: Callable[[TakeRunner], None] | None = None, limit: float = 300.0) -> TakeResult:
-    """Roll a take out to its end, at most ``limit`` seconds; ``each`` is called with the runner after every frame."""
+def roll(
+    model: Model, asked: TakeRequest, each: Callable[[TakeRunner], None] | None = None, limit: float = 300.0
+) -> TakeResult:
+    """Roll a take out to its end, at most ``limit`` seconds; ``each`` is called with the runner after every
+    frame.
+    """
     runner = TakeRunner(model, asked)
     while runner.frames < limit * FPS and runner.step():
         if each is not None:
@@ -319,11 +359,15 @@ def own_props(goals: list[Goal]) -> tuple[list[Goal], dict[str, Prop]]:
 def ground_of(goals: list[Goal], environment: DistanceQuery) -> Terrain:
     """The ground that climbs of these goals lead onto, as given or felt in the scene."""
     climbs = [g for g in goals if BY_KEY[g.action].raises]
-    return merged(g.terrain or Terrain.probe(environment, g.interaction or around(g.position)) for g in climbs)
+    return merged(
+        g.terrain or Terrain.probe(environment, g.interaction or around(g.position)) for g in climbs
+    )
 
 
 def goal_errors(result: GoalResult, position: Array, heading: float) -> tuple[float, float]:
-    """Centimetres and degrees between a place (3,) and heading and what a goal's errors are measured to; 0 where there is none."""
+    """Centimetres and degrees between a place (3,) and heading and what a goal's errors are measured to; 0
+    where there is none.
+    """
     if result.place is None:
         return 0.0, 0.0
     away = np.asarray(position)[: result.axes] - np.asarray(result.place)[: result.axes]

@@ -1,1 +1,3 @@
-"""From captures to training data: captures, annotation, matching, scenarios, augmentation, storage and export."""
+"""From captures to training data: captures, annotation, matching, scenarios, augmentation, storage and
+export.
+"""

@@ -1,4 +1,6 @@
-"""What composed training data covers: minutes, directions and distances of approach, heights, seams, by action."""
+"""What composed training data covers: minutes, directions and distances of approach, heights, seams, by
+action.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ from nsm_core.rotations import Array, direction_to_heading, wrap_angle
 
 from .storage import Dataset, described
 
-# Goals by what is asked for together, as in ``take.TimedCommand``; those with a static place have directions and distances.
+# Goals by what is asked for together, as in ``take.TimedCommand``; those with a static place have directions
+# and distances.
 KINDS = {
     "sit": ("sit",),
     "carry: take": ("carry",),
@@ -31,7 +34,9 @@ _BEARINGS, _DISTANCES, _HEIGHTS = np.arange(0, 181, 30), np.arange(0, 6.1, 0.5),
 
 @dataclass(frozen=True)
 class Approaches:
-    """Begun goals of one kind: degrees (N,) between the goal's front and where one comes from, metres (N,) to it, its heights (N,)."""
+    """Begun goals of one kind: degrees (N,) between the goal's front and where one comes from, metres (N,) to
+    it, its heights (N,).
+    """
 
     bearing: Array
     distance: Array
@@ -46,10 +51,14 @@ def approaches(data: Dataset) -> dict[str, Approaches]:
     found = {}
     for kind, asked in KINDS.items():
         mine = (action == np.isin(GOAL_ACTIONS, asked)).all(axis=1)
-        begins = np.flatnonzero(mine & ~(np.append(False, mine[:-1]) & np.append(False, takes[1:] == takes[:-1])))
+        begins = np.flatnonzero(
+            mine & ~(np.append(False, mine[:-1]) & np.append(False, takes[1:] == takes[:-1]))
+        )
         goal, root = np.array(a["goal_position"][begins, PIVOT]), np.array(a["root"][begins])
         away = root[:, :2] - goal[:, :2]
-        bearing = np.degrees(wrap_angle(direction_to_heading(away) - np.array(a["goal_heading"][begins, PIVOT])))
+        bearing = np.degrees(
+            wrap_angle(direction_to_heading(away) - np.array(a["goal_heading"][begins, PIVOT]))
+        )
         found[kind] = Approaches(np.abs(bearing), np.linalg.norm(away, axis=1), goal[:, 2])
     return found
 
@@ -62,7 +71,12 @@ def _minutes(data: Dataset) -> dict[str, float]:
 def _seams(meta: dict[str, Any]) -> Array:
     """Captured pieces per minute of each take."""
     starts = [t["start"] for t in meta["takes"].values()] + [meta["frames"]]
-    return np.array([len(t["pieces"]) * FPS * 60 / max(n, 1) for t, n in zip(meta["takes"].values(), np.diff(starts), strict=True)])
+    return np.array(
+        [
+            len(t["pieces"]) * FPS * 60 / max(n, 1)
+            for t, n in zip(meta["takes"].values(), np.diff(starts), strict=True)
+        ]
+    )
 
 
 def report(folder: str | Path) -> str:
@@ -88,7 +102,9 @@ def report(folder: str | Path) -> str:
 
 
 def picture(folder: str | Path, path: str | Path) -> Path:
-    """Draw the same as one picture: minutes, seams, and directions, distances and heights of each kind of goal."""
+    """Draw the same as one picture: minutes, seams, and directions, distances and heights of each kind of
+    goal.
+    """
     try:
         import matplotlib
 

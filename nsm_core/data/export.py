@@ -32,8 +32,13 @@ HELD_BACK_CLIPS = 20  # one clip in so many is kept for validation
 
 
 def held_back(clip: str) -> bool:
-    """Whether a clip, and its mirror image with it, is kept for validation: by name, so that it is the same ones in all data."""
-    return int(hashlib.sha256(f"validates {clip.rstrip(MIRRORED)}".encode()).hexdigest(), 16) % HELD_BACK_CLIPS == 0
+    """Whether a clip, and its mirror image with it, is kept for validation: by name, so that it is the same
+    ones in all data.
+    """
+    return (
+        int(hashlib.sha256(f"validates {clip.rstrip(MIRRORED)}".encode()).hexdigest(), 16) % HELD_BACK_CLIPS
+        == 0
+    )
 
 
 def _validates(take: ComposedTake) -> Array:
@@ -43,7 +48,9 @@ def _validates(take: ComposedTake) -> Array:
 
 
 def _sensed(take: ComposedTake, annotated: Annotated) -> Array:
-    """The sensed thing of each frame (T,), -1 for none: the command's, and after it until its action's label has faded."""
+    """The sensed thing of each frame (T,), -1 for none: the command's, and after it until its action's label
+    has faded.
+    """
     which = np.full(len(take), -1, np.int32)
     label = annotated.style[:, INTERACTIONS].max(axis=1)
     last = -1
@@ -58,9 +65,14 @@ def _sensed(take: ComposedTake, annotated: Annotated) -> Array:
 
 
 def _objects(take: ComposedTake, which: Array) -> tuple[Array, Array, Array, Array]:
-    """Where the sensed thing's frame is (T, 4), whether the body holds it (T,), and all things' cells and occupancy, own frames."""
+    """Where the sensed thing's frame is (T, 4), whether the body holds it (T,), and all things' cells and
+    occupancy, own frames.
+    """
     poses, held = np.zeros((len(take), 4), np.float32), np.zeros(len(take), bool)
-    cells, occupancy = np.zeros((len(take.things), CELLS, 3), np.float32), np.zeros((len(take.things), CELLS), np.float32)
+    cells, occupancy = (
+        np.zeros((len(take.things), CELLS, 3), np.float32),
+        np.zeros((len(take.things), CELLS), np.float32),
+    )
     for n, thing in enumerate(take.things):
         f = thing.furniture
         volume = interaction_sensor(cuboids([(f, np.zeros(3), 0.0)]), f.centre, f.size, 0.0)
@@ -85,7 +97,9 @@ def _environment(take: ComposedTake, root: Array) -> Array:
         change = np.flatnonzero(np.abs(np.diff(thing.poses, axis=0)).max(axis=1) > 1e-5) + 1
         for a, b in zip([0, *change], [*change, len(take)], strict=True):
             there = cuboids([(thing.furniture, thing.poses[a, :3], float(thing.poses[a, 3]))])
-            np.maximum(values[a:b], environment_sensor_many(there, root[a:b, :2], root[a:b, 2]), out=values[a:b])
+            np.maximum(
+                values[a:b], environment_sensor_many(there, root[a:b, :2], root[a:b, 2]), out=values[a:b]
+            )
     return values
 
 
@@ -98,7 +112,17 @@ def take_arrays(take: ComposedTake) -> dict[str, Array]:
     count = len(take)
     return {
         **{
-            k: getattr(a, k) for k in ("joint_position", "joint_forward", "joint_up", "joint_velocity", "root", "style", "phase", "contact")
+            k: getattr(a, k)
+            for k in (
+                "joint_position",
+                "joint_forward",
+                "joint_up",
+                "joint_velocity",
+                "root",
+                "style",
+                "phase",
+                "contact",
+            )
         },
         "goal_position": position,
         "goal_heading": heading,
@@ -147,10 +171,10 @@ def export(
 ) -> Path:
     """Compose takes until ``minutes`` of motion are there and write them below ``out``; returns the folder.
 
-    ``meshes`` names a folder of furniture meshes (``dataset.pool``) that join the parametric pieces; those held back for
-    testing are not used; ``stitch`` False leaves captured pieces by themselves.  The same seed gives the same data.
-    ``tell`` is called with every note on a capture that was read other than its file says.
-    Raises CaptureError where the capture folder is unusable.
+    ``meshes`` names a folder of furniture meshes (``dataset.pool``) that join the parametric pieces; those
+    held back for testing are not used; ``stitch`` False leaves captured pieces by themselves.  The same seed
+    gives the same data.  ``tell`` is called with every note on a capture that was read other than its file
+    says.  Raises CaptureError where the capture folder is unusable.
     """
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
@@ -166,7 +190,9 @@ def export(
     files = {k: open(out / f"{k}.bin", "wb") for k in (*FIELDS, *OBJECT_FIELDS)}
     provenance = {}
     try:
-        with ProcessPoolExecutor(workers, initializer=_prepare, initargs=(captures, meshes, cache, stitch)) as pool:
+        with ProcessPoolExecutor(
+            workers, initializer=_prepare, initargs=(captures, meshes, cache, stitch)
+        ) as pool:
             batch = seed
             while frames < wanted:
                 for result in pool.map(_one, range(batch, batch + 16), chunksize=2):
@@ -189,7 +215,13 @@ def export(
         for f in files.values():
             f.close()
     with output(out / "data.json", "The training data") as temporary:  # what vouches for the arrays beside it
-        about = {"frames": frames, "objects": objects, "seed": seed, "stance": stance(index), "meaning": meaning()}
+        about = {
+            "frames": frames,
+            "objects": objects,
+            "seed": seed,
+            "stance": stance(index),
+            "meaning": meaning(),
+        }
         temporary.write_text(json.dumps({**about, "takes": provenance}))
     return out
 

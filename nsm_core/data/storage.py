@@ -1,4 +1,6 @@
-"""Takes as arrays back to back, on disk or in memory: their fields, and the network's states cut out of them."""
+"""Takes as arrays back to back, on disk or in memory: their fields, and the network's states cut out
+of them.
+"""
 
 from __future__ import annotations
 
@@ -46,10 +48,11 @@ OBJECT_FIELDS = ("object_cells", "object_occupancy")
 
 
 def described(folder: str | Path) -> dict[str, Any]:
-    """What ``data.json`` says of the arrays beside it, its numbers checked; CaptureError where it is missing or damaged.
+    """What ``data.json`` says of the arrays beside it, its numbers checked; CaptureError where it is missing
+    or damaged.
 
-    ``frames`` and ``objects`` count rows, ``stance`` is how the captures stand, ``meaning`` what was in force when the data were
-    composed (data of older versions do not tell) and ``takes`` what each is made of.
+    ``frames`` and ``objects`` count rows, ``stance`` is how the captures stand, ``meaning`` what was in force
+    when the data were composed (data of older versions do not tell) and ``takes`` what each is made of.
     """
     path = Path(folder) / "data.json"
     if not path.is_file():
@@ -62,28 +65,40 @@ def described(folder: str | Path) -> dict[str, Any]:
         for key in ("stance", "meaning", "takes"):
             table(meta.get(key, {}), f"data.json: {key}", CaptureError)
     except (CaptureError, ValueError, RecursionError) as error:
-        raise CaptureError(f"{folder} holds no finished training data (data.json is damaged); compose it again.") from error
+        raise CaptureError(
+            f"{folder} holds no finished training data (data.json is damaged); compose it again."
+        ) from error
     return meta
 
 
 def require_meaning(folder: str | Path) -> Meaning | None:
-    """What the data in ``folder`` mean, None where they do not tell; CaptureError where this version composes other data."""
+    """What the data in ``folder`` mean, None where they do not tell; CaptureError where this version composes
+    other data.
+    """
     told = described(folder).get("meaning")
     found = [*differences(told, "features"), *differences(told, "distances")]
     if found:
-        raise CaptureError(f"{folder} holds training data composed with {sentence_part(found)}; compose it again in another folder.")
+        raise CaptureError(
+            f"{folder} holds training data composed with {sentence_part(found)}; compose it again in "
+            "another folder."
+        )
     return told
 
 
 def empty_arrays(frames: int, objects: int) -> dict[str, Array]:
     """Zeros for so many frames and objects."""
     arrays = {k: np.zeros((frames, *shape), dtype) for k, (shape, dtype) in FIELDS.items()}
-    return {**arrays, "object_cells": np.zeros((objects, CELLS, 3), np.float32), "object_occupancy": np.zeros((objects, CELLS), np.float32)}
+    return {
+        **arrays,
+        "object_cells": np.zeros((objects, CELLS, 3), np.float32),
+        "object_occupancy": np.zeros((objects, CELLS), np.float32),
+    }
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """Arrays of N frames of takes back to back, memory-mapped; ``frames`` (n,) are those a state can be cut at.
+    """Arrays of N frames of takes back to back, memory-mapped; ``frames`` (n,) are those a state can be cut
+    at.
 
     ``arrays["validates"]`` (N,) tells the frames of captured clips that are held back from training.
     """
@@ -97,23 +112,44 @@ class Dataset:
         folder = Path(folder)
         meta = described(folder)
         shapes = {k: ((meta["frames"], *s), d) for k, (s, d) in FIELDS.items()}
-        shapes |= {"object_cells": ((meta["objects"], CELLS, 3), np.float32), "object_occupancy": ((meta["objects"], CELLS), np.float32)}
+        shapes |= {
+            "object_cells": ((meta["objects"], CELLS, 3), np.float32),
+            "object_occupancy": ((meta["objects"], CELLS), np.float32),
+        }
         for k, (s, d) in shapes.items():
             needs = math.prod(s) * np.dtype(d).itemsize
             if not (folder / f"{k}.bin").is_file() or (folder / f"{k}.bin").stat().st_size != needs:
-                raise CaptureError(f"{folder} holds training data that was cut short or is of another version ({k}.bin); compose it again.")
+                raise CaptureError(
+                    f"{folder} holds training data that was cut short or is of another version ({k}.bin); "
+                    "compose it again."
+                )
         try:
             # Plain views of the maps: indexing a memmap object costs more than what it reads.
             arrays = {
-                k: np.asarray(np.memmap(folder / f"{k}.bin", dtype=d, mode="r", shape=s)) if s[0] else np.zeros(s, d)
+                k: np.asarray(np.memmap(folder / f"{k}.bin", dtype=d, mode="r", shape=s))
+                if s[0]
+                else np.zeros(s, d)
                 for k, (s, d) in shapes.items()
             }
         except (OSError, ValueError) as error:
-            raise CaptureError(f"{folder} holds training data that cannot be read ({error}); compose it again.") from error
-        # What is drawn by index must not point elsewhere; the values themselves are too many to be read before they are used.
+            raise CaptureError(
+                f"{folder} holds training data that cannot be read ({error}); compose it again."
+            ) from error
+        # What is drawn by index must not point elsewhere; the values themselves are too many to be read
+        # before they are used.
         n, start, end, thing = np.arange(meta["frames"]), arrays["start"], arrays["end"], arrays["object"]
-        if not ((start >= 0) & (start <= n) & (n < end) & (end <= meta["frames"]) & (thing >= -1) & (thing < meta["objects"])).all():
-            raise CaptureError(f"{folder} holds training data whose takes or objects are not where they say; compose it again.")
+        if not (
+            (start >= 0)
+            & (start <= n)
+            & (n < end)
+            & (end <= meta["frames"])
+            & (thing >= -1)
+            & (thing < meta["objects"])
+        ).all():
+            raise CaptureError(
+                f"{folder} holds training data whose takes or objects are not where they say; compose it "
+                "again."
+            )
         return cls(arrays, cls.usable(arrays))
 
     @staticmethod
@@ -128,7 +164,9 @@ class Dataset:
         start, end = a["start"][frames], a["end"][frames]
         past = np.maximum(frames[:, None] + np.arange(-WINDOW, 1), start[:, None])
         future = np.minimum(frames[:, None] + np.arange(1, KEYS // 2 + 1) * KEY_STEP, end[:, None] - 1)
-        before = np.arange(-WINDOW, 1)[None] + frames[:, None] - past  # frames reached out of the take, counted at idle speed
+        before = (
+            np.arange(-WINDOW, 1)[None] + frames[:, None] - past
+        )  # frames reached out of the take, counted at idle speed
         return State(
             a["joint_position"][frames],
             a["joint_forward"][frames],
@@ -145,11 +183,14 @@ class Dataset:
             a["goal_action"][frames],
         )
 
-    def surroundings(self, frames: Array, root: Array, drift: tuple[Array, Array] | None = None) -> SensorReading:
-        """What the sensors told at ``frames`` (B,); characters without an object get empty cells at ``root`` (B, 3).
+    def surroundings(
+        self, frames: Array, root: Array, drift: tuple[Array, Array] | None = None
+    ) -> SensorReading:
+        """What the sensors told at ``frames`` (B,); characters without an object get empty cells at ``root``
+        (B, 3).
 
-        ``drift``: how far characters have strayed from the takes, planar shifts (B, 2) and turns (B,); what they hold strays
-        with them.
+        ``drift``: how far characters have strayed from the takes, planar shifts (B, 2) and turns (B,); what
+        they hold strays with them.
         """
         a = self.arrays
         cells, occupancy = no_object(root)

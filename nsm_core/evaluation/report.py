@@ -36,7 +36,12 @@ class Blind:
 
     def __init__(self, model: Model, sensor: str) -> None:
         """``sensor`` is "environment" or "interaction"."""
-        self.model, self.backend, self.config, self.metadata = model, model.backend, model.config, model.metadata
+        self.model, self.backend, self.config, self.metadata = (
+            model,
+            model.backend,
+            model.config,
+            model.metadata,
+        )
         self.slice = INPUT.slices[sensor]
 
     def start(self, batch: int = 1) -> Memory:
@@ -88,14 +93,20 @@ def run_stress(weights: str | None, seconds: float, workers: int, quiet: bool = 
             for outcome in processes.map(_stress, range(first, first + 4 * workers)):
                 outcomes.append(outcome)
                 if not quiet:
-                    print(f"\r{sum(o.seconds for o in outcomes):.0f} of {seconds:.0f} s of random goals", end="", flush=True)
+                    print(
+                        f"\r{sum(o.seconds for o in outcomes):.0f} of {seconds:.0f} s of random goals",
+                        end="",
+                        flush=True,
+                    )
     if not quiet:
         print()
     return stress.summarise(outcomes)
 
 
 def held_back(assets: str | None) -> Pool | None:
-    """The pieces of a mesh folder that training never draws; None without a folder.  Its conversion is kept for the next time."""
+    """The pieces of a mesh folder that training never draws; None without a folder.  Its conversion is kept
+    for the next time.
+    """
     return Pool.load(assets, cache=POOL_CACHE).held_back() if assets else None
 
 
@@ -104,7 +115,9 @@ def pool_of_workers(weights: str | None, workers: int) -> ProcessPoolExecutor:
     # One thread a process: the matrices of one character are too small to share.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_prepare, initargs=(weights,))
+    return ProcessPoolExecutor(
+        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_prepare, initargs=(weights,)
+    )
 
 
 def evaluate(
@@ -116,7 +129,9 @@ def evaluate(
     assets: str | None = None,
     quiet: bool = False,
 ) -> dict[str, Any]:
-    """Run the trials of the parts ``only``: summaries by part (and "part, ablation"), every trial's figures under ``trials``."""
+    """Run the trials of the parts ``only``: summaries by part (and "part, ablation"), every trial's figures
+    under ``trials``.
+    """
     if not only:
         return {"trials": []}
     pool = held_back(assets)
@@ -139,7 +154,8 @@ def evaluate(
         mine = [r for (p, a, _), r in zip(jobs, reports, strict=True) if (p, a) == (name, ablation)]
         result[name if ablation is None else f"{name}, {ablation}"] = PARTS[name].summarise(mine)
     result["trials"] = [
-        {"part": p, "ablation": a, "setting": t.setting, "name": t.name, **r} for (p, a, t), r in zip(jobs, reports, strict=True)
+        {"part": p, "ablation": a, "setting": t.setting, "name": t.name, **r}
+        for (p, a, t), r in zip(jobs, reports, strict=True)
     ]
     return result
 
@@ -151,11 +167,17 @@ def tables(result: dict[str, Any]) -> str:
         if name not in result:
             continue
         summary = Figures(result[name])
-        rows = part.rows(summary) + (travel_rows(summary, _slide_of_data(result, name)) if part.travels else [])
+        rows = part.rows(summary) + (
+            travel_rows(summary, _slide_of_data(result, name)) if part.travels else []
+        )
         rows += _settings(name, result)
         for ablation in ABLATIONS:
             rows += _ablation_rows(name, ablation, Figures(result.get(f"{name}, {ablation}", {})))
-        lines += ["", f"| {summary['trials']:.0f} trials: {part.title} | ours | paper | aim |", "|---|---|---|---|"]
+        lines += [
+            "",
+            f"| {summary['trials']:.0f} trials: {part.title} | ours | paper | aim |",
+            "|---|---|---|---|",
+        ]
         lines += ["| " + " | ".join(r) + " |" for r in rows]
     lines += ["", _slides(result)]
     if "stress" in result:
@@ -165,12 +187,16 @@ def tables(result: dict[str, Any]) -> str:
         if trial.get("error"):
             key = f"{trial['part']}{', ' + trial['ablation'] if trial['ablation'] else ''}: {trial['error']}"
             messages[key] = messages.get(key, 0) + 1
-    lines += ["", *(f"broke off {count} x {message}" for message, count in messages.items())] if messages else []
+    lines += (
+        ["", *(f"broke off {count} x {message}" for message, count in messages.items())] if messages else []
+    )
     return "\n".join(lines).strip("\n")
 
 
 def _slide_of_data(result: dict[str, Any], part: str) -> float | None:
-    """Foot slide, cm/s, that the training data has in such frames as the trials of ``part`` show: weighted by their labels."""
+    """Foot slide, cm/s, that the training data has in such frames as the trials of ``part`` show: weighted by
+    their labels.
+    """
     data = result.get("data") or {}
     trials = [t for t in result.get("trials", ()) if t["part"] == part and not t["ablation"]]
     counts = {name: sum(t.get(f"slide_{name}_count") or 0.0 for t in trials) for name in STYLES}
@@ -188,7 +214,9 @@ def _slides(result: dict[str, Any]) -> str:
     for name in (*STYLES, "all"):
         if name in ours or name in data:
             own, base = (f"{v:.1f}" if v is not None else "" for v in (ours.get(name), data.get(name)))
-            lines.append(f"| {name} | {own} | {base} | {f'{data[name] + 2:.1f}' if name in data else 'data + 2'} |")
+            lines.append(
+                f"| {name} | {own} | {base} | {f'{data[name] + 2:.1f}' if name in data else 'data + 2'} |"
+            )
     return "\n".join(lines)
 
 
@@ -199,7 +227,11 @@ def _settings(part: str, result: dict[str, Any]) -> list[Row]:
     for trial in result.get("trials", ()):
         if trial["part"] == part and not trial["ablation"]:
             groups.setdefault((trial["setting"], trial["name"]), []).append(float(trial.get(key) or 0))
-    return [(f"{key}: {name}", f"{sum(g):.0f} of {len(g)}", "", "") for (_, name), g in groups.items()] if len(groups) > 1 else []
+    return (
+        [(f"{key}: {name}", f"{sum(g):.0f} of {len(g)}", "", "") for (_, name), g in groups.items()]
+        if len(groups) > 1
+        else []
+    )
 
 
 def _ablation_rows(part: str, ablation: str, s: Figures) -> list[Row]:
@@ -229,6 +261,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list):
         return [_plain(v) for v in value]
     return value if not isinstance(value, float) or math.isfinite(value) else None
-
-
-

@@ -1,8 +1,8 @@
 """Batches of training: frames of the data with noise, and states of the network's own roll-outs.
 
-One-step training never comes to rest in roll-out.  A pool of characters is therefore stepped by the network as it
-trains, by the very functions the product steps with; each of its states is trained towards the true next frame,
-reached by undoing the drift little by little instead of at once.
+One-step training never comes to rest in roll-out.  A pool of characters is therefore stepped by the network
+as it trains, by the very functions the product steps with; each of its states is trained towards the true
+next frame, reached by undoing the drift little by little instead of at once.
 """
 
 from __future__ import annotations
@@ -39,7 +39,9 @@ class RolloutSettings:
 
 
 def _rigid(state: State, shift: Array, turn: Array, decay: Array) -> State:
-    """Move a true state by a planar drift about its own root: ``shift`` (B, 2), ``turn`` (B,); keys ahead by ``decay`` (6,)."""
+    """Move a true state by a planar drift about its own root: ``shift`` (B, 2), ``turn`` (B,); keys ahead by
+    ``decay`` (6,).
+    """
     root = state.root
     new_root = root.copy()
     new_root[:, :2] += shift
@@ -76,7 +78,9 @@ def _local(state: State) -> Array:
 class Batches:
     """Builds inputs, gating inputs and targets, physical units."""
 
-    def __init__(self, data: Dataset, frames: Array, rng: np.random.Generator, pool: int, settings: RolloutSettings) -> None:
+    def __init__(
+        self, data: Dataset, frames: Array, rng: np.random.Generator, pool: int, settings: RolloutSettings
+    ) -> None:
         """``frames`` (n,) are those to draw from; a roll-out ends where it leaves them."""
         self.rng, self.settings = rng, settings
         self._draw_from(data, frames)
@@ -105,14 +109,20 @@ class Batches:
 
     def draw(self, count: int) -> Array:
         """Random frames (count,)."""
-        return self.frames[np.searchsorted(self._cumulative, self.rng.random(count)).clip(0, len(self.frames) - 1)]
+        return self.frames[
+            np.searchsorted(self._cumulative, self.rng.random(count)).clip(0, len(self.frames) - 1)
+        ]
 
     def from_data(self, count: int) -> tuple[Array, Array, Array]:
         """Inputs (B, 4018), gating (B, 650) and targets (B, 605) of true frames."""
         frames = self.draw(count)
         state = self.data.state(frames)
         x, g = build_inputs(state, self.data.surroundings(frames, state.root))
-        return x, g, build_targets(state, self.data.state(frames + 1), self.data.arrays["contact"][frames + 1])
+        return (
+            x,
+            g,
+            build_targets(state, self.data.state(frames + 1), self.data.arrays["contact"][frames + 1]),
+        )
 
     def from_pool(self) -> tuple[Array, Array, Array]:
         """The same for the pool's present states, whose targets lead back to the true takes."""
@@ -126,11 +136,17 @@ class Batches:
         error = _local(state) - _local(true)
         world = rotate_planar(error, state.root[:, None, 2]).astype(np.float32)
         position = self._hold_feet(target.joint_position + (1 - s.pose_rate) * world, true, following, turn)
-        axes_forward = target.joint_forward + (1 - s.pose_rate) * (state.joint_forward - _turned(true.joint_forward, turn))
+        axes_forward = target.joint_forward + (1 - s.pose_rate) * (
+            state.joint_forward - _turned(true.joint_forward, turn)
+        )
         axes_up = target.joint_up + (1 - s.pose_rate) * (state.joint_up - _turned(true.joint_up, turn))
         velocity = (position - state.joint_position) / DT
         target = replace(
-            target, joint_position=position, joint_velocity=velocity, joint_forward=_unit(axes_forward), joint_up=_unit(axes_up)
+            target,
+            joint_position=position,
+            joint_velocity=velocity,
+            joint_forward=_unit(axes_forward),
+            joint_up=_unit(axes_up),
         )
         # Phase drifts too; the targets' updates are those of the data plus a pull towards its phase.
         x, g = build_inputs(state, self.data.surroundings(frames, state.root, (shift, turn)))
@@ -143,9 +159,13 @@ class Batches:
         return x, g, y
 
     def _hold_feet(self, position: Array, true: State, following: State, turn: Array) -> Array:
-        """Let feet that stand in the take stand where the roll-out has put them; changes and returns ``position`` (B, J, 3)."""
+        """Let feet that stand in the take stand where the roll-out has put them; changes and returns
+        ``position`` (B, J, 3).
+        """
         contact = self.data.arrays["contact"]
-        stands = (contact[self.pool_frames][:, FOOT_CONTACTS] > 0.5) & (contact[self.pool_frames + 1][:, FOOT_CONTACTS] > 0.5)
+        stands = (contact[self.pool_frames][:, FOOT_CONTACTS] > 0.5) & (
+            contact[self.pool_frames + 1][:, FOOT_CONTACTS] > 0.5
+        )
         moved = _turned(following.joint_position - true.joint_position, turn)
         for side, joints in enumerate(_FEET):
             kept = self.pool_state.joint_position[:, joints] + moved[:, joints]
@@ -154,7 +174,9 @@ class Batches:
         return position
 
     def step_pool(self, outputs: Array) -> None:
-        """Advance the pool by the network's outputs (B, 605), physical units; worn-out roll-outs start anew."""
+        """Advance the pool by the network's outputs (B, 605), physical units; worn-out roll-outs
+        start anew.
+        """
         s = self.settings
         state = advance(self.pool_state, read_outputs(outputs, self.pool_state))
         self.pool_frames = self.pool_frames + 1
@@ -191,13 +213,17 @@ def _unit(v: Array) -> Array:
 
 def build_phase_updates(state: State, following: State) -> Array:
     """Cumulative phase updates (B, 7) from ``state`` to the keys of ``following``."""
-    phases = np.concatenate((state.phase_past[:, -1:], following.phase_past[:, -1:], following.phase_future), axis=1)
+    phases = np.concatenate(
+        (state.phase_past[:, -1:], following.phase_past[:, -1:], following.phase_future), axis=1
+    )
     steps = np.diff(phases, axis=1)
     return np.cumsum(steps - np.round(steps), axis=1)
 
 
 def loss_weights(feet: float = 3.0, hands: float = 4.0) -> Array:
-    """Weights (605,) of the outputs, mean 1: places and speeds of ankles and toes count ``feet`` times, of wrists ``hands`` times."""
+    """Weights (605,) of the outputs, mean 1: places and speeds of ankles and toes count ``feet`` times, of
+    wrists ``hands`` times.
+    """
     weights = np.ones(OUTPUT.size, np.float32)
     for name in ("joint_position", "joint_velocity"):
         block = OUTPUT.get(weights[None], name)[0]
@@ -208,7 +234,8 @@ def loss_weights(feet: float = 3.0, hands: float = 4.0) -> Array:
 
 
 def statistics(batches: Batches, count: int = 20000) -> dict[str, Array]:
-    """Means and deviations of inputs, gating and outputs over random frames; sensor blocks share one deviation.
+    """Means and deviations of inputs, gating and outputs over random frames; sensor blocks share one
+    deviation.
 
     A sensor cell that was hardly ever hit would otherwise be blown up in a scene where it is.
     """

@@ -1,6 +1,8 @@
-"""Takes composed while the network learns, each as it was drawn and with its objects switched (papers/000 section 5.2).
+"""Takes composed while the network learns, each as it was drawn and with its objects switched (papers/000
+section 5.2).
 
-A process of its own composes takes that the stored data does not hold, and shows each a second time on other objects of the
+A process of its own composes takes that the stored data does not hold, and shows each a second time on other
+objects of the
 pool.  They pass through a ring of slots in memory, from which batches are drawn as from the stored takes.
 """
 
@@ -29,14 +31,18 @@ _PATIENCE = 600.0  # seconds to wait for the first takes
 
 @dataclass(frozen=True)
 class FreshSettings:
-    """How fresh takes are made: ``share`` of each batch that they fill (0 for none) and ``slots`` of the ring."""
+    """How fresh takes are made: ``share`` of each batch that they fill (0 for none) and ``slots`` of the
+    ring.
+    """
 
     share: float = 0.25
     slots: int = 64
 
 
 def both(composer: Composer, seed: int) -> list[dict[str, Array]]:
-    """Arrays of the take of ``seed`` and of the same on other objects; fewer where the draw or the switch did not work out."""
+    """Arrays of the take of ``seed`` and of the same on other objects; fewer where the draw or the switch did
+    not work out.
+    """
     take = composer.compose(seed)
     if take is None:
         return []
@@ -44,7 +50,9 @@ def both(composer: Composer, seed: int) -> list[dict[str, Array]]:
     return [take_arrays(t) for t in (take, other) if t is not None]
 
 
-def _compose_on(captures: str, meshes: str | None, cache: str, stitch: bool, seed: int, out: multiprocessing.Queue[Any]) -> None:
+def _compose_on(
+    captures: str, meshes: str | None, cache: str, stitch: bool, seed: int, out: multiprocessing.Queue[Any]
+) -> None:
     """The process: compose take after take from ``seed`` on until it is ended."""
     if hasattr(os, "nice"):
         os.nice(5)  # the network's steps come first
@@ -64,7 +72,9 @@ class Ring:
         self.data = Dataset(empty_arrays(slots * LONGEST, slots * THINGS), np.zeros(0, np.int64))
 
     def write(self, arrays: dict[str, Array]) -> tuple[int, int]:
-        """Put a take (``dataset.export.take_arrays``) into the next slot; returns the frames that it replaces, first to one past last."""
+        """Put a take (``dataset.export.take_arrays``) into the next slot; returns the frames that it
+        replaces, first to one past last.
+        """
         first, thing = self.next * LONGEST, self.next * THINGS
         count, things = min(len(arrays["root"]), LONGEST), min(len(arrays["object_cells"]), THINGS)
         a = self.data.arrays
@@ -86,8 +96,12 @@ class Ring:
 class FreshTakes:
     """The process and its ring.  Use ``poll`` between steps and ``close`` at the end."""
 
-    def __init__(self, captures: str, meshes: str | None, cache: str, seed: int, slots: int, stitch: bool = True) -> None:
-        """``seed`` is that of the first take; ``cache`` the converted meshes.  Waits for the first takes; CaptureError without any."""
+    def __init__(
+        self, captures: str, meshes: str | None, cache: str, seed: int, slots: int, stitch: bool = True
+    ) -> None:
+        """``seed`` is that of the first take; ``cache`` the converted meshes.  Waits for the first takes;
+        CaptureError without any.
+        """
         context = multiprocessing.get_context("spawn")
         self.ring = Ring(slots)
         self._queue: multiprocessing.Queue[Any] = context.Queue(maxsize=4)

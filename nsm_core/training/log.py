@@ -14,19 +14,24 @@ COLUMNS = ("step", "minutes", "data", "rollout", "validation", "drift_m", "pose_
 
 
 class Log:
-    """A CSV file with one row every few hundred steps; rows are added to its end, so that reading forgives half a line there."""
+    """A CSV file with one row every few hundred steps; rows are added to its end, so that reading forgives
+    half a line there.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def begin(self, step: int = 0) -> None:
-        """Start the table, or go on after ``step``: later rows are of a run that was killed before it saved, and come again.
+        """Start the table, or go on after ``step``: later rows are of a run that was killed before it saved,
+        and come again.
 
         OutputError where it cannot be written.
         """
         rows = self.rows()
         with output(self.path, "The log of the training") as temporary:
-            temporary.write_text("".join((",".join(COLUMNS) + "\n", *map(_line, rows[rows[:, 0] <= step]))), encoding="utf-8")
+            temporary.write_text(
+                "".join((",".join(COLUMNS) + "\n", *map(_line, rows[rows[:, 0] <= step]))), encoding="utf-8"
+            )
 
     def add(self, row: Sequence[float]) -> None:
         """Add a row of the ``COLUMNS``."""
@@ -39,7 +44,11 @@ class Log:
             return np.empty((0, len(COLUMNS)))
         text = self.path.read_text(encoding="utf-8", errors="replace")
         # What has no line end was cut off: "0.0012" of "0.00123" is a number, too.
-        whole = [row for line in text.splitlines(keepends=True) if line.endswith("\n") and (row := _numbers(line)) is not None]
+        whole = [
+            row
+            for line in text.splitlines(keepends=True)
+            if line.endswith("\n") and (row := _numbers(line)) is not None
+        ]
         return np.array(whole, dtype=np.float64).reshape(-1, len(COLUMNS))
 
     def plot(self) -> None:

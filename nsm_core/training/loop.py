@@ -25,9 +25,19 @@ def run_training(trainer: Trainer, checkpoint: Path, log: Log) -> None:
         if trainer.step % 200 == 0 or trainer.step == s.steps:
             data, rollout = sums / count
             drift, pose = trainer.batches.drift
-            row = (trainer.step, round((time.time() - started) / 60, 2), data, rollout, trainer.validate(), drift, pose)
+            row = (
+                trainer.step,
+                round((time.time() - started) / 60, 2),
+                data,
+                rollout,
+                trainer.validate(),
+                drift,
+                pose,
+            )
             log.add(row)
-            bar.set_postfix_str(f"data {data:.4f} roll-out {rollout:.4f} drift {drift * 100:.1f} cm pose {pose * 100:.1f} cm")
+            bar.set_postfix_str(
+                f"data {data:.4f} roll-out {rollout:.4f} drift {drift * 100:.1f} cm pose {pose * 100:.1f} cm"
+            )
             sums, count = np.zeros(2), 0
         if time.time() - saved > 120 or trainer.step == s.steps:
             trainer.save(checkpoint)

@@ -1,8 +1,8 @@
 """Phases without labels: a small Periodic Autoencoder over the velocities of the joints.
 
-After DeepPhase (Starke et al., 2022), which papers/002 section 5 takes its phases from: a window of motion is encoded into a few
-channels, each is replaced by the sinusoid whose frequency, amplitude and offset its spectrum gives and whose shift a small layer
-reads, and the window is decoded from those sinusoids alone.
+After DeepPhase (Starke et al., 2022), which papers/002 section 5 takes its phases from: a window of motion is
+encoded into a few channels, each is replaced by the sinusoid whose frequency, amplitude and offset its
+spectrum gives and whose shift a small layer reads, and the window is decoded from those sinusoids alone.
 """
 
 from __future__ import annotations
@@ -30,14 +30,15 @@ _HIDDEN, _RATE = 16, 3e-3
 class PeriodicAutoencoder(nn.Module):
     """Windows (B, 3J, WINDOW) of joint velocities to windows alike, through ``channels`` sinusoids.
 
-    ``forward`` returns the decoded windows, and phase (B, C) in cycles at the middle frame, frequency (B, C) in Hz and
-    amplitude (B, C).
+    ``forward`` returns the decoded windows, and phase (B, C) in cycles at the middle frame, frequency (B, C)
+    in Hz and amplitude (B, C).
     """
 
     def __init__(self, channels: int = 1, inputs: int = 3 * J) -> None:
         super().__init__()
         pad = (WINDOW - 1) // 2
-        # Joints are mixed first, then time is looked at: the same as one wide convolution, at a tenth of its cost.
+        # Joints are mixed first, then time is looked at: the same as one wide convolution, at a tenth of its
+        # cost.
         self.encode = nn.Sequential(
             nn.Conv1d(inputs, _HIDDEN, 1), nn.Conv1d(_HIDDEN, _HIDDEN, WINDOW, padding=pad), nn.BatchNorm1d(_HIDDEN), nn.Tanh(),
             nn.Conv1d(_HIDDEN, channels, WINDOW, padding=pad),
@@ -59,7 +60,10 @@ class PeriodicAutoencoder(nn.Module):
         frequency = (power * self.bands).sum(-1) / total
         amplitude = 2 * total.sqrt() / WINDOW
         offset = spectrum[..., 0].real / WINDOW
-        turns = [settle(layer(latent[:, c])) for c, (layer, settle) in enumerate(zip(self.shift, self.settle, strict=True))]
+        turns = [
+            settle(layer(latent[:, c]))
+            for c, (layer, settle) in enumerate(zip(self.shift, self.settle, strict=True))
+        ]
         phase = torch.stack([torch.atan2(t[:, 1], t[:, 0]) for t in turns], dim=1) / (2 * np.pi)
         angle = 2 * np.pi * (frequency[..., None] * self.times + phase[..., None])
         signal = amplitude[..., None] * torch.sin(angle) + offset[..., None]
@@ -67,7 +71,9 @@ class PeriodicAutoencoder(nn.Module):
 
 
 def velocities(clip: Clip) -> Array:
-    """Joint velocities (T, 3J), m/s, in the root frame, less the root's own: what the body does, not where it goes."""
+    """Joint velocities (T, 3J), m/s, in the root frame, less the root's own: what the body does, not where it
+    goes.
+    """
     positions, _ = clip.world()
     root, heading = smoothed_root(positions)
     local = positions.copy()
@@ -79,13 +85,16 @@ def velocities(clip: Clip) -> Array:
 def train(
     motions: list[Array], minutes: float, seed: int = 0, channels: int = 1, most: int = 4000, batch: int = 128
 ) -> tuple[PeriodicAutoencoder, float]:
-    """Fit an autoencoder to (T, 3J) velocities for at most ``minutes`` or ``most`` steps; returns it and its last loss.
+    """Fit an autoencoder to (T, 3J) velocities for at most ``minutes`` or ``most`` steps; returns it and its
+    last loss.
 
     The loss is the mean squared error of windows divided by the deviation of all values; 1 is a mean.
     """
     long = [m for m in motions if len(m) >= SPAN]
     if not long:
-        raise CaptureError(f"the autoencoder needs clips of at least {SPAN / FPS:.0f} seconds; the folder has none.")
+        raise CaptureError(
+            f"the autoencoder needs clips of at least {SPAN / FPS:.0f} seconds; the folder has none."
+        )
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
     windows = [torch.from_numpy(np.ascontiguousarray(m.T)) for m in long]
@@ -113,27 +122,37 @@ def train(
 def phases(model: PeriodicAutoencoder, motion: Array) -> tuple[Array, Array, Array]:
     """Phase (T, C) in cycles, frequency (T, C) in Hz and amplitude (T, C) of every frame.
 
-    Windows lie inside the clip; nearer to its ends than half a window the phase goes on as fast as it last did.
+    Windows lie inside the clip; nearer to its ends than half a window the phase goes on as fast as it last
+    did.
     """
     half = SPAN // 2
     if len(motion) < SPAN:
         motion, inside = np.pad(motion, ((half, half), (0, 0)), mode="edge"), slice(0, len(motion))
     else:
         inside = slice(half, len(motion) - half)
-    windows = torch.from_numpy(np.lib.stride_tricks.sliding_window_view(motion, SPAN, axis=0)[..., ::STRIDE].copy())
+    windows = torch.from_numpy(
+        np.lib.stride_tricks.sliding_window_view(motion, SPAN, axis=0)[..., ::STRIDE].copy()
+    )
     found = [model(part)[1:] for part in windows.split(512)]
-    phase, frequency, amplitude = (torch.cat(part).numpy().astype(np.float64) for part in zip(*found, strict=True))
+    phase, frequency, amplitude = (
+        torch.cat(part).numpy().astype(np.float64) for part in zip(*found, strict=True)
+    )
     if inside.start == 0:
         return phase, frequency, amplitude
     steps = (np.diff(phase, axis=0) + 0.5) % 1.0 - 0.5
-    near = [np.median(s[:_EDGE] if k == 0 else s[-_EDGE:], axis=0) if len(s) else frequency[0] / FPS for k, s in enumerate((steps, steps))]
+    near = [
+        np.median(s[:_EDGE] if k == 0 else s[-_EDGE:], axis=0) if len(s) else frequency[0] / FPS
+        for k, s in enumerate((steps, steps))
+    ]
     away = np.arange(1, half + 1)[:, None]
     phase = np.concatenate((phase[:1] - away[::-1] * near[0], phase, phase[-1:] + away * near[1]))
     return phase, *(np.pad(v, ((half, half), (0, 0)), mode="edge") for v in (frequency, amplitude))
 
 
 def unwrapped(phase: Array, frequency: Array, amplitude: Array, floor: float) -> Array:
-    """One phase (T,) in cycles that only grows, from the strongest channel; at 1 Hz where nothing moves (amplitude < floor)."""
+    """One phase (T,) in cycles that only grows, from the strongest channel; at 1 Hz where nothing moves
+    (amplitude < floor).
+    """
     best = int(np.argmax(amplitude.mean(0)))
     steps = (np.diff(phase[:, best]) + 0.5) % 1.0 - 0.5
     expected = frequency[1:, best] / FPS
@@ -147,7 +166,8 @@ def unwrapped(phase: Array, frequency: Array, amplitude: Array, floor: float) ->
 def measure(
     clips: list[Clip], annotations: list[Annotation], minutes: float = 2.0, seed: int = 0, most: int = 4000
 ) -> list[dict[str, Array]]:
-    """Train on clips and their mirror images; returns "phase" and "phase_mirrored" (T,) in cycles for every clip.
+    """Train on clips and their mirror images; returns "phase" and "phase_mirrored" (T,) in cycles for every
+    clip.
 
     The origin of the learnt phase, which is arbitrary, is put at the left landings of the annotations.
     """
@@ -155,7 +175,10 @@ def measure(
     model, loss = train([m for pair in motions for m in pair], minutes, seed, most=most)
     found = [[phases(model, m) for m in pair] for pair in motions]
     floor = 0.3 * float(np.median(np.concatenate([a.max(1) for pair in found for *_, a in pair])))
-    result = [{name: unwrapped(*f, floor) for name, f in zip(("phase", "phase_mirrored"), pair, strict=True)} for pair in found]
+    result = [
+        {name: unwrapped(*f, floor) for name, f in zip(("phase", "phase_mirrored"), pair, strict=True)}
+        for pair in found
+    ]
     gaps = []
     for phase, annotation in zip(result, annotations, strict=True):
         moving = annotation.style[:, [WALK, RUN]].sum(1) > 0.9
@@ -167,10 +190,16 @@ def measure(
 
 
 def compare(annotations: list[Annotation], measured: list[Array]) -> str:
-    """One line: cycles a minute on walks and runs, correlation of speeds, and how far apart the two phases are."""
+    """One line: cycles a minute on walks and runs, correlation of speeds, and how far apart the two phases
+    are.
+    """
     rule_rate, own_rate, apart = {WALK: [], RUN: []}, {WALK: [], RUN: []}, []
     for annotation, phase in zip(annotations, measured, strict=True):
-        rates = [_smooth(np.gradient(p)) * FPS * 60 for p in (annotation.phase, phase)] if len(phase) > SPAN else []
+        rates = (
+            [_smooth(np.gradient(p)) * FPS * 60 for p in (annotation.phase, phase)]
+            if len(phase) > SPAN
+            else []
+        )
         for label in (WALK, RUN):
             on = annotation.style[:, label] > 0.9
             if rates and on.sum() > FPS:
@@ -183,13 +212,22 @@ def compare(annotations: list[Annotation], measured: list[Array]) -> str:
         if rule_rate[label]:
             rule, own = np.concatenate(rule_rate[label]), np.concatenate(own_rate[label])
             parts.append(f"{name} {own.mean():.1f} cycles a minute (rule {rule.mean():.1f})")
-    both = [np.concatenate([v for label in (WALK, RUN) for v in rates[label]] or [np.zeros(2)]) for rates in (rule_rate, own_rate)]
+    both = [
+        np.concatenate([v for label in (WALK, RUN) for v in rates[label]] or [np.zeros(2)])
+        for rates in (rule_rate, own_rate)
+    ]
     clips = [[np.mean(v) for label in (WALK, RUN) for v in rates[label]] for rates in (rule_rate, own_rate)]
     if len(clips[0]) > 2:
-        parts.append(f"correlation of phase speed {np.corrcoef(*both)[0, 1]:.2f} by frame, {np.corrcoef(*clips)[0, 1]:.2f} by clip")
+        parts.append(
+            f"correlation of phase speed {np.corrcoef(*both)[0, 1]:.2f} by frame, "
+            f"{np.corrcoef(*clips)[0, 1]:.2f} by clip"
+        )
         parts.append(f"clips differ by {np.median(np.abs(np.subtract(*clips))):.1f} cycles a minute (median)")
     if apart:
-        parts.append(f"on walks the phases are {np.concatenate(apart).mean():.3f} cycles apart on average (0.25 is chance)")
+        parts.append(
+            f"on walks the phases are {np.concatenate(apart).mean():.3f} cycles apart on average (0.25 is "
+            "chance)"
+        )
     return "autoencoder against rule: " + ("; ".join(parts) or "no clip walks or runs")
 
 

@@ -10,7 +10,9 @@ WARM_UP = 200
 
 
 def cosine_restarts(step: int, total: int) -> float:
-    """Factor 0..1 of learning rate and decay at ``step`` of ``total``: cosine cycles in the ratio 1:2:4, short warm-up."""
+    """Factor 0..1 of learning rate and decay at ``step`` of ``total``: cosine cycles in the ratio 1:2:4,
+    short warm-up.
+    """
     unit = total / sum(CYCLES)
     at = float(min(step, total - 1))
     for length in CYCLES:

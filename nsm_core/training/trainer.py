@@ -30,7 +30,9 @@ CREDITS = Path(__file__).parent.parent / "weights" / "CREDITS.md"
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """Everything a run depends on; stored in the weights.  ``device`` is where the network is trained, as torch names it."""
+    """Everything a run depends on; stored in the weights.  ``device`` is where the network is trained, as
+    torch names it.
+    """
 
     steps: int = 40000
     data_batch: int = 192
@@ -48,7 +50,9 @@ class TrainingSettings:
 
 
 def read_checkpoint(path: str | Path) -> dict[str, Any]:
-    """What ``Trainer.save`` wrote, by plain types and tensors alone; WeightsError where a file is none, or holds no numbers."""
+    """What ``Trainer.save`` wrote, by plain types and tensors alone; WeightsError where a file is none, or
+    holds no numbers.
+    """
     if Path(path).exists() and not Path(path).is_file():  # a pipe would be waited for
         raise WeightsError(f"{path} is no file; choose a checkpoint of this project.")
     try:
@@ -59,7 +63,9 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
     except FileNotFoundError as error:
         raise WeightsError(f"There is no checkpoint at {path}; check the path.") from error
     except Exception as error:  # torch raises a dozen kinds: of zip, of pickle, of sizes
-        raise WeightsError(f"{path} is no checkpoint of this project, or damaged; take another one, or train anew.") from error
+        raise WeightsError(
+            f"{path} is no checkpoint of this project, or damaged; take another one, or train anew."
+        ) from error
     if not sound:
         raise WeightsError(f"{path} holds values that are not numbers; take an earlier one, or train anew.")
     return state
@@ -70,13 +76,21 @@ def device_of(name: str) -> torch.device:
     try:
         device = torch.device(name)
         torch.zeros(1, device=device).cpu()
-    except (RuntimeError, AssertionError, NotImplementedError) as error:  # how torch says that it was built without, or finds none
-        raise WeightsError(f"PyTorch cannot train on {name!r} here; choose cpu, or cuda where there is such a device.") from error
+    except (
+        RuntimeError,
+        AssertionError,
+        NotImplementedError,
+    ) as error:  # how torch says that it was built without, or finds none
+        raise WeightsError(
+            f"PyTorch cannot train on {name!r} here; choose cpu, or cuda where there is such a device."
+        ) from error
     return device
 
 
 def divide(data: Dataset) -> tuple[Array, Array]:
-    """Frames to train on and frames to validate with: of captured clips that are kept for that, none of which is trained on."""
+    """Frames to train on and frames to validate with: of captured clips that are kept for that, none of which
+    is trained on.
+    """
     kept = data.arrays["validates"]
     here, following = kept[data.frames], kept[data.frames + 1]
     return data.frames[~(here | following)], data.frames[here & following]
@@ -86,7 +100,12 @@ class Trainer:
     """State of one run: network, average, optimiser, batches."""
 
     def __init__(
-        self, data: Dataset, settings: TrainingSettings, config: NetworkConfig, seed_offset: int = 0, fresh: FreshTakes | None = None
+        self,
+        data: Dataset,
+        settings: TrainingSettings,
+        config: NetworkConfig,
+        seed_offset: int = 0,
+        fresh: FreshTakes | None = None,
     ) -> None:
         """``fresh`` takes fill their share of every batch, if there are any."""
         self.settings, self.config = settings, config
@@ -105,10 +124,14 @@ class Trainer:
         self.sources, self.fresh = [(self.batches, settings.data_batch - second[0])], fresh
         if fresh is not None and min(second) > 0:
             ring = fresh.ring.data
-            self.sources.append((Batches(ring, divide(ring)[0], self.rng, second[1], settings.rollout), second[0]))
+            self.sources.append(
+                (Batches(ring, divide(ring)[0], self.rng, second[1], settings.rollout), second[0])
+            )
         self.device, module = device_of(settings.device), kind_of(config.network).module
         self.net, self.average = module(config).to(self.device), module(config).to(self.device)
-        self.optimiser = torch.optim.AdamW(self.net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay, fused=True)
+        self.optimiser = torch.optim.AdamW(
+            self.net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay, fused=True
+        )
         self.weights = self._tensor(loss_weights())
         self._memory: Tensors = {}  # of the rows of the last step
         self.step = 0
@@ -131,14 +154,20 @@ class Trainer:
     def _normalised(self, x: Array, g: Array, y: Array) -> tuple[Inputs[torch.Tensor], torch.Tensor]:
         """Inputs and targets of a batch in the network's units, where the network is."""
         n = self.net
-        return n.normalised(Inputs(self._tensor(x), self._tensor(g))), (self._tensor(y) - n.output_mean) / n.output_std
+        return n.normalised(Inputs(self._tensor(x), self._tensor(g))), (
+            self._tensor(y) - n.output_mean
+        ) / n.output_std
 
     def _recalled(self) -> Tensors:
-        """Memory of a step's rows: of roll-outs what their last step left; frames of the data and roll-outs that begin have none yet."""
+        """Memory of a step's rows: of roll-outs what their last step left; frames of the data and roll-outs
+        that begin have none yet.
+        """
         begins = [np.ones(self.settings.data_batch, bool), *(b.pool_age == 0 for b, _ in self.sources)]
         anew = self._tensor(np.concatenate(begins))[:, None]
         start = self.net.start(len(anew))
-        return {k: torch.where(anew, v, self._memory[k]) if k in self._memory else v for k, v in start.items()}
+        return {
+            k: torch.where(anew, v, self._memory[k]) if k in self._memory else v for k, v in start.items()
+        }
 
     def train_step(self) -> tuple[float, float]:
         """One optimiser step on half data, half roll-out; returns the two losses."""
@@ -151,7 +180,9 @@ class Trainer:
         x, g, y = (np.concatenate([part[k] for part in parts]) for k in range(3))
         inputs, y = self._normalised(x, g, y)
         frame = self.config.frame + self.config.goal
-        inputs.features[:n, :frame] += s.noise * torch.randn(n, frame).to(self.device)  # drawn on the processor: alike on every device
+        inputs.features[:n, :frame] += s.noise * torch.randn(n, frame).to(
+            self.device
+        )  # drawn on the processor: alike on every device
         with torch.autocast(self.device.type, torch.bfloat16):
             out, memory, _ = net(inputs, self._recalled())
         self._memory = {k: v.detach().float() for k, v in memory.items()}  # gradients go back one frame
@@ -208,7 +239,9 @@ class Trainer:
             self.average.load_state_dict(state["average"])
             self.optimiser.load_state_dict(state["optimiser"])
         except (LookupError, TypeError, ValueError, RuntimeError, AttributeError) as error:
-            raise WeightsError(f"{path} is of another network or damaged; train into another --run, or remove it.") from error
+            raise WeightsError(
+                f"{path} is of another network or damaged; train into another --run, or remove it."
+            ) from error
         for group in self.optimiser.param_groups:
             group["fused"] = True
         self.step = state["step"]
@@ -223,9 +256,13 @@ class Trainer:
             stats,
             config=self.config,
             layout=layout_description(),
-            credits=[line for line in CREDITS.read_text().splitlines() if line.strip()] if CREDITS.exists() else [],
-            data=f"{'stitched' if self.settings.stitched else 'unstitched'} performances, {self.settings.data_minutes:g} minutes, "
-            f"seed {self.settings.seed}; {self.fresh.ring.written if self.fresh else 0} fresh takes in the last run",
+            credits=[line for line in CREDITS.read_text().splitlines() if line.strip()]
+            if CREDITS.exists()
+            else [],
+            data=f"{'stitched' if self.settings.stitched else 'unstitched'} performances, "
+            f"{self.settings.data_minutes:g} minutes, "
+            f"seed {self.settings.seed}; {self.fresh.ring.written if self.fresh else 0} fresh takes in the "
+            "last run",
             seeds={"data": self.settings.seed, "training": self.settings.seed},
             training={**asdict(self.settings), "steps_done": self.step},
             actions=self.actions,

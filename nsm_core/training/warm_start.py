@@ -15,9 +15,11 @@ from .trainer import read_checkpoint
 
 @torch.no_grad()
 def start_from(net: Trainable, source: str | Path) -> None:
-    """Give ``net`` the parameters of a checkpoint (.pt) or a weights file (.npz), adapted to its own statistics.
+    """Give ``net`` the parameters of a checkpoint (.pt) or a weights file (.npz), adapted to its own
+    statistics.
 
-    The network computes what it did before (``Trainable.renormalise``), but for features that the old data did not have.
+    The network computes what it did before (``Trainable.renormalise``), but for features that the old data
+    did not have.
     Call it after ``set_statistics``.  Raises WeightsError on a file that is damaged or of another network.
     """
     path = Path(source)
@@ -30,7 +32,9 @@ def start_from(net: Trainable, source: str | Path) -> None:
     try:
         net.load_state_dict(state)
     except (RuntimeError, AttributeError, TypeError) as error:
-        raise WeightsError(f"{path} is of another network than the one to train; choose one of the same sizes.") from error
+        raise WeightsError(
+            f"{path} is of another network than the one to train; choose one of the same sizes."
+        ) from error
     old = {k: getattr(net, k).clone() for k in new}
     for name, values in new.items():
         getattr(net, name).copy_(values)

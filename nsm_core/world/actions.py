@@ -1,8 +1,8 @@
 """The actions, a record each: what every floor of the house has a part for, under the same key.
 
-``control.actions.registry`` performs them, ``data.scenarios.registry`` composes them from captures, ``evaluation.trials.suite``
-judges them, and the add-on's ``goals.registry`` finds them in a scene.  An action is added by its record here, its files on
-those floors and one line in the registry of each.
+``control.actions.registry`` performs them, ``data.scenarios.registry`` composes them from captures,
+``evaluation.trials.suite`` judges them, and the add-on's ``goals.registry`` finds them in a scene.  An action
+is added by its record here, its files on those floors and one line in the registry of each.
 """
 
 from __future__ import annotations
@@ -29,11 +29,12 @@ class Aim(Enum):
 class Action:
     """An action that a goal can ask for.
 
-    ``key`` names it in job files, goals and reports; ``label`` and ``description`` show it in a list, ``done`` is what a report says
-    of one that is reached.  ``prop`` is what its hands move, and ``handles`` what that is called in a sentence; with
-    ``needs_destination`` it is brought somewhere.  ``raises``: feet come to stand on the object; ``hands``: reports
-    tell how far its hands are from where they should be.  ``labels`` are those that a network
-    must have learned (by default the action's own); standing is never asked for.
+    ``key`` names it in job files, goals and reports; ``label`` and ``description`` show it in a list,
+    ``done`` is what a report says of one that is reached.  ``prop`` is what its hands move, and ``handles``
+    what that is called in a sentence; with ``needs_destination`` it is brought somewhere.  ``raises``: feet
+    come to stand on the object; ``hands``: reports tell how far its hands are from where they should be.
+    ``labels`` are those that a network must have learned (by default the action's own); standing is never
+    asked for.
     """
 
     key: str
@@ -66,7 +67,8 @@ ACTIONS = (
     Action("idle", "Stand", "Stand still where the character is; a sitter rises first", "stands", Aim.HERE),
     Action("run", "Run", "Run to the object or to the place", "arrived", Aim.PLACE),
     Action(
-        "carry", "Carry", "Lift the object with both hands and set it down on top of another one, or where an empty is", "set down",
+        "carry", "Carry", "Lift the object with both hands and set it down on top of another one, or where "
+                          "an empty is", "set down",
         needs_destination=True, prop=Box, handles="a box to carry", hands=True,
     ),
     Action(
@@ -93,4 +95,7 @@ def require_learned(actions: Iterable[str], metadata: Mapping[str, Any]) -> None
     for action in actions:
         if action not in can:
             told = ", ".join(can)
-            raise GoalError(f"The installed network has not learned to {action}; it can do: {told}. Choose one of these, or train it.")
+            raise GoalError(
+                f"The installed network has not learned to {action}; it can do: {told}. Choose one of "
+                "these, or train it."
+            )

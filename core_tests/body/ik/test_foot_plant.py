@@ -1,4 +1,6 @@
-"""Feet stay where they land, sit still on the floor, and hips reach the seat, over takes and frame by frame."""
+"""Feet stay where they land, sit still on the floor, and hips reach the seat, over takes and frame by
+frame.
+"""
 
 from __future__ import annotations
 
@@ -112,7 +114,12 @@ def test_feet_come_out_of_the_floor():
     hips, local, contacts = synthetic_walk()
     sunk = hips - (0, 0, 0.06)
     positions, rotations = forward_kinematics(*lock_feet(sunk, local, contacts))
-    assert sole_depth(forward_kinematics(sunk, local)[0][:, TOES], forward_kinematics(sunk, local)[1][:, ANKLES]).max() > 0.04
+    assert (
+        sole_depth(
+            forward_kinematics(sunk, local)[0][:, TOES], forward_kinematics(sunk, local)[1][:, ANKLES]
+        ).max()
+        > 0.04
+    )
     assert sole_depth(positions[:, TOES], rotations[:, ANKLES]).max() < 2e-3
 
 
@@ -131,7 +138,8 @@ def test_take_without_contacts_or_of_one_frame():
     assert np.allclose(lock_feet(hips, local, np.zeros_like(contacts))[1], local, atol=2e-3)
 
 
-# --- frame by frame --------------------------------------------------------------------------------------------
+# --- frame by frame
+# --------------------------------------------------------------------------------------------
 
 
 def test_stepped_feet_stop_sliding_without_jumps():
@@ -170,7 +178,11 @@ def test_without_labels_feet_only_clear_the_floor_and_inputs_stay():
     new_hips, new_local = run_frames(hips, local, np.zeros((20, 5)))
     assert np.array_equal(hips, kept[0]) and np.array_equal(local, kept[1])
     moved = forward_kinematics(new_hips, new_local)[0] - forward_kinematics(hips, local)[0]
-    assert np.abs(moved[:, TOES, :2]).max() < 1e-3 and -1e-3 < moved[:, TOES, 2].min() and moved[:, TOES, 2].max() < CLEARANCE + 5e-3
+    assert (
+        np.abs(moved[:, TOES, :2]).max() < 1e-3
+        and -1e-3 < moved[:, TOES, 2].min()
+        and moved[:, TOES, 2].max() < CLEARANCE + 5e-3
+    )
     assert np.abs(new_hips - hips).max() < 5e-3
     run_frames(hips, local, np.ones((20, 5)), hip_goal=(hips[0] + 0.1, 0.4))
     assert np.array_equal(hips, kept[0]) and np.array_equal(local, kept[1])
@@ -179,7 +191,9 @@ def test_without_labels_feet_only_clear_the_floor_and_inputs_stay():
 def test_a_foot_dragged_over_the_floor_is_lifted():
     hips, local, _ = synthetic_walk(1, speed=0.0)
     hips, local = np.repeat(hips, 40, 0), np.repeat(local, 40, 0)
-    hips = hips + np.arange(40)[:, None] / 30 * np.array((0, -1.5, 0))  # both feet drag along at walking speed
+    hips = hips + np.arange(40)[:, None] / 30 * np.array(
+        (0, -1.5, 0)
+    )  # both feet drag along at walking speed
     new = forward_kinematics(*run_frames(hips, local, np.zeros((40, 5))))[0]
     assert new[10:, TOES, 2].min() > TOE_HEIGHT + 0.025
 
@@ -188,7 +202,9 @@ def test_a_foot_dragged_over_the_floor_is_lifted():
 def test_feet_of_a_gliding_pose_take_steps(speed):
     hips, local, _ = synthetic_walk(1, speed=0.0)
     hips, local = np.repeat(hips, 90, 0), np.repeat(local, 90, 0)
-    hips = hips + np.arange(90)[:, None] / 30 * np.array((speed, 0, 0))  # glides on with both feet "in contact"
+    hips = hips + np.arange(90)[:, None] / 30 * np.array(
+        (speed, 0, 0)
+    )  # glides on with both feet "in contact"
     labels = np.zeros((90, 5))
     labels[:, 3:] = 1
     new = forward_kinematics(*run_frames(hips, local, labels))[0][:, TOES]
@@ -219,7 +235,9 @@ def test_hips_come_to_the_seat_and_feet_stay(offset, turn):
     labels = np.zeros((frames, 5))
     labels[:, [0, 3, 4]] = 1
     goal = (hips + offset, turn)
-    new_hips, new_local = run_frames(np.repeat(hips[None], frames, 0), np.repeat(local[None], frames, 0), labels, hip_goal=goal)
+    new_hips, new_local = run_frames(
+        np.repeat(hips[None], frames, 0), np.repeat(local[None], frames, 0), labels, hip_goal=goal
+    )
     error = np.linalg.norm(new_hips - goal[0], axis=-1)
     heading = 2 * np.arctan2(new_local[:, 0, 3], new_local[:, 0, 0])
     assert np.all(error[15:] < 0.03) and np.all(np.abs(wrap_angle(heading - turn))[15:] < np.radians(3))
@@ -245,7 +263,12 @@ def test_hips_are_let_go_smoothly_when_the_label_falls():
     hips, local = seated_pose()
     labels = np.zeros((60, 5))
     labels[:30, 0] = 1
-    new_hips, _ = run_frames(np.repeat(hips[None], 60, 0), np.repeat(local[None], 60, 0), labels, hip_goal=(hips + (0.1, 0, 0), 0.0))
+    new_hips, _ = run_frames(
+        np.repeat(hips[None], 60, 0),
+        np.repeat(local[None], 60, 0),
+        labels,
+        hip_goal=(hips + (0.1, 0, 0), 0.0),
+    )
     assert abs(new_hips[29, 0] - (0.1 - HIP_PLAY)) < 1e-3 and abs(new_hips[-1, 0]) < 1e-9
     assert np.abs(np.diff(new_hips[:, 0])).max() < 0.012
 
@@ -294,7 +317,12 @@ def test_foot_is_not_thrown_over_a_short_break_of_contact():
 
 def test_next_seat_does_not_pull_a_sitter_across():
     hips, local = seated_pose()
-    ik, labels, here, there = ContactIK(), np.array((1.0, 0, 0, 1, 1)), (hips + (0.05, 0, 0), 0.0), (hips + (2.0, 1.0, 0), 1.0)
+    ik, labels, here, there = (
+        ContactIK(),
+        np.array((1.0, 0, 0, 1, 1)),
+        (hips + (0.05, 0, 0), 0.0),
+        (hips + (2.0, 1.0, 0), 1.0),
+    )
     placed = [ik.apply(hips, local, labels, here, 0.0)[0] for _ in range(30)]
     placed += [ik.apply(hips, local, labels, there, 0.0)[0] for _ in range(10)]
     assert np.linalg.norm(np.diff(placed, axis=0), axis=1).max() < 0.01

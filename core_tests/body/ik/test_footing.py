@@ -1,4 +1,6 @@
-"""Feet on steps: probed ground, soles that neither float nor sink, edges that are cleared, and flat floors left as they were."""
+"""Feet on steps: probed ground, soles that neither float nor sink, edges that are cleared, and flat floors
+left as they were.
+"""
 
 from __future__ import annotations
 
@@ -23,36 +25,57 @@ TOE = OFFSETS[TOES[0]].astype(float)
 def block(height: float, depth: float = 0.8, edge: float = -0.5) -> tuple[Cuboids, Terrain]:
     """A block one walks onto along -Y; its near edge at y = ``edge``."""
     query = Cuboids([((0, 0, 0), 0.0, np.array([(-0.8, edge - depth, 0)]), np.array([(0.8, edge, height)]))])
-    volume = interaction_sensor(query, np.array((0, edge - depth / 2, height / 2)), np.array((1.6, depth, height)), 0.0)
+    volume = interaction_sensor(
+        query, np.array((0, edge - depth / 2, height / 2)), np.array((1.6, depth, height)), 0.0
+    )
     return query, Terrain.probe(query, volume)
 
 
 def climb(
     height: float, low: float = 0.0, short: float = 0.0, over: float = 0.06, late: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Step onto a block with one foot and then the other, and stand: hips (T, 3), rotations (T, 23, 4), labels (T, 5).
+    """Step onto a block with one foot and then the other, and stand: hips (T, 3), rotations (T, 23, 4),
+    labels (T, 5).
 
-    The feet land ``low`` metres under the top and ``short`` metres short, and swing ``over`` metres higher than they land;
+    The feet land ``low`` metres under the top and ``short`` metres short, and swing ``over`` metres higher
+    than they land;
     ``late`` is the share of the swing after which they begin to rise.
     """
     count, spans = 120, ((20, 50), (55, 85))
     t = np.arange(count)
-    ease = lambda a, b: (lambda x: x * x * (3 - 2 * x))(np.clip((t - a) / (b - a), 0, 1))  # noqa: E731
+
+    def ease(a, b):
+        return (lambda x: x * x * (3 - 2 * x))(np.clip((t - a) / (b - a), 0, 1))
+
     toes, labels, pitch = np.zeros((count, 2, 3)), np.zeros((count, 5)), np.zeros((count, 2))
     for side, (a, b) in enumerate(spans):
         w, x = ease(a, b), np.clip((t - a) / (b - a), 0, 1)
         toes[:, side, 0] = 0.1 if side else -0.1
         toes[:, side, 1] = -0.25 + w * (-0.5 + short)
-        up = ease(a + late * (b - a), a + (late + 0.6) * (b - a)) * (height - low + over) - ease(b - 0.35 * (b - a), b) * over
+        up = (
+            ease(a + late * (b - a), a + (late + 0.6) * (b - a)) * (height - low + over)
+            - ease(b - 0.35 * (b - a), b) * over
+        )
         toes[:, side, 2] = TOE_HEIGHT + up
         labels[:, 3 + side] = np.clip(np.minimum(1, np.where((t > a) & (t < b), 0, 1)), 0, 1)
         pitch[:, side] = 0.25 * np.sin(np.pi * x)
-    hips = np.stack((np.zeros(count), 0.1 - 0.25 - 0.5 * ease(25, 85), 0.87 + (height if low < height else 0.0) * ease(35, 80)), axis=1)
+    hips = np.stack(
+        (
+            np.zeros(count),
+            0.1 - 0.25 - 0.5 * ease(25, 85),
+            0.87 + (height if low < height else 0.0) * ease(35, 80),
+        ),
+        axis=1,
+    )
     hips[:, 1] += 0.05
     local = np.zeros((count, J, 4))
     local[..., 0] = 1
     feet = quat_from_rotvec(pitch[..., None] * np.array((1.0, 0, 0)))
-    return hips, place_limbs(hips, local, LEGS, toes - quat_rotate(feet, np.broadcast_to(TOE, toes.shape)), feet), labels
+    return (
+        hips,
+        place_limbs(hips, local, LEGS, toes - quat_rotate(feet, np.broadcast_to(TOE, toes.shape)), feet),
+        labels,
+    )
 
 
 def run(hips, local, labels, terrain):
@@ -84,7 +107,10 @@ def test_swinging_feet_clear_the_edge_without_a_pop():
     hips, local, labels = climb(0.3, low=0.04, over=0.0, late=0.3)
     before, _ = forward_kinematics(hips, local)
     positions, _ = run(hips, local, labels, terrain)
-    inside = lambda p: -query.signed_distance(p[:, TOES].reshape(-1, 3).astype(np.float32), 0.1)  # noqa: E731
+
+    def inside(p):
+        return -query.signed_distance(p[:, TOES].reshape(-1, 3).astype(np.float32), 0.1)
+
     assert inside(before).max() > 0.02 and inside(positions).max() < 0.02
     step = np.linalg.norm(np.diff(positions[:, TOES], axis=0), axis=2)
     was = np.linalg.norm(np.diff(before[:, TOES], axis=0), axis=2)
@@ -104,10 +130,16 @@ def test_foot_that_would_land_in_a_riser_is_held_off_before_it_gets_there(over):
     hips, local, labels = climb(0.3, low=0.3, over=over)
     before, _ = forward_kinematics(hips, local)
     positions, _ = run(hips, local, labels, terrain)
-    deep = lambda p: ((-0.7 - (p[:, TOES, 1] - 0.075)) * (p[:, TOES, 2] < 0.29)).max()  # noqa: E731
+
+    def deep(p):
+        return ((-0.7 - (p[:, TOES, 1] - 0.075)) * (p[:, TOES, 2] < 0.29)).max()
+
     assert deep(before) > 0.12 and deep(positions) < 0.045 and deep(positions[-20:]) < 0.005
     assert np.abs(positions[-1, TOES, 2] - TOE_HEIGHT).max() < 0.01, "stands before it"
-    jolt = lambda p: np.linalg.norm(np.diff(p[:, TOES], n=2, axis=0), axis=2).max()  # noqa: E731
+
+    def jolt(p):
+        return np.linalg.norm(np.diff(p[:, TOES], n=2, axis=0), axis=2).max()
+
     assert jolt(positions) < jolt(before) + 0.05
 
 

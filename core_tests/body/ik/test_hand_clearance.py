@@ -29,12 +29,17 @@ def test_free_hands_stay():
 def test_a_hand_in_a_slab_comes_out_without_a_jump_and_the_rest_stays():
     hips, local = standing()
     positions, _ = forward_kinematics(hips, local)
-    query = slab_under(positions[ARMS[0][2]], 0.04)  # the arms are held out to the sides; the right hand lies in the slab
+    query = slab_under(
+        positions[ARMS[0][2]], 0.04
+    )  # the arms are held out to the sides; the right hand lies in the slab
     hands = HandClearance(query)
     places = [forward_kinematics(hips, hands.apply(hips, local))[0] for _ in range(40)]
     start = HandClearance(query)._probe(hips.astype(float), local.astype(float))[1][0]
     end = hands._probe(hips.astype(float), local.astype(float))[1][0]
-    deep = lambda points: -query.signed_distance(points.astype(np.float32), 0.1).min()  # noqa: E731
+
+    def deep(points):
+        return -query.signed_distance(points.astype(np.float32), 0.1).min()
+
     assert deep(start) > 0.03 and deep(end) < 0.005
     moves = np.linalg.norm(np.diff([p[INDEX["RightWrist"]] for p in places], axis=0), axis=1)
     assert moves.max() < 0.025
@@ -60,11 +65,14 @@ def test_a_hand_that_holds_stays_and_each_hand_may_have_its_own_solids():
     wrists = forward_kinematics(hips, local)[0][[arm[2] for arm in ARMS]]
     both = Cuboids()
     both.groups = slab_under(wrists[0], 0.04).groups + slab_under(wrists[1], 0.04).groups
-    moved = lambda **more: [  # noqa: E731
-        float(np.linalg.norm(forward_kinematics(hips, out)[0][arm[2]] - wrists[k]))
-        for out in [run_hands(both, hips, local, **more)]
-        for k, arm in enumerate(ARMS)
-    ]
+
+    def moved(**more):
+        return [
+            float(np.linalg.norm(forward_kinematics(hips, out)[0][arm[2]] - wrists[k]))
+            for out in [run_hands(both, hips, local, **more)]
+            for k, arm in enumerate(ARMS)
+        ]
+
     right, left = moved()
     assert right > 0.02 and left > 0.02
     right, left = moved(held=(1.0, 0.0))

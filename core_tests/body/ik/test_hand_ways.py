@@ -1,4 +1,6 @@
-"""Ways of hands: over the edge before them, round the corners of a box, and straight where nothing is in the way."""
+"""Ways of hands: over the edge before them, round the corners of a box, and straight where nothing is in the
+way.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ CRATE = solid((-0.3, -1.0, 0.6), (0.3, -0.27, 1.2))
 
 
 def way(solids, to, back=False):
-    """Wrists (T, 2, 3) that go to ``to`` (2, 3) in 24 frames, waiting as told, or back from it, and how deep fingers were."""
+    """Wrists (T, 2, 3) that go to ``to`` (2, 3) in 24 frames, waiting as told, or back from it, and how deep
+    fingers were.
+    """
     pose, ways, share, points, deep = hanging(FROM), HandWays([0, 1]), 1.0 if back else 0.0, [], []
     now = pose.arms()[1]
     for _ in range(200):
@@ -43,7 +47,11 @@ def way(solids, to, back=False):
         points.append(now + share * (to - now) + off)
         tips = points[-1] - (0, 0, 0.15)
         if solids is not None and share < 0.8:
-            deep.append(-float(solids.signed_distance(np.concatenate((points[-1], tips)).astype(np.float32), 0.2).min()))
+            deep.append(
+                -float(
+                    solids.signed_distance(np.concatenate((points[-1], tips)).astype(np.float32), 0.2).min()
+                )
+            )
         if share in (0.0, 1.0):
             break
     return np.array(points), max(deep, default=0.0)
@@ -75,7 +83,9 @@ def test_fingers_stay_turned_up_after_letting_go_until_nothing_is_under_them():
     top, hands = solid((-1, -1.0, 0.0), (1, -0.1, 0.86)), HandClearance(solid((5, 5, 0), (6, 6, 1)))
     pose, raised = hanging(FROM + (0, 0, 0.02)), []
     for k in range(80):
-        hands.apply(pose.hips, pose.local, (1.0, 1.0) if k < 40 else (0.0, 0.0), (top, top) if k < 50 else None)
+        hands.apply(
+            pose.hips, pose.local, (1.0, 1.0) if k < 40 else (0.0, 0.0), (top, top) if k < 50 else None
+        )
         raised.append(hands._raised.min())
     assert raised[39] > 0.3 and raised[49] > 0.3 and raised[-1] == 0
     assert np.abs(np.diff(raised)).max() < 0.17

@@ -38,7 +38,9 @@ def test_knees_stay_over_a_high_seat_and_toes_where_they_are():
     assert (before[knees, 2] < 0.53).all()
     after = forward_kinematics(hips, settle(hips, local))[0]
     # As far as the foot can lift it.
-    assert (after[knees, 2] > 0.53 + 0.5 * KNEE_OVER_SEAT).all() and (after[knees, 2] < 0.53 + KNEE_OVER_SEAT + 0.01).all()
+    assert (after[knees, 2] > 0.53 + 0.5 * KNEE_OVER_SEAT).all() and (
+        after[knees, 2] < 0.53 + KNEE_OVER_SEAT + 0.01
+    ).all()
     np.testing.assert_allclose(after[toes], before[toes], atol=1e-4)
 
 

@@ -1,4 +1,6 @@
-"""Legs keep out of edges: what they do about a knee in one, that they do it smoothly, and nothing where it is not called for."""
+"""Legs keep out of edges: what they do about a knee in one, that they do it smoothly, and nothing where it is
+not called for.
+"""
 
 import numpy as np
 import pytest
@@ -12,17 +14,23 @@ from nsm_core.data.scenarios.climb.footholds import Block
 from nsm_core.evaluation.measures.motion import jumps
 from nsm_core.world.geometry.distance import Cuboids
 
-BLOCK = Block(np.array((0.0, -0.45)), 0.0, np.array((0.8, 0.25)), 0.55)  # its near side is at y = -0.2; -Y is ahead
+BLOCK = Block(
+    np.array((0.0, -0.45)), 0.0, np.array((0.8, 0.25)), 0.55
+)  # its near side is at y = -0.2; -Y is ahead
 HIPS = np.array((0.0, -0.08, 0.82))
 
 
 @pytest.fixture
 def query():
-    return Cuboids([(BLOCK.position, 0.0, np.array([(-0.8, -0.25, 0.0)]), np.array([(0.8, 0.25, BLOCK.height)]))])
+    return Cuboids(
+        [(BLOCK.position, 0.0, np.array([(-0.8, -0.25, 0.0)]), np.array([(0.8, 0.25, BLOCK.height)]))]
+    )
 
 
 def _crouching() -> np.ndarray:
-    """Local rotations (23, 4) with both feet flat on the floor before the block and the knees bent into it."""
+    """Local rotations (23, 4) with both feet flat on the floor before the block and the knees bent
+    into it.
+    """
     local = np.zeros((23, 4))
     local[:, 0] = 1
     ankles = forward_kinematics(HIPS, local)[0][list(ANKLES)]

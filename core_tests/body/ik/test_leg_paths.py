@@ -1,4 +1,6 @@
-"""High thin walls: legs of whole takes go over them, feet land behind them, and one foot bears until the other has landed."""
+"""High thin walls: legs of whole takes go over them, feet land behind them, and one foot bears until the
+other has landed.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ def over_wall(height: float, depth: float, start: tuple[float, float], heading: 
     return asked, runner.result()
 
 
-@pytest.mark.parametrize(("height", "depth", "start", "heading"), [(0.45, 0.05, (0.4, 1.8), 0.4), (0.6, 0.1, (-0.3, -1.9), 2.6)])
+@pytest.mark.parametrize(
+    ("height", "depth", "start", "heading"), [(0.45, 0.05, (0.4, 1.8), 0.4), (0.6, 0.1, (-0.3, -1.9), 2.6)]
+)
 def test_a_high_thin_wall_is_stepped_over(height, depth, start, heading):
     asked, take = over_wall(height, depth, start, heading)
     goal = asked.goals[0]
@@ -43,7 +47,9 @@ def test_a_high_thin_wall_is_stepped_over(height, depth, start, heading):
     # Whoever hovers has both soles off what is under them; a push-off is no more than a third of a second.
     ground = Terrain.probe(asked.environment, goal.interaction).height
     soles = np.minimum(positions[:, TOES, 2] - TOE_HEIGHT, positions[:, ANKLES, 2] - ANKLE_HEIGHT)
-    under = np.maximum(*(ground(positions[:, joints, :2].reshape(-1, 2)).reshape(-1, 2) for joints in (TOES, ANKLES)))
+    under = np.maximum(
+        *(ground(positions[:, joints, :2].reshape(-1, 2)).reshape(-1, 2) for joints in (TOES, ANKLES))
+    )
     runs = intervals((soles - under).min(1) > 0.05)
     assert max((b - a for a, b in runs), default=0) <= 10
     # The first foot that stands beyond the wall has its heel beyond it too.

@@ -1,4 +1,6 @@
-"""A sitter's back leans off the back rest without a jump; standing, free and front contacts change nothing."""
+"""A sitter's back leans off the back rest without a jump; standing, free and front contacts change
+nothing.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ from nsm_core.world.geometry.distance import Cuboids
 
 
 def board(y: float, thick: float = 0.04) -> Cuboids:
-    """A board across the trunk at the height of the chest, ``y`` metres from the origin (a sitter faces -Y)."""
+    """A board across the trunk at the height of the chest, ``y`` metres from the origin (a sitter
+    faces -Y).
+    """
     return Cuboids([(np.zeros(3), 0.0, np.array(((-0.3, y, 0.5),)), np.array(((0.3, y + thick, 1.1),)))])
 
 
@@ -32,7 +36,9 @@ def test_back_comes_off_the_rest_smoothly_and_hips_and_feet_stay():
     assert before > 0.04 and depth(query, hips, new) < 0.01
     assert 0 < trunk.lean < MOST_LEAN
     turns = np.abs(np.diff([p[INDEX["Head"], 1] for p in places]))
-    assert turns.max() < 1.2 * SPEED * 0.8  # the head, 0.7 m over the pivot, never moves faster than the lean allows
+    assert (
+        turns.max() < 1.2 * SPEED * 0.8
+    )  # the head, 0.7 m over the pivot, never moves faster than the lean allows
     for joint in ("Hips", "LeftToe", "RightKnee"):
         assert np.allclose(places[-1][INDEX[joint]], places[0][INDEX[joint]])
 

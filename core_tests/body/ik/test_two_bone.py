@@ -24,8 +24,15 @@ def random_poses(count: int, seed: int = 0, dtype: type = np.float64) -> tuple[n
     """Plausible poses: small turns everywhere, any heading, knees and elbows flexed 0 to 2 rad."""
     rng = np.random.default_rng(seed)
     rotations = quat_from_rotvec(rng.normal(0, 0.25, (count, J, 3)))
-    rotations[:, 0] = quat_mul(quat_from_rotvec(np.array((0, 0, 1.0)) * rng.uniform(-np.pi, np.pi, (count, 1))), rotations[:, 0])
-    for name, axis in (("RightKnee", (1, 0, 0)), ("LeftKnee", (1, 0, 0)), ("RightElbow", (0, 0, 1)), ("LeftElbow", (0, 0, -1))):
+    rotations[:, 0] = quat_mul(
+        quat_from_rotvec(np.array((0, 0, 1.0)) * rng.uniform(-np.pi, np.pi, (count, 1))), rotations[:, 0]
+    )
+    for name, axis in (
+        ("RightKnee", (1, 0, 0)),
+        ("LeftKnee", (1, 0, 0)),
+        ("RightElbow", (0, 0, 1)),
+        ("LeftElbow", (0, 0, -1)),
+    ):
         rotations[:, INDEX[name]] = quat_from_rotvec(np.array(axis) * rng.uniform(0, 2, (count, 1)))
     hips = rng.normal(0, 1, (count, 3)) * (1, 1, 0.05) + (0, 0, 0.9)
     return hips.astype(dtype), rotations.astype(dtype)
@@ -145,7 +152,9 @@ def test_stretching_out_is_smooth():
     rotations[:, INDEX["RightKnee"]] = quat_from_rotvec(np.array((0.6, 0, 0)))
     start = chain_frames(hips, rotations, (FEET[0][0],))[0][:, 0]
     pull = np.linspace(0.75, 0.95, 400)
-    positions, _ = forward_kinematics(hips, place_ankles(hips, rotations, 0, start + pull[:, None] * (0, 0, -1.0)))
+    positions, _ = forward_kinematics(
+        hips, place_ankles(hips, rotations, 0, start + pull[:, None] * (0, 0, -1.0))
+    )
     span = np.linalg.norm(positions[:, FEET[0][2]] - start, axis=-1)
     assert np.all(np.diff(span) > -1e-9) and span[-1] < 0.835
     bend = np.arccos(np.clip(-positions[:, FEET[0][1], 2] + start[:, 2], 0, 0.42) / 0.42)
@@ -173,7 +182,10 @@ def test_far_and_near_targets_stay_finite():
 
 def test_the_rotation_of_the_end_is_met():
     hips, rotations = random_poses(100)
-    foot, ankle = quat_from_rotvec(np.random.default_rng(2).normal(0, 0.3, (100, 3))), leg_targets(hips, rotations, 1)
+    foot, ankle = (
+        quat_from_rotvec(np.random.default_rng(2).normal(0, 0.3, (100, 3))),
+        leg_targets(hips, rotations, 1),
+    )
     positions, world = forward_kinematics(hips, place_limb(hips, rotations, FEET[1][:3], ankle, foot))
     assert np.abs(positions[:, FEET[1][2]] - ankle).max() < 1e-6
     assert np.allclose(np.abs(np.sum(world[:, FEET[1][2]] * foot, -1)), 1)
@@ -195,7 +207,9 @@ def test_noise_of_a_straight_leg_is_not_magnified():
     local[..., 0] = 1
     turn = np.random.default_rng(0).normal(0, 1, (50, 3)) * (0.02, 0.02, 0) + (0.06, 0, 0)
     local[:, INDEX["RightKnee"]] = quat_from_rotvec(turn)
-    positions, _ = forward_kinematics(hips, place_ankles(hips, local, 0, np.tile((-0.09, 0.0, 0.25), (50, 1))))
+    positions, _ = forward_kinematics(
+        hips, place_ankles(hips, local, 0, np.tile((-0.09, 0.0, 0.25), (50, 1)))
+    )
     assert np.ptp(positions[:, INDEX["RightKnee"], 0]) < 0.06  # the noise itself spreads over half a metre
 
 
@@ -205,7 +219,9 @@ def test_joints_of_limbs_are_those_of_forward_kinematics(chains):
     positions, world = forward_kinematics(hips, rotations)
     for n in range(3):
         joints, turns, parents = limb_frames(hips[n], rotations[n], chains)
-        assert np.allclose(joints, positions[n][np.array(chains)]) and np.allclose(turns, world[n][np.array(chains)])
+        assert np.allclose(joints, positions[n][np.array(chains)]) and np.allclose(
+            turns, world[n][np.array(chains)]
+        )
         assert np.allclose(parents, world[n][[PARENTS[chain[0]] for chain in chains]])
 
 

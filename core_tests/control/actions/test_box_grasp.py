@@ -1,4 +1,6 @@
-"""Boxes at run time: taken, brought and set down by a scripted character, dropped where it cannot, and never through a table."""
+"""Boxes at run time: taken, brought and set down by a scripted character, dropped where it cannot, and never
+through a table.
+"""
 
 from __future__ import annotations
 
@@ -42,13 +44,20 @@ def to_table(box: Box, hold: float = 0.3) -> Goal:
 @pytest.fixture(scope="module")
 def carried() -> Actor:
     """From the floor to a table, by hands that miss by 4 cm and 5 degrees."""
-    return drive([to_table(on_floor()), Goal("walk", "off", (0, 1, 0), 0.0, 0.1)], solids=TABLE, error=(0.03, -0.02, 0.02), skew=0.09)
+    return drive(
+        [to_table(on_floor()), Goal("walk", "off", (0, 1, 0), 0.0, 0.1)],
+        solids=TABLE,
+        error=(0.03, -0.02, 0.02),
+        skew=0.09,
+    )
 
 
 def commands(actor: Actor) -> list[tuple[set[str], np.ndarray, float]]:
     """Goal actions, place and heading on the pivot key, frame by frame."""
     series = [f["series"] for f in actor.frames[1:]]
-    return [({n for k, n in enumerate(GOAL_ACTIONS) if s[2][6, k] > 0.5}, s[0][6], float(s[1][6])) for s in series]
+    return [
+        ({n for k, n in enumerate(GOAL_ACTIONS) if s[2][6, k] > 0.5}, s[0][6], float(s[1][6])) for s in series
+    ]
 
 
 def states(actor: Actor) -> list[str]:
@@ -81,7 +90,10 @@ def test_commands_are_those_of_the_training_data(carried):
     for k in fetch:  # told and shown a little nearer than it is, so that toes stay out of it
         nearer = TOES_CLEAR * heading_to_direction(np.array(told[k][2]))
         np.testing.assert_allclose(told[k][1], box.pose[:3] - (*nearer, 0), atol=1e-5)
-        assert abs(wrap_angle(2 * (told[k][2] - box.pose[3] - np.pi / 2))) < 1e-5 or abs(wrap_angle(2 * (told[k][2] - box.pose[3]))) < 1e-5
+        assert (
+            abs(wrap_angle(2 * (told[k][2] - box.pose[3] - np.pi / 2))) < 1e-5
+            or abs(wrap_angle(2 * (told[k][2] - box.pose[3]))) < 1e-5
+        )
     for k in near:
         np.testing.assert_allclose(told[k][1], ON_TABLE + (0, TOES_CLEAR, 0), atol=1e-5)
         assert told[k][2] == 0.0
@@ -98,7 +110,9 @@ def test_box_is_sensed_where_it_is(carried):
             lag = before[:3] - volume.centre  # shown nearer than it is while it is leant to
             resting = bool((before == carried.frames[0]["props"]["Box"]).all())
             if resting:
-                np.testing.assert_allclose(lag[:2], TOES_CLEAR * heading_to_direction(np.array(told[k][2])), atol=1e-4)
+                np.testing.assert_allclose(
+                    lag[:2], TOES_CLEAR * heading_to_direction(np.array(told[k][2])), atol=1e-4
+                )
             assert abs(lag[2]) < 1e-4 and np.linalg.norm(lag) < TOES_CLEAR + 1e-4
             gone += resting or np.linalg.norm(lag) < 1e-4
             assert volume.heading == pytest.approx(before[3], abs=1e-6)
@@ -109,16 +123,23 @@ def test_wrists_are_on_the_box_while_it_is_held(carried):
     box, facing = carried.props["Box"], None
     for frame, wrists, state in zip(carried.frames, carried.joints[:, WRISTS], states(carried), strict=True):
         if state == "held":
-            on_box = lambda f, pose=frame["props"]["Box"]: box.to_world(box.grasps(f), pose)  # noqa: E731
+
+            def on_box(f, pose=frame["props"]["Box"]):
+                return box.to_world(box.grasps(f), pose)
+
             if facing is None:
-                facing = min((0, np.pi / 2, np.pi, -np.pi / 2), key=lambda f: np.abs(on_box(f) - wrists).max())
+                facing = min(
+                    (0, np.pi / 2, np.pi, -np.pi / 2), key=lambda f: np.abs(on_box(f) - wrists).max()
+                )
             assert np.linalg.norm(wrists - on_box(facing), axis=1).max() < 0.02
 
 
 def test_nothing_pops(carried):
     track, wrists = carried.track("Box"), carried.joints[:, WRISTS]
     assert np.linalg.norm(np.diff(track[:, :3], axis=0), axis=1).max() * 30 < 2.5
-    assert np.abs(np.diff(track[:, :3], 2, axis=0)).max() * 900 < 35, "the script itself starts its hands at 1.4 m/s"
+    assert np.abs(np.diff(track[:, :3], 2, axis=0)).max() * 900 < 35, (
+        "the script itself starts its hands at 1.4 m/s"
+    )
     assert np.linalg.norm(np.diff(wrists, axis=0), axis=2).max() * 30 < 2.6
     assert np.abs(np.diff(track[:, 3])).max() < 0.15
 
@@ -150,7 +171,12 @@ def test_from_table_to_floor_and_back_again():
 
 
 def test_hands_that_never_come_end_it_unreached_and_the_next_goal_goes_on():
-    actor = drive([to_table(on_floor()), Goal("walk", "off", (0, 1, 0), 0.0, 0.1)], solids=TABLE, grips=False, time_limit=4.0)
+    actor = drive(
+        [to_table(on_floor()), Goal("walk", "off", (0, 1, 0), 0.0, 0.1)],
+        solids=TABLE,
+        grips=False,
+        time_limit=4.0,
+    )
     carry, walk = actor.director.results
     assert not carry.reached and walk.reached and 4 < carry.seconds < 6  # 4 s after the last step towards it
     assert np.ptp(actor.track("Box"), axis=0).max() == 0 and np.isnan(carry.hand_error_cm)
@@ -158,7 +184,9 @@ def test_hands_that_never_come_end_it_unreached_and_the_next_goal_goes_on():
 
 @pytest.mark.parametrize("ik", [True, False])
 def test_box_that_cannot_be_placed_falls_onto_what_is_under_it(ik):
-    actor = Actor([to_table(on_floor()), Goal("walk", "off", (0, 1, 0), 0.0, 0.1)], solids=TABLE, time_limit=6.0, ik=ik)
+    actor = Actor(
+        [to_table(on_floor()), Goal("walk", "off", (0, 1, 0), 0.0, 0.1)], solids=TABLE, time_limit=6.0, ik=ik
+    )
     while "held" not in states(actor) and actor.step():
         pass
     actor._walk = lambda *series: None  # it stands still, box in hand
@@ -211,7 +239,9 @@ def test_boxes_on_the_floor_are_walked_around():
 def test_without_ik_the_body_is_the_networks_and_the_box_still_comes():
     actor = drive([to_table(on_floor())], solids=TABLE, ik=False)
     assert actor.director.results[0].reached
-    assert all(np.array_equal(a, b) for f in actor.frames for a, b in zip(f["pose"], f["network"], strict=True))
+    assert all(
+        np.array_equal(a, b) for f in actor.frames for a, b in zip(f["pose"], f["network"], strict=True)
+    )
     np.testing.assert_allclose(actor.track("Box")[-1][:3], ON_TABLE, atol=0.01)
 
 
@@ -250,7 +280,12 @@ def test_the_side_with_room_that_is_near_is_chosen():
 def test_a_box_behind_walls_is_refused_in_a_sentence():
     from nsm_core.control.actions.registry import check_reachable
 
-    sides = (((0, -4), (1.5, 0.1)), ((0, -7), (1.5, 0.1)), ((-1.5, -5.5), (0.1, 1.6)), ((1.5, -5.5), (0.1, 1.6)))
+    sides = (
+        ((0, -4), (1.5, 0.1)),
+        ((0, -7), (1.5, 0.1)),
+        ((-1.5, -5.5), (0.1, 1.6)),
+        ((1.5, -5.5), (0.1, 1.6)),
+    )
     walls = [(np.array(at), 0.0, np.array([(-x, -y, 0.0)]), np.array([(x, y, 2.5)])) for at, (x, y) in sides]
     plan = FloorPlan(Cuboids(walls), (np.array((-2.5, -7.5)), np.array((2.5, 1.0))))
     with pytest.raises(GoalError, match=r"'Box' cannot be reached.*no free way .*\.$"):
@@ -287,5 +322,7 @@ def test_box_is_not_held_over_its_place(top):
             break
     down = np.array(heights[arrived:])
     still = (down > 0.28).sum() / 30
-    assert down[-1] < 0.005 and still < 0.45, "it hangs there no longer than it takes to see that nothing bends any more"
+    assert down[-1] < 0.005 and still < 0.45, (
+        "it hangs there no longer than it takes to see that nothing bends any more"
+    )
     assert len(down) / 30 < 1.4 and np.abs(np.diff(down)).max() * 30 < 1.0

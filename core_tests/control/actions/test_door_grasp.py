@@ -1,4 +1,6 @@
-"""Doors at run time: a scripted character pushes and pulls leaves of either hinge and passes; the leaf gives way, and stays."""
+"""Doors at run time: a scripted character pushes and pulls leaves of either hinge and passes; the leaf gives
+way, and stays.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,14 @@ from actors import Actor, drive
 
 from nsm_core.body.ik.reaching import Pose
 from nsm_core.body.skeleton import INDEX, J
-from nsm_core.control.actions.door_grasp import EDGE_HEIGHT, EDGE_IN, FASTEST, WIDE_OPEN, Opening, require_room
+from nsm_core.control.actions.door_grasp import (
+    EDGE_HEIGHT,
+    EDGE_IN,
+    FASTEST,
+    WIDE_OPEN,
+    Opening,
+    require_room,
+)
 from nsm_core.control.actions.leaf_room import NEARLY, LeafRoom, leaf_spheres
 from nsm_core.control.goals import Goal
 from nsm_core.conventions import GOAL_ACTIONS
@@ -22,7 +31,14 @@ WIDTH = 0.85
 MIDDLE = np.array((WIDTH / 2, -2.0, 0.0))
 WRISTS = [INDEX["RightWrist"], INDEX["LeftWrist"]]
 WALL = Cuboids(
-    [((0, -2), 0.0, np.array([(-2, -0.06, 0), (WIDTH + 0.01, -0.06, 0)]), np.array([(-0.01, 0.06, 2.4), (WIDTH + 2, 0.06, 2.4)]))]
+    [
+        (
+            (0, -2),
+            0.0,
+            np.array([(-2, -0.06, 0), (WIDTH + 0.01, -0.06, 0)]),
+            np.array([(-0.01, 0.06, 2.4), (WIDTH + 2, 0.06, 2.4)]),
+        )
+    ]
 )
 NORTH, SOUTH = (0.4, 0.2, 0.0), (0.4, -4.4, np.pi)
 
@@ -31,14 +47,28 @@ def door(swing: float = 1.0) -> Leaf:
     low, high = np.array((0, -0.02, 0.01)), np.array((WIDTH, 0.02, 2.03))
     query = Cuboids([((0, 0, 0), 0.0, low[None], high[None])])
     pose = np.array((0.0, -2.0, 0.0, 0.0))
-    return Leaf("Door", query, sense(query, low, high), pose, WIDTH, np.array((WIDTH - 0.07, 0, 1.0)), 0.12, swing, 0.0)
+    return Leaf(
+        "Door",
+        query,
+        sense(query, low, high),
+        pose,
+        WIDTH,
+        np.array((WIDTH - 0.07, 0, 1.0)),
+        0.12,
+        swing,
+        0.0,
+    )
 
 
 def goal(leaf: Leaf, hold: float = 0.3) -> Goal:
     return Goal("open", leaf.name, MIDDLE, 0.0, hold, prop=leaf)
 
 
-@pytest.fixture(scope="module", params=[(s, at) for s in (1.0, -1.0) for at in (NORTH, SOUTH)], ids=lambda p: f"{p[0]:+.0f} {p[1][1]}")
+@pytest.fixture(
+    scope="module",
+    params=[(s, at) for s in (1.0, -1.0) for at in (NORTH, SOUTH)],
+    ids=lambda p: f"{p[0]:+.0f} {p[1][1]}",
+)
 def passed(request) -> tuple[Actor, float]:
     swing, start = request.param
     off = Goal("walk", "off", (0.4, 2 * MIDDLE[1] - start[1], 0), start[2], 0.1)
@@ -81,7 +111,9 @@ def test_a_leaf_let_go_only_slows_down_unless_the_body_moves_it(passed):
     for k in range(let_go + 2, len(step)):
         leaf.pose = actor.frames[k]["props"]["Door"]
         touched = any(
-            room.limits(*leaf_spheres(Pose(*actor.frames[n]["pose"], np.zeros((2, 3))))[0], NEARLY)[0] > leaf.angle for n in (k, k + 1)
+            room.limits(*leaf_spheres(Pose(*actor.frames[n]["pose"], np.zeros((2, 3))))[0], NEARLY)[0]
+            > leaf.angle
+            for n in (k, k + 1)
         )
         assert touched or step[k] <= max(step[k - 1] - 1e-6, 0), f"frame {k}: it gains speed by itself"
 
@@ -91,13 +123,21 @@ def test_hand_stays_on_the_moving_handle(passed):
     way = passage(door(swing), actor.frames[0]["root"][:2])
     leaf = door(swing)
     gaps = []
-    for frame, wrist, state in zip(actor.frames, actor.joints[:, WRISTS[way.hand]], states(actor), strict=True):
+    for frame, wrist, state in zip(
+        actor.frames, actor.joints[:, WRISTS[way.hand]], states(actor), strict=True
+    ):
         if state == "held":
             leaf.pose = frame["props"]["Door"]
             # Who pulls may slide from the handle to the free edge.
             on_leaf = leaf.to_local(wrist) - leaf.to_local(leaf.grip(way.side))
-            slid = np.array((0.0, 0.0, 0.0) if way.push else (leaf.width - EDGE_IN - leaf.handle[0], 0.0, EDGE_HEIGHT - leaf.handle[2]))
-            gaps.append(np.linalg.norm(on_leaf - np.clip(on_leaf @ slid / max(slid @ slid, 1e-9), 0, 1) * slid))
+            slid = np.array(
+                (0.0, 0.0, 0.0)
+                if way.push
+                else (leaf.width - EDGE_IN - leaf.handle[0], 0.0, EDGE_HEIGHT - leaf.handle[2])
+            )
+            gaps.append(
+                np.linalg.norm(on_leaf - np.clip(on_leaf @ slid / max(slid @ slid, 1e-9), 0, 1) * slid)
+            )
     assert len(gaps) > 10 and np.median(gaps) < 0.01 and max(gaps) < 0.07
     step = np.linalg.norm(np.diff(actor.joints[:, WRISTS], axis=0), axis=2)
     assert step.max() * 30 < 3.0
@@ -121,7 +161,13 @@ def test_commands_are_those_of_the_training_data(passed):
 
 
 def test_hand_that_never_comes_ends_it_unreached():
-    actor = drive([goal(door()), Goal("idle", "", np.zeros(3), 0.0, 0.1)], solids=WALL, root=NORTH, grips=False, time_limit=4.0)
+    actor = drive(
+        [goal(door()), Goal("idle", "", np.zeros(3), 0.0, 0.1)],
+        solids=WALL,
+        root=NORTH,
+        grips=False,
+        time_limit=4.0,
+    )
     opened, idle = actor.director.results
     assert not opened.reached and idle.reached and np.ptp(actor.track("Door"), axis=0).max() == 0
     assert np.isnan(opened.hand_error_cm)
@@ -208,7 +254,9 @@ def test_leaf_stops_at_what_stands_behind_it():
 def test_a_leaf_without_room_to_open_is_told(swing):
     require_room(door(swing), WALL)
     buried = Cuboids([((0, -2), 0.0, np.array([(-2, -0.06, 0)]), np.array([(3, 0.06, 2.4)]))])
-    crate = Cuboids([((0.5, -2.0 + swing * 0.35), 0.0, np.array([(-0.2, -0.2, 0.0)]), np.array([(0.2, 0.2, 1.0)]))])
+    crate = Cuboids(
+        [((0.5, -2.0 + swing * 0.35), 0.0, np.array([(-0.2, -0.2, 0.0)]), np.array([(0.2, 0.2, 1.0)]))]
+    )
     for solids in (buried, crate):
         with pytest.raises(GoalError, match="Door opens by only .* degrees before"):
             require_room(door(swing), solids)

@@ -1,4 +1,6 @@
-"""How far a leaf may turn for a body: spheres before it, behind it, past its edge and about its hinge; trunks that lean less near it."""
+"""How far a leaf may turn for a body: spheres before it, behind it, past its edge and about its hinge; trunks
+that lean less near it.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,11 @@ def test_what_is_out_of_its_reach_leaves_it_free():
     leaf = shut()
     room = LeafRoom(leaf)
     for away, degrees, height in ((WIDTH + 0.12, 30, 1.0), (0.6, 30, 2.2), (0.6, 170, 1.0), (0.05, 30, 1.0)):
-        assert np.isinf(room.limits(sphere(leaf, away, degrees, height), np.array((0.1,)))).all(), (away, degrees, height)
+        assert np.isinf(room.limits(sphere(leaf, away, degrees, height), np.array((0.1,)))).all(), (
+            away,
+            degrees,
+            height,
+        )
     grazing = room.limits(sphere(leaf, WIDTH + 0.05, 30), np.array((0.1,)))[1]
     assert np.radians(20) < grazing < np.radians(30), "the edge meets what stands past it"
 
@@ -63,6 +69,8 @@ def test_the_arm_that_holds_is_left_out_and_the_trunk_told():
     pose = Pose(np.array((0.0, 0.0, 0.9)), local, np.zeros((2, 3)))
     (whole, _), (trunk, _) = leaf_spheres(pose)
     (without, _), (same, _) = leaf_spheres(pose, 0)
-    assert len(without) < len(whole) and without[:, 0].min() > whole[:, 0].min() + 0.3, "the right arm of the rest pose points to -X"
+    assert len(without) < len(whole) and without[:, 0].min() > whole[:, 0].min() + 0.3, (
+        "the right arm of the rest pose points to -X"
+    )
     np.testing.assert_array_equal(trunk, same)
     assert np.abs(trunk[:, 0]).max() < 0.3 and trunk[:, 2].max() > 1.5

@@ -1,4 +1,6 @@
-"""Where one sits down from: before the seat, at its side where a desk stands before it, never over an arm rest."""
+"""Where one sits down from: before the seat, at its side where a desk stands before it, never over an arm
+rest.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +22,13 @@ BOUNDS = (np.array((-4.0, -4.0)), np.array((4.0, 4.0)))
 
 
 def at(kind: str, desk: bool, walls: tuple[float, ...] = ()) -> tuple[Goal, FloorPlan]:
-    """A seat at the origin that faces -Y, a table before it if ``desk``, walls beside it at ``walls`` (x, metres)."""
+    """A seat at the origin that faces -Y, a table before it if ``desk``, walls beside it at ``walls`` (x,
+    metres).
+    """
     rng = np.random.default_rng(2)
-    seat = furniture.make(kind, rng, width=0.48, depth=0.44, **({"arm_width": 0.06} if kind == "armchair" else {}))
+    seat = furniture.make(
+        kind, rng, width=0.48, depth=0.44, **({"arm_width": 0.06} if kind == "armchair" else {})
+    )
     placed = [(seat, np.zeros(2), 0.0)]
     hips = np.append(seat.seat.point[:2], seat.seat.height + HIP_OVER_SEAT)
     volume = interaction_sensor(furniture.cuboids(placed), seat.centre, seat.size, 0.0)
@@ -64,9 +70,13 @@ def test_never_over_an_arm_rest():
 
 
 def commanded(puppet: Puppet) -> list[tuple[str, float]]:
-    """What the newest key asked for in each frame: the actions, and the heading told from that of the seat, degrees."""
+    """What the newest key asked for in each frame: the actions, and the heading told from that of the seat,
+    degrees.
+    """
     names = ["+".join(np.array(GOAL_ACTIONS)[a[-1] > 0.5]) for a in puppet.action]
-    return [(n, round(float(np.degrees(wrap_angle(h[-1]))))) for n, h in zip(names, puppet.heading, strict=True)]
+    return [
+        (n, round(float(np.degrees(wrap_angle(h[-1]))))) for n, h in zip(names, puppet.heading, strict=True)
+    ]
 
 
 def test_one_sits_with_the_back_to_the_seat_turns_to_the_desk_and_back_before_one_rises():
@@ -84,12 +94,17 @@ def test_one_sits_with_the_back_to_the_seat_turns_to_the_desk_and_back_before_on
     up = next(n for n in range(first, len(asked)) if asked[n][0] == "idle")
     assert abs(wrap_angle(puppet.roots[up][2] - np.pi / 2)) < np.radians(13)
     # It stands beside the seat in the end, not in the desk before it.
-    assert puppet.roots[-1][0] == pytest.approx(STAND_AHEAD, abs=0.1) and abs(puppet.roots[-1][1] - goal.position[1]) < 0.15
+    assert (
+        puppet.roots[-1][0] == pytest.approx(STAND_AHEAD, abs=0.1)
+        and abs(puppet.roots[-1][1] - goal.position[1]) < 0.15
+    )
 
 
 def test_one_who_is_asked_to_sit_where_one_sits_at_a_desk_stays():
     goal, plan = at("stool", desk=True)
-    puppet = Puppet([goal, Goal("sit", "again", goal.position, goal.heading, hold=0.5)], root=(2.0, 0.3, 0.0), plan=plan)
+    puppet = Puppet(
+        [goal, Goal("sit", "again", goal.position, goal.heading, hold=0.5)], root=(2.0, 0.3, 0.0), plan=plan
+    )
     while len(puppet.roots) < 900 and puppet.step():
         pass
     asked = commanded(puppet)

@@ -12,7 +12,18 @@ from nsm_core.__main__ import main
 from nsm_core.body.clip import Clip
 from nsm_core.body.ik.two_bone import place_limbs, place_wrists
 from nsm_core.body.skeleton import HIPS, INDEX
-from nsm_core.conventions import CARRY, CLIMB, FOOT_CONTACTS, HAND_CONTACTS, HIP_CONTACT, IDLE, OPEN, RUN, SIT, WALK
+from nsm_core.conventions import (
+    CARRY,
+    CLIMB,
+    FOOT_CONTACTS,
+    HAND_CONTACTS,
+    HIP_CONTACT,
+    IDLE,
+    OPEN,
+    RUN,
+    SIT,
+    WALK,
+)
 from nsm_core.data.annotation.phases import keys_of_phase, phase_of_keys, rule_keys
 from nsm_core.data.annotation.proposal import arrays_of, propose
 from nsm_core.data.captures import bvh_writer, sidecar
@@ -36,7 +47,10 @@ def holding(distance: float = 3.0) -> tuple[np.ndarray, np.ndarray]:
     for side, sign in ((0, -1.0), (1, 1.0)):
         heading = np.zeros(len(hips))
         ahead = heading_to_direction(heading) * 0.35
-        target = np.stack((hips[:, 0] + ahead[:, 0] + sign * 0.17, hips[:, 1] + ahead[:, 1], np.full(len(hips), 1.05)), axis=-1)
+        target = np.stack(
+            (hips[:, 0] + ahead[:, 0] + sign * 0.17, hips[:, 1] + ahead[:, 1], np.full(len(hips), 1.05)),
+            axis=-1,
+        )
         local = place_wrists(hips, local, side, target)
     return hips, local
 
@@ -79,7 +93,9 @@ def test_a_sit_down_and_rise():
     after = [g for g in sheet.goals if g.frame > goal.frame]
     assert abs(after[0].frame - last) <= 1 and after[0].action == "idle"
     start = np.flatnonzero(a.style[:, SIT] > 0)[0] - 1
-    assert any(abs(k - start) <= 1 for k, _ in sheet.phase) and any(abs(k - first) <= 1 for k, _ in sheet.phase)
+    assert any(abs(k - start) <= 1 for k, _ in sheet.phase) and any(
+        abs(k - first) <= 1 for k, _ in sheet.phase
+    )
 
 
 def test_a_squat_is_no_sit():
@@ -137,10 +153,15 @@ def test_the_mirrored_annotation_swaps_sides_and_has_its_own_phase():
     assert (flipped.contact[:, FOOT_CONTACTS] == a.contact[:, FOOT_CONTACTS[::-1]]).all()
     np.testing.assert_allclose(flipped.contact, m.contact)
     moving = a.style[:, WALK] > 0.9
-    np.testing.assert_allclose(np.exp(2j * np.pi * flipped.phase)[moving], np.exp(2j * np.pi * m.phase)[moving], atol=0.05)
+    np.testing.assert_allclose(
+        np.exp(2j * np.pi * flipped.phase)[moving], np.exp(2j * np.pi * m.phase)[moving], atol=0.05
+    )
     assert np.abs((a.phase - flipped.phase + 0.5) % 1 - 0.5)[moving].mean() > 0.3  # half a cycle apart
     seated = clip_of(sit())
-    one, other = arrays_of(propose(seated)[0]).mirrored().goals, arrays_of(propose(seated.mirrored())[0]).goals
+    one, other = (
+        arrays_of(propose(seated)[0]).mirrored().goals,
+        arrays_of(propose(seated.mirrored())[0]).goals,
+    )
     assert [g.action for g in one] == [g.action for g in other] == ["sit", "idle"]
     np.testing.assert_allclose((*one[0].place, one[0].facing), (*other[0].place, other[0].facing), atol=0.02)
     assert flipped.mirrored().contact.tolist() == a.contact.tolist()
@@ -182,7 +203,9 @@ def test_the_command_writes_sidecars_and_pictures_and_keeps_edits(folder, capsys
     capsys.readouterr()
 
     sheet = sidecar.read(path)
-    mine = first.replace("[actions.carry]", "# a tray, unseen\n[actions.carry]\n20=0\n30 = 1.0\n60 = 1\n70 = 0")
+    mine = first.replace(
+        "[actions.carry]", "# a tray, unseen\n[actions.carry]\n20=0\n30 = 1.0\n60 = 1\n70 = 0"
+    )
     path.write_text(mine.replace("[contacts.Hips]", "[contacts.Hips]\n5 = 1\n9 = 0"))
     for _ in range(2):  # still known as theirs the second time
         assert main(["annotate", str(folder), "--no-pictures"]) == 0
@@ -214,9 +237,21 @@ def test_a_deleted_section_stays_deleted(folder):
         ("[actions.walk]", "[actions.walk]\n9999 = 1", "'9999' is no frame of this clip"),
         ("[actions.walk]", "[actions.walk]\n3 = 7", "frame 3 has the value 7"),
         ("[actions.walk]", "[actions.walk]\n3 = = 1", r"not valid TOML: .*line \d+"),
-        ("\n[proposal]", "\n[[goals]]\nframe = 3\naction = 'fly'\n[proposal]", "'fly' is no action of a goal"),
-        ("\n[proposal]", "\n[[goals]]\nframe = 3\naction = 'sit'\nkind = 'fixed'\n[proposal]", "kind must be static or dynamic"),
-        ("\n[proposal]", "\n[[goals]]\nframe = 3\naction = 'sit'\nkind = 'static'\n[proposal]", r"needs `place = \[x, y, z\]`"),
+        (
+            "\n[proposal]",
+            "\n[[goals]]\nframe = 3\naction = 'fly'\n[proposal]",
+            "'fly' is no action of a goal",
+        ),
+        (
+            "\n[proposal]",
+            "\n[[goals]]\nframe = 3\naction = 'sit'\nkind = 'fixed'\n[proposal]",
+            "kind must be static or dynamic",
+        ),
+        (
+            "\n[proposal]",
+            "\n[[goals]]\nframe = 3\naction = 'sit'\nkind = 'static'\n[proposal]",
+            r"needs `place = \[x, y, z\]`",
+        ),
         ("frames = ", "frame = ", "must say how many frames"),
     ],
 )

@@ -1,4 +1,6 @@
-"""The five steps of augmentation: contacts land on the new object, feet stay, nothing changes for the same object."""
+"""The five steps of augmentation: contacts land on the new object, feet stay, nothing changes for the same
+object.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,14 @@ from captures import sit, stand
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import ANKLE_HEIGHT, ARMS, FEET, HIP_OVER_SEAT, forward_kinematics
 from nsm_core.conventions import FOOT_CONTACTS, HAND_CONTACTS, HIP_CONTACT
-from nsm_core.data.augmentation.contact_transfer import KEY_JOINTS, align, embed, fit_template, switch, transfer
+from nsm_core.data.augmentation.contact_transfer import (
+    KEY_JOINTS,
+    align,
+    embed,
+    fit_template,
+    switch,
+    transfer,
+)
 from nsm_core.errors import GeometryError
 from nsm_core.rotations import rotate_planar
 from nsm_core.world.affordances.arm_rests import arm_rests
@@ -21,14 +30,20 @@ SEATED = slice(72, 132)  # frames of captures.sit in which the hips rest
 
 def chair(**measures):
     kind = measures.pop("kind", "armchair")
-    return make(kind, np.random.default_rng(0), **({"arm_style": "block", "arm_start": 0.0} if kind == "armchair" else {}) | measures)
+    return make(
+        kind,
+        np.random.default_rng(0),
+        **({"arm_style": "block", "arm_start": 0.0} if kind == "armchair" else {}) | measures,
+    )
 
 
 @pytest.fixture(scope="module")
 def sitting():
     """A sit with the wrists on the arm rests of the template: motion, contacts, template and its pose."""
     hips, rotations = sit()
-    template, pose = fit_template(hips, rotations, 100, chair(width=0.5, depth=0.5, arm_width=0.08, arm_height=0.2))
+    template, pose = fit_template(
+        hips, rotations, 100, chair(width=0.5, depth=0.5, arm_width=0.08, arm_height=0.2)
+    )
     wrists = np.stack([rotate_planar(np.asarray(r, float), pose[3]) + pose[:3] for r in arm_rests(template)])
     before = forward_kinematics(hips, rotations)[0][:, [arm[2] for arm in ARMS]]
     w = np.interp(np.arange(len(hips)), (40, 72, 132, 164), (0, 1, 1, 0))[:, None, None]

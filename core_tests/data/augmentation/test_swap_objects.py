@@ -1,4 +1,6 @@
-"""Takes with other objects in them: hips on the new seats, feet on the new steps, hands on the new boxes, goals with them."""
+"""Takes with other objects in them: hips on the new seats, feet on the new steps, hands on the new boxes,
+goals with them.
+"""
 
 from functools import cache
 
@@ -65,9 +67,15 @@ def test_things_are_replaced_by_others_of_their_kind_and_the_rest_holds(pairs):
     for _, take, other in pairs:
         assert changed(take, other) and len(take) == len(other)
         for a, b, old, new in changed(take, other):
-            assert new.furniture.kind == old.furniture.kind and not np.array_equal(new.furniture.size, old.furniture.size)
+            assert new.furniture.kind == old.furniture.kind and not np.array_equal(
+                new.furniture.size, old.furniture.size
+            )
             assert (a.frame, a.action, a.heading, a.thing) == (b.frame, b.action, b.heading, b.thing)
-        assert other.labels is take.labels and other.contacts is take.contacts and other.phase_keys == take.phase_keys
+        assert (
+            other.labels is take.labels
+            and other.contacts is take.contacts
+            and other.phase_keys == take.phase_keys
+        )
 
 
 def test_the_same_seed_switches_alike_and_leaves_the_take_alone(pairs):
@@ -77,7 +85,12 @@ def test_the_same_seed_switches_alike_and_leaves_the_take_alone(pairs):
     np.testing.assert_array_equal(again.hips, other.hips)
     np.testing.assert_array_equal(again.rotations, other.rotations)
     np.testing.assert_array_equal(take.hips, hips)
-    sizes = {tuple(n.furniture.size) for s in range(4) if (t := switched(take, None, s)) for *_, n in changed(take, t)}
+    sizes = {
+        tuple(n.furniture.size)
+        for s in range(4)
+        if (t := switched(take, None, s))
+        for *_, n in changed(take, t)
+    }
     assert len(sizes) > 1
 
 
@@ -88,7 +101,9 @@ def test_hips_rest_on_the_new_seat_and_the_goal_is_there(sits):
             seat = new.furniture.seat
             assert SEATS[0] <= seat.height <= SEATS[1]
             heights.append(seat.height - old.furniture.seat.height)
-            on = (other.contacts[:, HIP_CONTACT] > 0.5) & (np.linalg.norm(take.hips - a.position, axis=1) < 0.1)
+            on = (other.contacts[:, HIP_CONTACT] > 0.5) & (
+                np.linalg.norm(take.hips - a.position, axis=1) < 0.1
+            )
             assert on.sum() > 20
             np.testing.assert_allclose(other.hips[on].mean(0), b.position, atol=0.02)
             assert b.position[2] == pytest.approx(seat.height + HIP_OVER_SEAT, abs=0.02)
@@ -131,10 +146,14 @@ def test_goals_of_climbs_lie_on_the_new_tops_and_feet_stand_there(climbs):
 def test_the_body_gets_hardly_deeper_into_things_than_before(pairs):
     for _, take, other in pairs:
         for *_, old, new in changed(take, other):
-            before, after = (thin_depths(t.hips, t.rotations, solid(x)).max() for t, x in ((take, old), (other, new)))
+            before, after = (
+                thin_depths(t.hips, t.rotations, solid(x)).max() for t, x in ((take, old), (other, new))
+            )
             assert after <= before + DEEPER + 0.01  # it looks at every second frame
         rest = cuboids([(o.furniture, o.position, o.heading) for o in take.obstacles])
-        before, after = (thin_depths(t.hips, t.rotations, rest).max() if take.obstacles else 0 for t in (take, other))
+        before, after = (
+            thin_depths(t.hips, t.rotations, rest).max() if take.obstacles else 0 for t in (take, other)
+        )
         assert after <= before + DEEPER + 0.01
 
 
@@ -152,7 +171,11 @@ def test_hands_hold_the_new_box_which_rests_where_the_old_one_did(tmp_path_facto
             (h, g) = (float(t.furniture.size[2]) for t in (old, new))
             np.testing.assert_allclose(new.poses[:, 2] - g / 2, old.poses[:, 2] - h / 2, atol=1e-5)
             np.testing.assert_allclose(b.position, new.poses[0, :3], atol=1e-4)
-            puts = [c for c in other.commands if c.action == "idle+carry" and c.thing == b.thing and c.position is not None]
+            puts = [
+                c
+                for c in other.commands
+                if c.action == "idle+carry" and c.thing == b.thing and c.position is not None
+            ]
             np.testing.assert_allclose(puts[-1].position, new.poses[-1, :3], atol=1e-4)
             face = np.round((b.heading - new.poses[0, 3]) / (np.pi / 2)) * np.pi / 2
             wrists = forward_kinematics(other.hips, other.rotations)[0][:, [arm[2] for arm in ARMS]]

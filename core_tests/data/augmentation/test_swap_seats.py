@@ -1,4 +1,6 @@
-"""The augment command: sit-downs on other seats, written as clips that can be annotated and composed from in turn."""
+"""The augment command: sit-downs on other seats, written as clips that can be annotated and composed from in
+turn.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,11 @@ from nsm_core.world.assets.pool import Pool
 def test_hips_come_to_the_seat_hands_to_its_arms_and_feet_stay(tmp_path_factory):
     folder = captures.capture_folder(tmp_path_factory)
     sits, found = load_sits(CaptureFolder(folder)), switch_all(folder, Pool(), 10, 3)
-    assert len({round(s.piece.seat.height, 3) for s in found}) > 4 and {s.piece.kind for s in found} >= {"armchair", "chair", "stool"}
+    assert len({round(s.piece.seat.height, 3) for s in found}) > 4 and {s.piece.kind for s in found} >= {
+        "armchair",
+        "chair",
+        "stool",
+    }
     with_arms = 0
     for n, s in enumerate(found):
         sit = sits[n % len(sits)]
@@ -34,8 +40,13 @@ def test_hips_come_to_the_seat_hands_to_its_arms_and_feet_stay(tmp_path_factory)
         assert np.linalg.norm(after - before, axis=-1)[:, ankles].max() < 0.04
         if s.contacts[middle, HAND_CONTACTS[0]]:
             with_arms += 1
-            rests = [rotate_planar(np.asarray(r, float), np.float64(s.pose[3])) + s.pose[:3] for r in arm_rests(s.piece)]
-            wrists = forward_kinematics(s.clip.hips_position, s.clip.local_rotations)[0][middle, [arm[2] for arm in ARMS]]
+            rests = [
+                rotate_planar(np.asarray(r, float), np.float64(s.pose[3])) + s.pose[:3]
+                for r in arm_rests(s.piece)
+            ]
+            wrists = forward_kinematics(s.clip.hips_position, s.clip.local_rotations)[0][
+                middle, [arm[2] for arm in ARMS]
+            ]
             assert np.linalg.norm(wrists - rests, axis=1).max() < 0.05
     assert with_arms
 

@@ -15,7 +15,11 @@ def test_round_trip(tmp_path):
     rng = np.random.default_rng(0)
     rotations = quat_normalize(rng.normal(size=(40, 23, 4)).astype(np.float32))
     half = np.sqrt(0.5)
-    rotations[0], rotations[1], rotations[2] = (1, 0, 0, 0), (half, 0, half, 0), (half, 0, 0, -half)  # rest and two poles
+    rotations[0], rotations[1], rotations[2] = (
+        (1, 0, 0, 0),
+        (half, 0, half, 0),
+        (half, 0, 0, -half),
+    )  # rest and two poles
     hips = rng.normal(size=(40, 3)).astype(np.float32)
     bvh_writer.write(tmp_path / "take.bvh", hips, rotations)
     clip = reader.read(tmp_path / "take.bvh")
@@ -26,7 +30,9 @@ def test_round_trip(tmp_path):
 def test_a_folder_that_cannot_be_written_to(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be written"):
-        bvh_writer.write(tmp_path / "file" / "take.bvh", np.zeros((1, 3)), np.tile(np.array((1.0, 0, 0, 0)), (1, 23, 1)))
+        bvh_writer.write(
+            tmp_path / "file" / "take.bvh", np.zeros((1, 3)), np.tile(np.array((1.0, 0, 0, 0)), (1, 23, 1))
+        )
 
 
 def channels_of(path) -> dict[str, np.ndarray]:
@@ -76,10 +82,14 @@ def test_headings_do_not_leak_into_pitch_and_roll(tmp_path):
     """Who leans while turning: the heading is the first channel alone, the lean does not swap channels."""
     heading = heading_quat(np.linspace(-0.2, 2 * np.pi + 0.2, 60))
     lean = quat_from_rotvec(np.array((0.3, 0.1, 0.0)))
-    bvh_writer.write(tmp_path / "a.bvh", *turned("Hips", quat_mul(heading, np.broadcast_to(lean, heading.shape))))
+    bvh_writer.write(
+        tmp_path / "a.bvh", *turned("Hips", quat_mul(heading, np.broadcast_to(lean, heading.shape)))
+    )
     text = (tmp_path / "a.bvh").read_text()
     assert "CHANNELS 6 Xposition Yposition Zposition Yrotation Xrotation Zrotation" in text
-    assert steps(tmp_path / "a.bvh", "Hips").max() < 6.6 and steps(tmp_path / "a.bvh", "Hips")[1:].max() < 0.01
+    assert (
+        steps(tmp_path / "a.bvh", "Hips").max() < 6.6 and steps(tmp_path / "a.bvh", "Hips")[1:].max() < 0.01
+    )
 
 
 def test_a_write_that_fails_leaves_the_old_file(tmp_path):
@@ -87,7 +97,10 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path):
     bvh_writer.write(tmp_path / "a.bvh", hips, local)
     before = (tmp_path / "a.bvh").read_bytes()
     hips[1, 2] = np.nan
-    for motion, says in (((hips, local), "values that are not numbers"), ((hips[:0], local[:0]), "no frames")):
+    for motion, says in (
+        ((hips, local), "values that are not numbers"),
+        ((hips[:0], local[:0]), "no frames"),
+    ):
         with pytest.raises(OutputError, match=rf"^a\.bvh is not written: its motion has {says}\.$"):
             bvh_writer.write(tmp_path / "a.bvh", *motion)
     with pytest.raises(OutputError, match=r"cannot be written .*\.$"):

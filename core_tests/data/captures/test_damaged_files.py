@@ -1,4 +1,6 @@
-"""Damaged captures, mappings, sidecars and pools: a sentence or a right result, nothing else, in bounded memory."""
+"""Damaged captures, mappings, sidecars and pools: a sentence or a right result, nothing else, in bounded
+memory.
+"""
 
 from __future__ import annotations
 
@@ -32,13 +34,24 @@ def test_captures(tmp_path, motion, names):
     bvh_writer.write(path, *motion)
     text = path.read_text()
     if names == "mixamo":  # retargeted instead of taken as it is
-        limbs = {"Shoulder": "Arm", "Elbow": "ForeArm", "Wrist": "Hand", "Collar": "Shoulder", "Knee": "Leg", "Ankle": "Foot"}
-        text = "".join(limbs.get(w, w) for w in re.split(f"({'|'.join(limbs)})", text)).replace("tHip\n", "tUpLeg\n")
+        limbs = {
+            "Shoulder": "Arm",
+            "Elbow": "ForeArm",
+            "Wrist": "Hand",
+            "Collar": "Shoulder",
+            "Knee": "Leg",
+            "Ankle": "Foot",
+        }
+        text = "".join(limbs.get(w, w) for w in re.split(f"({'|'.join(limbs)})", text)).replace(
+            "tHip\n", "tUpLeg\n"
+        )
 
     def read(data: bytes) -> None:
         path.write_bytes(data)
         clips = reader.read_all(path)
-        assert clips and all(isinstance(c, Clip) and len(c) and np.abs(c.hips_position).max() < 1e9 for c in clips)
+        assert clips and all(
+            isinstance(c, Clip) and len(c) and np.abs(c.hips_position).max() < 1e9 for c in clips
+        )
 
     done, refused = survives(read, text.encode(), 200, seed=5)
     assert done > 20 and refused > 20
@@ -48,14 +61,18 @@ def test_mappings(tmp_path):
     path = tmp_path / "m.toml"
     body = 'units = "cm"\nup = "+Y"\nforward = "auto"\nrest = "frame 0"\nrate = 120\nspine = ["a", "b"]\n'
     body += '[joints]\nHips = "h"\nHead = [ "k" ]\n'
-    body += "[sides]\n" + "".join(f'{n} = "{{side}} {n}"\n' for n in ("Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle"))
+    body += "[sides]\n" + "".join(
+        f'{n} = "{{side}} {n}"\n' for n in ("Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle")
+    )
 
     def read(data: bytes) -> None:
         path.write_bytes(data)
         found = load_mapping(path)
         assert found.rate is None or 2 <= found.rate <= 5000
         assert found.units is None or 0 < found.units < 1e7
-        assert set(found.joints) <= set(JOINTS) and all(isinstance(n, str) for n in (*found.joints.values(), *found.spine))
+        assert set(found.joints) <= set(JOINTS) and all(
+            isinstance(n, str) for n in (*found.joints.values(), *found.spine)
+        )
 
     done, refused = survives(read, body.encode(), 500, seed=6)
     assert done > 10 and refused > 100
@@ -95,7 +112,16 @@ def test_sidecars(tmp_path, sheet_text):
     [
         (key, value)
         for key, values in {
-            "place": ("[nan, 0, 0]", "[1e39, 0, 0]", "[true, 0, 0]", "[1, 2]", "[[1], 2, 3]", f"[{'9' * 400}, 0, 0]", "{x = 1}", "'a'"),
+            "place": (
+                "[nan, 0, 0]",
+                "[1e39, 0, 0]",
+                "[true, 0, 0]",
+                "[1, 2]",
+                "[[1], 2, 3]",
+                f"[{'9' * 400}, 0, 0]",
+                "{x = 1}",
+                "'a'",
+            ),
             "facing": ("nan", "inf", "1e300", "true", "'north'", "9" * 400, "[0]", "-1e5"),
             "ahead": ("nan", "-1", "1e300", "true", "'soon'", "9" * 400),
             "frame": ("-1", "true", "1.5", "'1'", "9" * 30, "[1]", "nan"),
@@ -116,7 +142,9 @@ def test_no_edit_of_a_goal_passes_without_a_word(tmp_path, line, wrong):
         del lines["place"], lines["kind"]
     path = tmp_path / "a.nsm.toml"
     for change, read in ((lines | {line: wrong}, False), (lines, line not in ("places", "Place"))):
-        path.write_text("clip = 'a'\nframes = 60\n[[goals]]\n" + "".join(f"{k} = {v}\n" for k, v in change.items()))
+        path.write_text(
+            "clip = 'a'\nframes = 60\n[[goals]]\n" + "".join(f"{k} = {v}\n" for k, v in change.items())
+        )
         if read:
             assert len(sidecar.read(path).goals) == 1
         elif change is not lines:
@@ -141,7 +169,10 @@ def test_no_edit_of_a_goal_passes_without_a_word(tmp_path, line, wrong):
         ("frames = 60\nproposal = {goals = 3}", "'goals' is 3; it must be a text"),
         ("frames = 60\nclip = 3", "clip is 3; it must be a text"),
         ("frames = 60\n[action.walk]\n1 = 1", "'action' is not known"),
-        ("frames = 60\n[[goals]]\nframe = 1\naction = 'walk'\n[[goals]]\nframe = 1\naction = 'idle'", "two goals begin at frame 1"),
+        (
+            "frames = 60\n[[goals]]\nframe = 1\naction = 'walk'\n[[goals]]\nframe = 1\naction = 'idle'",
+            "two goals begin at frame 1",
+        ),
     ],
 )
 def test_a_sidecar_that_says_what_it_cannot_is_refused_in_its_own_words(tmp_path, text, says):
@@ -151,7 +182,18 @@ def test_a_sidecar_that_says_what_it_cannot_is_refused_in_its_own_words(tmp_path
 
 
 @pytest.mark.parametrize(
-    "name", ['a "quoted" one', "back\\slash", "line\nend", "bell\x07 tab\t", "größe 歩く", "lone \udc80", "#[x]", "'''"], ids=ascii
+    "name",
+    [
+        'a "quoted" one',
+        "back\\slash",
+        "line\nend",
+        "bell\x07 tab\t",
+        "größe 歩く",
+        "lone \udc80",
+        "#[x]",
+        "'''",
+    ],
+    ids=ascii,
 )
 def test_clip_names_of_any_letters_come_back(tmp_path, sheet_text, name):
     (tmp_path / "a.nsm.toml").write_bytes(sheet_text)
@@ -170,13 +212,20 @@ def test_sidecars_as_windows_saves_them(tmp_path, sheet_text, encoding):
 
 def one_triangle() -> bytes:
     """A GLB of one triangle, written by hand."""
-    corners = np.array(((0, 0, 0), (0.5, 0, 0), (0, 0.5, 0.5)), np.float32).tobytes() + np.array((0, 1, 2, 0), np.uint16).tobytes()
+    corners = (
+        np.array(((0, 0, 0), (0.5, 0, 0), (0, 0.5, 0.5)), np.float32).tobytes()
+        + np.array((0, 1, 2, 0), np.uint16).tobytes()
+    )
     said = (
         '{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], '
-        '"nodes": [{"children": [1], "scale": [1, 1, 1]}, {"name": "leaf", "mesh": 0, "translation": [0, 1, 0]}], '
-        '"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}], "buffers": [{"byteLength": 44}], '
-        '"bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 6}], '
-        '"accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 1]}, '
+        '"nodes": [{"children": [1], "scale": [1, 1, 1]}, {"name": "leaf", "mesh": 0, "translation": [0, 1, '
+        "0]}], "
+        '"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}], "buffers": '
+        '[{"byteLength": 44}], '
+        '"bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": '
+        "6}], "
+        '"accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, '
+        '0], "max": [1, 1, 1]}, '
         '{"bufferView": 1, "componentType": 5123, "count": 3, "type": "SCALAR"}]}'
     )
     return packed(said.encode(), corners)
@@ -184,12 +233,16 @@ def one_triangle() -> bytes:
 
 def packed(said: bytes, corners: bytes) -> bytes:
     said += b" " * (-len(said) % 4)
-    parts = struct.pack("<I4s", len(said), b"JSON") + said + struct.pack("<I4s", len(corners), b"BIN\0") + corners
+    parts = (
+        struct.pack("<I4s", len(said), b"JSON") + said + struct.pack("<I4s", len(corners), b"BIN\0") + corners
+    )
     return struct.pack("<4sII", b"glTF", 2, 12 + len(parts)) + parts
 
 
 def test_meshes(tmp_path):
-    pytest.importorskip("trimesh", reason="trimesh reads the pool's meshes; it comes with the train and test groups")
+    pytest.importorskip(
+        "trimesh", reason="trimesh reads the pool's meshes; it comes with the train and test groups"
+    )
     path, whole = tmp_path / "a.glb", one_triangle()
     path.write_bytes(whole)
     assert [name for name, _, _ in glb.read_parts(path)] == ["leaf"]
@@ -234,7 +287,9 @@ def test_a_mesh_that_declares_what_it_does_not_hold(tmp_path, old, new):
 
 
 def test_indices(tmp_path):
-    pytest.importorskip("trimesh", reason="trimesh reads the pool's meshes; it comes with the train and test groups")
+    pytest.importorskip(
+        "trimesh", reason="trimesh reads the pool's meshes; it comes with the train and test groups"
+    )
     (tmp_path / "a.glb").write_bytes(one_triangle())
     path = tmp_path / "index.csv"
 
@@ -250,13 +305,18 @@ def test_indices(tmp_path):
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
 @pytest.mark.parametrize("mark", [",", ";", "\t"])
 def test_an_index_as_spreadsheets_save_it(tmp_path, encoding, mark):
-    pytest.importorskip("trimesh", reason="trimesh reads the pool's meshes; it comes with the train and test groups")
+    pytest.importorskip(
+        "trimesh", reason="trimesh reads the pool's meshes; it comes with the train and test groups"
+    )
     rows = [["File", " class", "scale", "note"], ["gone.glb", "chair", '"1,5"', "größe"]]
     rows += [["gone.glb", "chair", "much", ""], ["a.glb", "rig"]]
     (tmp_path / "index.csv").write_bytes("\r\n".join(mark.join(row) for row in rows).encode(encoding))
     (tmp_path / "kept.npz").write_bytes(b"PK\x03\x04 damaged")
     pool = Pool.load(tmp_path, cache=tmp_path / "kept.npz")
-    assert [reason[:28] for _, _, reason in pool.rejected] == ["gone.glb cannot be read (No ", "Its scale is 'much'; write a"]
+    assert [reason[:28] for _, _, reason in pool.rejected] == [
+        "gone.glb cannot be read (No ",
+        "Its scale is 'much'; write a",
+    ]
     assert Pool.load(tmp_path, cache=tmp_path / "kept.npz").rejected == pool.rejected
 
 

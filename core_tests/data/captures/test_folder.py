@@ -1,4 +1,6 @@
-"""Capture folders as people have them: several bodies in a file, settings beside it, and what was mended is told."""
+"""Capture folders as people have them: several bodies in a file, settings beside it, and what was mended is
+told.
+"""
 
 from __future__ import annotations
 
@@ -28,11 +30,18 @@ def two_bodies(path, shared_root: bool = False):
         bvh_writer.write(one, *walk(distance, 0.0, 3.2))
         head, motion = one.read_text().split("MOTION\n")
         one.unlink()
-        head = head.removeprefix("HIERARCHY\n").replace("JOINT ", f"JOINT Actor{k}:").replace("ROOT ", f"ROOT Actor{k}:")
+        head = (
+            head.removeprefix("HIERARCHY\n")
+            .replace("JOINT ", f"JOINT Actor{k}:")
+            .replace("ROOT ", f"ROOT Actor{k}:")
+        )
         heads.append(head.replace("ROOT ", "JOINT ") if shared_root else head)
         lines = motion.splitlines()
         rows.append(lines[2:])
-    motion = [*lines[:2], *(("0 0 0 " if shared_root else "") + " ".join(row) for row in zip(*rows, strict=True))]
+    motion = [
+        *lines[:2],
+        *(("0 0 0 " if shared_root else "") + " ".join(row) for row in zip(*rows, strict=True)),
+    ]
     if shared_root:
         heads = ["ROOT Stage\n{\nOFFSET 0 0 0\nCHANNELS 3 Zrotation Yrotation Xrotation\n", *heads, "}\n"]
     path.write_text("HIERARCHY\n" + "".join(heads) + "MOTION\n" + "\n".join(motion) + "\n")
@@ -80,13 +89,19 @@ def test_a_wrong_frame_time_is_remarked_and_mended_by_a_mapping_of_one_line(tmp_
     fine = np.stack([np.interp(at, np.arange(len(hips)), hips[:, k]) for k in range(3)], axis=1)
     bvh_writer.write(tmp_path / "walk.bvh", fine, np.repeat(local, 4, axis=0)[: len(at)], fps=30)
     slow = reader.read(tmp_path / "walk.bvh")
-    assert len(slow) == len(at) and "walks too slowly" in slow.notes[0] and "`rate = 100` or 120" in slow.notes[0]
+    assert (
+        len(slow) == len(at)
+        and "walks too slowly" in slow.notes[0]
+        and "`rate = 100` or 120" in slow.notes[0]
+    )
     (tmp_path / "mapping.toml").write_bytes(b"\xef\xbb\xbf# Vicon\r\nrate = 120\r\n")
     right = only(tmp_path)
     assert len(right) == pytest.approx(len(hips), abs=1) and right.notes == ()
     for wrong in ("1e308", "33.333", "0", "nan", "unknown"):
         (tmp_path / "odd.bvh").write_text((tmp_path / "walk.bvh").read_text().replace("0.0333333", wrong))
-        assert len(reader.read(tmp_path / "odd.bvh", mapping=load_mapping(tmp_path / "mapping.toml"))) == len(right)
+        assert len(reader.read(tmp_path / "odd.bvh", mapping=load_mapping(tmp_path / "mapping.toml"))) == len(
+            right
+        )
 
 
 def test_a_folder_named_like_a_capture_is_none(tmp_path):
@@ -102,11 +117,18 @@ def test_a_mapping_for_all_names_whom_it_reads(tmp_path, capsys):
     (tmp_path / "clips").mkdir()
     two_bodies(tmp_path / "clips" / "pair.bvh")
     (tmp_path / "second.toml").write_text("[joints]\n" + "".join(f'{n} = "Actor1:{n}"\n' for n in JOINTS))
-    assert main(["annotate", str(tmp_path / "clips"), "--no-pictures", "--mapping", str(tmp_path / "second.toml")]) == 0
+    assert (
+        main(
+            ["annotate", str(tmp_path / "clips"), "--no-pictures", "--mapping", str(tmp_path / "second.toml")]
+        )
+        == 0
+    )
     said = capsys.readouterr().out
     assert "1 clips annotated" in said and "also holds Actor0:Hips" in said
     second = load_mapping(tmp_path / "second.toml")
-    assert distance(reader.read(tmp_path / "clips" / "pair.bvh", mapping=second)) == pytest.approx(1.5, abs=0.02)
+    assert distance(reader.read(tmp_path / "clips" / "pair.bvh", mapping=second)) == pytest.approx(
+        1.5, abs=0.02
+    )
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes with names here")
@@ -117,7 +139,12 @@ def test_what_never_ends_is_no_capture(tmp_path):
 
 
 def test_clips_known_by_name_are_read_with_all_their_bodies_and_hidden_files_are_none(tmp_path):
-    for source, name in (("cmu", "cmu_02_01"), ("cmu", "walk"), ("opencap", "quick_run"), ("quaternius", "jog")):
+    for source, name in (
+        ("cmu", "cmu_02_01"),
+        ("cmu", "walk"),
+        ("opencap", "quick_run"),
+        ("quaternius", "jog"),
+    ):
         (tmp_path / "clips" / source).mkdir(parents=True, exist_ok=True)
         two_bodies(tmp_path / "clips" / source / f"{name}.bvh")
     for left in (".2f00aa11bb22-new.bvh", "._walk.bvh"):  # of a killed program, of macOS
@@ -135,7 +162,12 @@ def test_clips_known_by_name_are_read_with_all_their_bodies_and_hidden_files_are
 def test_settings_that_cannot_be_read_are_told_not_passed_over(tmp_path, capsys):
     bvh_writer.write(tmp_path / "walk.bvh", *walk(2.0, 0.0, 2.2))
     there = tmp_path / "mapping.toml"
-    makers = (there.mkdir, lambda: there.symlink_to(tmp_path / "gone.toml"), lambda: there.symlink_to(there), lambda: os.mkfifo(there))
+    makers = (
+        there.mkdir,
+        lambda: there.symlink_to(tmp_path / "gone.toml"),
+        lambda: there.symlink_to(there),
+        lambda: os.mkfifo(there),
+    )
     for make in makers:
         make()
         with pytest.raises(CaptureError, match=r"^mapping\.toml cannot be read .*\.$"):
@@ -148,7 +180,9 @@ def test_settings_that_cannot_be_read_are_told_not_passed_over(tmp_path, capsys)
 def test_a_folder_is_read_once_for_all_who_choose_from_it(tmp_path):
     motions = {"walk": walk(2.0, 0.3, 2.2), "stand": stand(), "sit": sit(), "male1_a5_pickupbox": pick_up()}
     for n, (name, motion) in enumerate(motions.items()):
-        path = tmp_path / (f"{name}.bvh" if n < 2 else f"clips/opencap/{'opencap_sts1' if name == 'sit' else name}.bvh")
+        path = tmp_path / (
+            f"{name}.bvh" if n < 2 else f"clips/opencap/{'opencap_sts1' if name == 'sit' else name}.bvh"
+        )
         path.parent.mkdir(parents=True, exist_ok=True)
         bvh_writer.write(path, *motion)
     assert main(["annotate", str(tmp_path), "--no-pictures"]) == 0
@@ -160,4 +194,6 @@ def test_a_folder_is_read_once_for_all_who_choose_from_it(tmp_path):
     shutil.rmtree(tmp_path)  # whoever looked again would find nothing
     again = [load(folder) for load in (load_walks, load_runs, load_sits, load_bends, stance)]
     assert [c.name for c in again[0]] == [c.name for c in first[0]] and again[4] == first[4]
-    assert [s.clip.name for s in again[2]] == [s.clip.name for s in first[2]] and len(again[3]) == len(first[3])
+    assert [s.clip.name for s in again[2]] == [s.clip.name for s in first[2]] and len(again[3]) == len(
+        first[3]
+    )

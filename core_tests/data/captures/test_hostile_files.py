@@ -1,4 +1,6 @@
-"""What people really hand to the readers: pipes and folders for files, odd letters, numbers as texts, things said twice."""
+"""What people really hand to the readers: pipes and folders for files, odd letters, numbers as texts, things
+said twice.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ from nsm_core.errors import CaptureError, NsmError
 from nsm_core.model.inference import model
 from nsm_core.model.inference.weights_file import load_weights
 
-MAPPING = 'units = "cm"\nup = "+Y"\nforward = "auto"\nrest = "frame 0"\nrate = 120\n[joints]\n' + "".join(f'{j} = "{j}"\n' for j in JOINTS)
+MAPPING = 'units = "cm"\nup = "+Y"\nforward = "auto"\nrest = "frame 0"\nrate = 120\n[joints]\n' + "".join(
+    f'{j} = "{j}"\n' for j in JOINTS
+)
 READERS = {"bvh": reader.read_all, "nsm.toml": sidecar.read, "toml": load_mapping, "npz": load_weights}
 
 
@@ -57,7 +61,11 @@ def test_what_is_no_file_is_told_at_once(tmp_path, kind, good):
     (tmp_path / f"gone.{kind}").symlink_to(tmp_path / "nothing")
     (tmp_path / f"good.{kind}").write_bytes(good[kind])
     names = ("folder", "pipe", "one", "gone", "missing", "no/such", "a\0b", "n" * 300)
-    for path in (*(tmp_path / f"{name}.{kind}" for name in names), tmp_path / f"good.{kind}" / "x", Path("/proc/self/mem")):
+    for path in (
+        *(tmp_path / f"{name}.{kind}" for name in names),
+        tmp_path / f"good.{kind}" / "x",
+        Path("/proc/self/mem"),
+    ):
         sentence(read, path)
 
 
@@ -65,7 +73,9 @@ def test_what_is_no_file_is_told_at_once(tmp_path, kind, good):
 def test_what_is_of_another_kind_is_told(tmp_path, kind, good):
     path = tmp_path / f"x.{kind}"
     pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n"
-    others = [data for other, data in good.items() if other != kind and not (kind == "toml" and other == "nsm.toml")]
+    others = [
+        data for other, data in good.items() if other != kind and not (kind == "toml" and other == "nsm.toml")
+    ]
     heads = (b"<!DOCTYPE html><html>404</html>", b"\x89PNG\r\n\x1a\n" + bytes(100), b"\x1f\x8b\x08\0\0")
     for data in (b"\0" * 5000, pointer, *heads, *others):
         path.write_bytes(data)

@@ -37,15 +37,31 @@ def motion(lines: list[str]) -> int:
     return lines.index("MOTION") + 3
 
 
-def by_hand(tmp_path: Path, channels: dict[str, str], row: dict[str, tuple[float, ...]], interval: float = 1 / 30, frames: int = 1) -> Path:
+def by_hand(
+    tmp_path: Path,
+    channels: dict[str, str],
+    row: dict[str, tuple[float, ...]],
+    interval: float = 1 / 30,
+    frames: int = 1,
+) -> Path:
     """A flat BVH file with every joint, written without the project's own writer."""
     lines, numbers = ["HIERARCHY"], []
     for n, joint in enumerate(JOINTS):
         chosen = channels.get(joint, "Zrotation Yrotation Xrotation").split()
-        lines += [f"{'JOINT' if n else 'ROOT'} {joint}", "{", "OFFSET 0 0 0", f"CHANNELS {len(chosen)} {' '.join(chosen)}"]
+        lines += [
+            f"{'JOINT' if n else 'ROOT'} {joint}",
+            "{",
+            "OFFSET 0 0 0",
+            f"CHANNELS {len(chosen)} {' '.join(chosen)}",
+        ]
         numbers += [*row.get(joint, (0.0,) * len(chosen))]
     lines += ["}"] * len(JOINTS)
-    lines += ["MOTION", f"Frames: {frames}", f"Frame Time: {interval}", *[" ".join(map(str, numbers))] * frames]
+    lines += [
+        "MOTION",
+        f"Frames: {frames}",
+        f"Frame Time: {interval}",
+        *[" ".join(map(str, numbers))] * frames,
+    ]
     path = tmp_path / "hand.bvh"
     path.write_text("\n".join(lines))
     return path
@@ -57,7 +73,9 @@ def test_axes_and_units(tmp_path):
     clip = reader.read(by_hand(tmp_path, {"Hips": six}, {"Hips": (10, 90, 200, 0, 90, 0)}))
     np.testing.assert_allclose(clip.hips_position[0], (0.1, -2.0, 0.9), atol=1e-6)
     # A turn by 90 degrees about the file's up takes its +Z (our -Y) to its +X (our +X).
-    np.testing.assert_allclose(quat_rotate(clip.local_rotations[0, 0], np.array((0, -1.0, 0))), (1, 0, 0), atol=1e-6)
+    np.testing.assert_allclose(
+        quat_rotate(clip.local_rotations[0, 0], np.array((0, -1.0, 0))), (1, 0, 0), atol=1e-6
+    )
     metres = reader.read(tmp_path / "hand.bvh", centimetres=False)
     np.testing.assert_allclose(metres.hips_position[0], (10, -200, 90), atol=1e-4)
 
@@ -100,7 +118,10 @@ def test_a_value_that_is_no_number_is_named_by_its_line(capture):
         reader.read(edited(capture, change))
 
 
-@pytest.mark.parametrize("spoil", [lambda row: " ".join(row.split()[:-5]), lambda row: row + " 1.0", lambda row: row.replace(".", "x", 1)])
+@pytest.mark.parametrize(
+    "spoil",
+    [lambda row: " ".join(row.split()[:-5]), lambda row: row + " 1.0", lambda row: row.replace(".", "x", 1)],
+)
 def test_a_broken_row_is_named_by_its_line(capture, spoil):
     line = motion(capture.read_text().splitlines()) + 3
 
@@ -147,9 +168,14 @@ def test_damage_between_the_brackets_and_in_the_head(capture):
 def test_missing_joints_are_listed(capture):
     def rename(lines):
         for k, text in enumerate(lines):
-            lines[k] = text.replace("JOINT LeftAnkle", "JOINT bone7").replace("JOINT RightKnee", "JOINT bone12")
+            lines[k] = text.replace("JOINT LeftAnkle", "JOINT bone7").replace(
+                "JOINT RightKnee", "JOINT bone12"
+            )
 
-    with pytest.raises(SkeletonError, match=r"edited\.bvh lacks the bones RightKnee, LeftAnkle, .* mapping file .*--mapping\.$"):
+    with pytest.raises(
+        SkeletonError,
+        match=r"edited\.bvh lacks the bones RightKnee, LeftAnkle, .* mapping file .*--mapping\.$",
+    ):
         reader.read(edited(capture, rename))
 
 

@@ -1,4 +1,6 @@
-"""Other hierarchies: the same walk, written with other names, axes, units and rest poses, reads back as it was."""
+"""Other hierarchies: the same walk, written with other names, axes, units and rest poses, reads back as it
+was.
+"""
 
 from __future__ import annotations
 
@@ -16,18 +18,77 @@ from nsm_core.data.captures.joint_map import load_mapping
 from nsm_core.errors import CaptureError, SkeletonError
 from nsm_core.rotations import quat_from_rotvec
 
-LIMB = {"Collar": "Shoulder", "Shoulder": "Arm", "Elbow": "ForeArm", "Wrist": "Hand", "Hip": "UpLeg", "Knee": "Leg", "Ankle": "Foot"}
-MIXAMO = {side + ours: f"mixamorig:{side}{theirs}" for side in ("Left", "Right") for ours, theirs in (LIMB | {"Toe": "ToeBase"}).items()}
-MIXAMO |= {"Hips": "mixamorig:Hips", "Chest": "mixamorig:Spine", "Chest2": "mixamorig:Spine1", "Chest4": "mixamorig:Spine2"}
+LIMB = {
+    "Collar": "Shoulder",
+    "Shoulder": "Arm",
+    "Elbow": "ForeArm",
+    "Wrist": "Hand",
+    "Hip": "UpLeg",
+    "Knee": "Leg",
+    "Ankle": "Foot",
+}
+MIXAMO = {
+    side + ours: f"mixamorig:{side}{theirs}"
+    for side in ("Left", "Right")
+    for ours, theirs in (LIMB | {"Toe": "ToeBase"}).items()
+}
+MIXAMO |= {
+    "Hips": "mixamorig:Hips",
+    "Chest": "mixamorig:Spine",
+    "Chest2": "mixamorig:Spine1",
+    "Chest4": "mixamorig:Spine2",
+}
 MIXAMO |= {"Neck": "mixamorig:Neck", "Head": "mixamorig:Head"}
-UNREAL_LIMB = {"Collar": "clavicle", "Shoulder": "upperarm", "Elbow": "lowerarm", "Wrist": "hand", "Hip": "thigh", "Knee": "calf"}
-UNREAL = {side + ours: f"{theirs}_{side[0].lower()}" for side in ("Left", "Right") for ours, theirs in UNREAL_LIMB.items()}
-UNREAL |= {side + ours: f"{name}_{side[0].lower()}" for side in ("Left", "Right") for ours, name in (("Ankle", "foot"), ("Toe", "ball"))}
-UNREAL |= {"Hips": "pelvis", "Chest": "spine_01", "Chest2": "spine_02", "Chest4": "spine_03", "Neck": "neck_01", "Head": "head"}
-CMU_LIMB = {"Collar": "clavicle", "Shoulder": "humerus", "Elbow": "radius", "Wrist": "wrist", "Hip": "femur", "Knee": "tibia"}
-CMU = {side + ours: f"{side[0].lower()}{name}" for side in ("Left", "Right") for ours, name in CMU_LIMB.items()}
-CMU |= {side + ours: f"{side[0].lower()}{name}" for side in ("Left", "Right") for ours, name in (("Ankle", "foot"), ("Toe", "toes"))}
-CMU |= {"Hips": "root", "Chest": "lowerback", "Chest2": "upperback", "Chest4": "thorax", "Neck": "lowerneck", "Head": "head"}
+UNREAL_LIMB = {
+    "Collar": "clavicle",
+    "Shoulder": "upperarm",
+    "Elbow": "lowerarm",
+    "Wrist": "hand",
+    "Hip": "thigh",
+    "Knee": "calf",
+}
+UNREAL = {
+    side + ours: f"{theirs}_{side[0].lower()}"
+    for side in ("Left", "Right")
+    for ours, theirs in UNREAL_LIMB.items()
+}
+UNREAL |= {
+    side + ours: f"{name}_{side[0].lower()}"
+    for side in ("Left", "Right")
+    for ours, name in (("Ankle", "foot"), ("Toe", "ball"))
+}
+UNREAL |= {
+    "Hips": "pelvis",
+    "Chest": "spine_01",
+    "Chest2": "spine_02",
+    "Chest4": "spine_03",
+    "Neck": "neck_01",
+    "Head": "head",
+}
+CMU_LIMB = {
+    "Collar": "clavicle",
+    "Shoulder": "humerus",
+    "Elbow": "radius",
+    "Wrist": "wrist",
+    "Hip": "femur",
+    "Knee": "tibia",
+}
+CMU = {
+    side + ours: f"{side[0].lower()}{name}" for side in ("Left", "Right") for ours, name in CMU_LIMB.items()
+}
+CMU |= {
+    side + ours: f"{side[0].lower()}{name}"
+    for side in ("Left", "Right")
+    for ours, name in (("Ankle", "foot"), ("Toe", "toes"))
+}
+CMU |= {
+    "Hips": "root",
+    "Chest": "lowerback",
+    "Chest2": "upperback",
+    "Chest4": "thorax",
+    "Neck": "lowerneck",
+    "Head": "head",
+}
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +123,11 @@ def test_a_bigger_performer_in_inches_is_scaled_to_the_character(tmp_path, motio
 
 
 def test_z_up_without_collars_toes_and_neck(tmp_path, motion):
-    names = {k: v for k, v in UNREAL.items() if "Collar" not in k and "Toe" not in k and k not in ("Neck", "Chest2", "Chest4")}
+    names = {
+        k: v
+        for k, v in UNREAL.items()
+        if "Collar" not in k and "Toe" not in k and k not in ("Neck", "Chest2", "Chest4")
+    }
     clip = reader.read(foreign(tmp_path / "a.bvh", motion, names, axes=np.eye(3)))
     assert apart(clip, motion) < 0.03
 
@@ -87,17 +152,25 @@ def test_without_any_rest_pose_the_bending_joints_say_it(tmp_path, motion):
 
 def mapping_of(tmp_path: Path, names: dict[str, str], more: str = "") -> Path:
     path = tmp_path / "odd.toml"
-    path.write_text(more + "\n[joints]\n" + "\n".join(f'{ours} = "{theirs}"' for ours, theirs in names.items()) + "\n")
+    path.write_text(
+        more + "\n[joints]\n" + "\n".join(f'{ours} = "{theirs}"' for ours, theirs in names.items()) + "\n"
+    )
     return path
 
 
 def test_a_mapping_file_for_names_that_say_nothing(tmp_path, motion):
     names = {name: f"bone{n}" for n, name in enumerate(JOINTS)}
-    path = foreign(tmp_path / "a.bvh", motion, names, unit=0.001, axes=np.array(((0, 1.0, 0), (-1.0, 0, 0), (0, 0, 1))))
-    with pytest.raises(SkeletonError, match=r"a\.bvh lacks the bones Hips, .*mapping file.*Hips = .*--mapping\.$"):
+    path = foreign(
+        tmp_path / "a.bvh", motion, names, unit=0.001, axes=np.array(((0, 1.0, 0), (-1.0, 0, 0), (0, 0, 1)))
+    )
+    with pytest.raises(
+        SkeletonError, match=r"a\.bvh lacks the bones Hips, .*mapping file.*Hips = .*--mapping\.$"
+    ):
         reader.read(path)
     for more in ('rest = "offsets"\nup = "+Z"\nforward = "-X"', 'units = "mm"\nforward = "-X"'):
-        assert apart(reader.read(path, mapping=load_mapping(mapping_of(tmp_path, names, more))), motion) < 0.012
+        assert (
+            apart(reader.read(path, mapping=load_mapping(mapping_of(tmp_path, names, more))), motion) < 0.012
+        )
 
 
 def test_sides_and_spine_of_a_mapping_file(tmp_path):
@@ -107,7 +180,9 @@ def test_sides_and_spine_of_a_mapping_file(tmp_path):
         + "\n".join(f'{n} = "{{side}}_{n}"' for n in ("Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle"))
     )
     mapping = load_mapping(path)
-    assert mapping.joints["LeftKnee"] == "Left_Knee" and mapping.spine == ("s1", "s2") and mapping.units is None
+    assert (
+        mapping.joints["LeftKnee"] == "Left_Knee" and mapping.spine == ("s1", "s2") and mapping.units is None
+    )
 
 
 @pytest.mark.parametrize(
@@ -132,7 +207,9 @@ def test_a_wrong_mapping_file_is_a_sentence(tmp_path, more, names, says):
 def test_a_mapping_that_does_not_fit_the_file(tmp_path, motion):
     path = foreign(tmp_path / "a.bvh", motion, MIXAMO)
     wrong = load_mapping(mapping_of(tmp_path, MIXAMO | {"Head": "skull"}))
-    with pytest.raises(SkeletonError, match=r"a\.bvh has no joint skull, which odd\.toml names; it has mixamorig:Hips"):
+    with pytest.raises(
+        SkeletonError, match=r"a\.bvh has no joint skull, which odd\.toml names; it has mixamorig:Hips"
+    ):
         reader.read(path, mapping=wrong)
     late = load_mapping(mapping_of(tmp_path, MIXAMO, 'rest = "frame 9000"'))
     with pytest.raises(CaptureError, match="wants the rest pose at frame 9000"):
@@ -151,6 +228,8 @@ def test_damage_in_the_hierarchy_has_its_line(tmp_path, motion, line):
 
 
 def test_own_names_with_other_proportions_are_retargeted(tmp_path, motion):
-    """The 23 names alone do not make a file one of ours: a performer half as tall again walks on the same floor."""
+    """The 23 names alone do not make a file one of ours: a performer half as tall again walks on the same
+    floor.
+    """
     clip = reader.read(foreign(tmp_path / "a.bvh", motion, {n: n for n in JOINTS}, size=1.5))
     assert apart(clip, motion) < 0.012

@@ -1,4 +1,6 @@
-"""What the composer takes from capture folders: by labels where there are sidecars, by the known set's names elsewhere."""
+"""What the composer takes from capture folders: by labels where there are sidecars, by the known set's names
+elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -70,12 +72,19 @@ def rename(path: Path) -> None:
 def studio(tmp_path_factory) -> Path:
     """Captures in folders and under names of their own, of two hierarchies, annotated."""
     folder = tmp_path_factory.mktemp("studio")
-    for n, (distance, turn, seconds) in enumerate(((3.0, 0, 3.2), (2.4, 1.2, 3.2), (1.2, 0, 2), (0.7, 1.6, 2), (0, 2.6, 2.2))):
+    for n, (distance, turn, seconds) in enumerate(
+        ((3.0, 0, 3.2), (2.4, 1.2, 3.2), (1.2, 0, 2), (0.7, 1.6, 2), (0, 2.6, 2.2))
+    ):
         write(folder / f"take {n}.bvh", captures.walk(distance, turn, seconds))
     write(folder / "monday" / "a.bvh", captures.walk(4.2, 0.5, 4.3))
     rename(folder / "monday" / "a.bvh")
-    own = {"Hips": "hoofte"} | {s + n: s + m for s in ("Right", "Left") for n, m in (("Shoulder", "schulta"), ("Knee", "gnie"))}
-    required = ("Head", *(s + n for s in ("Right", "Left") for n in ("Elbow", "Wrist", "Hip", "Ankle", "Toe")))
+    own = {"Hips": "hoofte"} | {
+        s + n: s + m for s in ("Right", "Left") for n, m in (("Shoulder", "schulta"), ("Knee", "gnie"))
+    }
+    required = (
+        "Head",
+        *(s + n for s in ("Right", "Left") for n in ("Elbow", "Wrist", "Hip", "Ankle", "Toe")),
+    )
     lines = [f'{k} = "{v}"' for k, v in (own | {n: n for n in required}).items()]
     (folder / "monday" / "mapping.toml").write_text("\n".join(("[joints]", *lines)) + "\n")
     write(folder / "monday" / "deep" / "b.bvh", captures.sit())
@@ -108,7 +117,9 @@ def test_labels_choose_stretches(studio, source):
     walks = {c.name: c for c in load_walks(CaptureFolder(studio))}
     assert {n.split("@")[0] for n in walks} >= {"take 0", "take 4", "stand", "monday/a", "box"}
     assert not load_runs(CaptureFolder(studio))
-    joints = np.concatenate([forward_kinematics(c.hips_position, c.local_rotations)[0] for c in walks.values()])
+    joints = np.concatenate(
+        [forward_kinematics(c.hips_position, c.local_rotations)[0] for c in walks.values()]
+    )
     hands = joints[:, [INDEX["RightWrist"], INDEX["LeftWrist"]], 2]
     assert hands.max() < 1.0 and joints[:, 0, 2].min() > 0.8  # neither carried nor bent
     assert len(source.segments["sit"]) == 2 and len(source.segments["carry"]) == 4  # with mirror images
@@ -137,7 +148,9 @@ def edited(studio: Path, tmp_path: Path, change) -> Path:
 def test_a_sit_that_is_taken_out_is_not_composed(studio, tmp_path):
     folder = edited(studio, tmp_path, lambda s: s.with_section("actions.sit", []))
     assert load_sits(CaptureFolder(folder)) == []
-    assert min(c.hips_position[:, 2].min() for c in load_walks(CaptureFolder(folder))) > 0.8  # and is no idling either
+    assert (
+        min(c.hips_position[:, 2].min() for c in load_walks(CaptureFolder(folder))) > 0.8
+    )  # and is no idling either
     composer = Composer(load(str(folder)), {"sit": 0.5, "walk": 0.5})
     takes = [t for t in map(composer.compose, range(6)) if t is not None]
     assert takes and all(c.action != "sit" for t in takes for c in t.commands)
@@ -154,14 +167,21 @@ def test_edits_take_effect(studio, tmp_path):
     folder = edited(studio, tmp_path, change)
     assert not {"take 0", "take 1"} & {c.name.split("@")[0] for c in load_walks(CaptureFolder(folder))}
     (before,), (after,) = load_sits(CaptureFolder(studio)), load_sits(CaptureFolder(folder))
-    number = lambda s: int(s.clip.name.split("@")[1])  # noqa: E731
+
+    def number(s):
+        return int(s.clip.name.split("@")[1])
+
     assert number(after) == number(before) + 3 and (after.down, after.up) == (before.down, before.up)
 
 
 def test_runs_take_what_leads_to_them():
     clip = Clip("made", *(a.astype(np.float32) for a in captures.walk(6.0, 0.0, 6.4)))
     n = len(clip)
-    keys = {"idle": [(0, 1.0), (40, 0.0)], "walk": [(0, 0.0), (40, 1.0), (90, 1.0), (100, 0.0)], "run": [(90, 0.0), (100, 1.0)]}
+    keys = {
+        "idle": [(0, 1.0), (40, 0.0)],
+        "walk": [(0, 0.0), (40, 1.0), (90, 1.0), (100, 0.0)],
+        "run": [(90, 0.0), (100, 1.0)],
+    }
     sheet = sidecar.Sheet("made", n, keys, {}, [], [], [])
     walks, runs = walks_and_runs(Labelled(clip, sheet))
     assert [c.name for c in walks] == ["made@0"] and 90 <= len(walks[0]) <= 91
@@ -185,7 +205,9 @@ def test_sits_that_begin_or_end_seated_or_walk_are_left_out():
 
 def test_a_sidecar_of_another_length_is_told(studio, tmp_path):
     folder = edited(studio, tmp_path, lambda s: replace(s, frames=s.frames + 1) if s.clip == "stand" else s)
-    with pytest.raises(CaptureError, match=r"stand\.nsm\.toml speaks of 121 frames, stand\.bvh has 120 .*\.$"):
+    with pytest.raises(
+        CaptureError, match=r"stand\.nsm\.toml speaks of 121 frames, stand\.bvh has 120 .*\.$"
+    ):
         load(str(folder))
 
 
@@ -199,7 +221,10 @@ def test_without_sidecars_the_known_names_choose_and_nothing_else_changes(tmp_pa
         raw = reader.read(next(known.rglob(f"{clip.name}.bvh")))
         np.testing.assert_array_equal(clip.hips_position, raw.hips_position)
         np.testing.assert_array_equal(clip.local_rotations, raw.local_rotations)
-    assert [s.clip.name.split("@")[0] for s in load_sits(CaptureFolder(known))] == ["opencap_sts1", "quaternius_sit_full"]
+    assert [s.clip.name.split("@")[0] for s in load_sits(CaptureFolder(known))] == [
+        "opencap_sts1",
+        "quaternius_sit_full",
+    ]
     other = tmp_path / "copy"
     shutil.copytree(known, other)
     write(other / "unknown.bvh", captures.walk(2.0, 0.3, 3.2))

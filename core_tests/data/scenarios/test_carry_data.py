@@ -80,7 +80,11 @@ def test_boxes_rest_before_and_after_where_commands_say(carried):
     for take, e, thing in each(carried):
         held = np.flatnonzero(thing.held)
         for frames, spot in ((slice(0, held[0] + 1), e.taken), (slice(held[-1], None), e.put)):
-            np.testing.assert_allclose(thing.poses[frames, :3], np.broadcast_to(spot.centre, thing.poses[frames, :3].shape), atol=2e-3)
+            np.testing.assert_allclose(
+                thing.poses[frames, :3],
+                np.broadcast_to(spot.centre, thing.poses[frames, :3].shape),
+                atol=2e-3,
+            )
             assert np.abs(wrap_angle(thing.poses[frames, 3] + e.face - spot.facing)).max() < 0.01
             under = 0.0 if spot.support is None else spot.support.top
             np.testing.assert_allclose(spot.centre[2], under + e.box.size[2] / 2, atol=1e-6)
@@ -99,7 +103,9 @@ def test_a_box_is_never_inside_what_it_stands_on(carried):
         np.testing.assert_allclose(lo, -hi, atol=1e-5)
         grid = np.stack(np.meshgrid(*np.linspace(lo, hi, 3).T), axis=-1).reshape(-1, 3)
         assert (thing.poses[:, 2] + lo[2]).min() > 0
-        supports = [(s.support.piece, s.position, s.heading) for s in (e.taken, e.put) if s.support is not None]
+        supports = [
+            (s.support.piece, s.position, s.heading) for s in (e.taken, e.put) if s.support is not None
+        ]
         if supports:
             moved = np.concatenate([rotate_planar(grid, pose[3]) + pose[:3] for pose in thing.poses[::2]])
             assert cuboids(supports).signed_distance(moved.astype(np.float32), 0.3).min() > -0.002
@@ -115,7 +121,9 @@ def test_bodies_bend_as_bodies_do(carried):
         arms[:, legs] = (1, 0, 0, 0)  # walks have their own tests
         assert jumps(take.hips[span], arms[span])["turn_per_frame_deg"] < 30
         for bend in (e.taken.bend, e.put.bend):
-            feet = forward_kinematics(take.hips, take.rotations)[0][bend.start + 8 : bend.end - 8, [leg[3] for leg in FEET], :2]
+            feet = forward_kinematics(take.hips, take.rotations)[0][
+                bend.start + 8 : bend.end - 8, [leg[3] for leg in FEET], :2
+            ]
             assert np.ptp(feet, axis=0).max() < 0.02
         assert take.labels[e.taken.bend.touch : e.put.bend.touch, CARRY].min() > 0.99
         assert take.labels[e.taken.bend.start - 1, CARRY] == 0 or e.thing > 0
@@ -128,7 +136,10 @@ def test_without_pick_ups_nothing_is_carried(tmp_path_factory):
 
 
 def test_wrists_go_from_where_they_are_to_their_grips_past_the_sides():
-    wrists, grips = np.array(((-0.2, 0.0, 0.8), (0.2, 0.0, 0.8))), np.array(((-0.28, -0.35, 0.5), (0.28, -0.35, 0.5)))
+    wrists, grips = (
+        np.array(((-0.2, 0.0, 0.8), (0.2, 0.0, 0.8))),
+        np.array(((-0.28, -0.35, 0.5), (0.28, -0.35, 0.5))),
+    )
     progress = np.linspace(0, 1, 21)
     way = lead(np.repeat(wrists[None], 21, 0), np.repeat(grips[None], 21, 0), progress, np.zeros(21))
     np.testing.assert_allclose(way[0], wrists, atol=1e-9)
@@ -158,7 +169,10 @@ def test_supports_have_their_used_edge_before_the_box(side):
     facing, depth, centre = 0.7, 0.3, np.array((2.0, 1.0))
     position, heading = support.place(centre, facing, depth)
     lo, hi = support.footprint
-    corners = rotate_planar(np.array([(x, y) for x in (lo[0], hi[0]) for y in (lo[1], hi[1])]), np.float64(heading)) + position
+    corners = (
+        rotate_planar(np.array([(x, y) for x in (lo[0], hi[0]) for y in (lo[1], hi[1])]), np.float64(heading))
+        + position
+    )
     ahead = (corners - centre) @ heading_to_direction(np.array(facing))
     np.testing.assert_allclose(ahead.min(), -depth / 2 - 0.02, atol=1e-6)
     assert carried_box(table).size[2] == pytest.approx(0.7)

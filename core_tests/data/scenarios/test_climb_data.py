@@ -1,4 +1,6 @@
-"""Climbing: feet off the edges and on top at its height, the command and its label, and nothing of the body in the block."""
+"""Climbing: feet off the edges and on top at its height, the command and its label, and nothing of the body
+in the block.
+"""
 
 from functools import cache
 
@@ -10,7 +12,16 @@ from nsm_core.body.skeleton import FEET, HIPS, forward_kinematics
 from nsm_core.body.thin_capsules import thin_depths
 from nsm_core.conventions import CLIMB, FOOT_CONTACTS
 from nsm_core.data.scenarios.climb.clearance import leg_depths, splayed
-from nsm_core.data.scenarios.climb.footholds import HEEL, TIPS, Block, Foothold, draw_near, find_holds, set_off, shift_off_edges
+from nsm_core.data.scenarios.climb.footholds import (
+    HEEL,
+    TIPS,
+    Block,
+    Foothold,
+    draw_near,
+    find_holds,
+    set_off,
+    shift_off_edges,
+)
 from nsm_core.data.scenarios.composer import Composer
 from nsm_core.evaluation.measures.motion import backward_bend, jumps
 from nsm_core.rotations import heading_to_direction
@@ -30,7 +41,9 @@ def _climbs(folder):
             if c.action == "idle+walk":
                 # A climb lasts until the next one, or until the take's next thing to do on the floor.
                 later = [d.frame for d in take.commands[n + 1 :] if d.thing >= 0]
-                found[take.things[c.thing].furniture.kind == "low_wall"].append((take, c, c.frame, [*later, len(take)][0]))
+                found[take.things[c.thing].furniture.kind == "low_wall"].append(
+                    (take, c, c.frame, [*later, len(take)][0])
+                )
         if min(map(len, found.values())) > 1:
             return found
     raise AssertionError(f"14 seeds climbed { {k: len(v) for k, v in found.items()} } times")
@@ -165,7 +178,9 @@ def test_the_label_is_up_while_a_foot_changes_level(climbs):
 def test_climbing_bodies_bend_as_bodies_do_and_keep_out_of_the_block(climbs):
     for take, command, first, last in climbs[False] + climbs[True]:
         thing, span = take.things[command.thing], slice(first, last)
-        depth = thin_depths(take.hips[span], take.rotations[span], cuboids([(thing.furniture, thing.position, thing.heading)]))
+        depth = thin_depths(
+            take.hips[span], take.rotations[span], cuboids([(thing.furniture, thing.position, thing.heading)])
+        )
         assert depth.max() < 0.045
         assert backward_bend(take.hips[span], take.rotations[span])["knee_backward_deg"] < 1
         assert jumps(take.hips[span], take.rotations[span])["turn_per_frame_deg"] < 60

@@ -1,4 +1,6 @@
-"""Training data composed from captures: seats under the hips, no pops, no walking through seats, the same by seed."""
+"""Training data composed from captures: seats under the hips, no pops, no walking through seats, the same by
+seed.
+"""
 
 from __future__ import annotations
 
@@ -57,13 +59,15 @@ def test_seats_stand_under_the_hips_and_goals_at_them(takes):
             seats += 1
             goal = next(c for c in take.commands if c.thing >= 0 and take.things[c.thing] is placed)
             assert goal.action == "sit" and goal.frame < a
-            # Once there, the hips rest at the goal: captured sway would teach a region, not a place.  Who turns to a table
-            # gets there with the turn, and leaves it with the turn back.
+            # Once there, the hips rest at the goal: captured sway would teach a region, not a place.  Who
+            # turns to a table gets there with the turn, and leaves it with the turn back.
             off = np.linalg.norm(take.hips[a + 3 : b] - goal.position, axis=1)
             resting = a + 3 + np.flatnonzero(off < 0.005)
             assert off.max() < 0.15 and len(resting) > 30
             turned = np.abs(wrap_angle(root[resting, 2] - goal.heading))
-            assert turned.mean() < 0.02 and np.median(turned) < 0.005  # a turn to a table begins and ends slowly
+            assert (
+                turned.mean() < 0.02 and np.median(turned) < 0.005
+            )  # a turn to a table begins and ends slowly
             seat = placed.furniture.seat
             assert goal.position[2] == pytest.approx(seat.height + HIP_OVER_SEAT, abs=0.015)
             on_seat = placed.position + rotate_planar(seat.point[:2], np.float64(placed.heading))
@@ -80,11 +84,15 @@ def test_nobody_walks_through_furniture(takes):
             pieces += len(group)
             for p in group:
                 solid = furniture.cuboids([(p.furniture, p.position, p.heading)])
-                assert thin_depths(take.hips[standing], take.rotations[standing], solid).max(initial=0) < allowed
+                assert (
+                    thin_depths(take.hips[standing], take.rotations[standing], solid).max(initial=0) < allowed
+                )
         root = annotate(take).root[standing, :2]
         for p in take.obstacles + take.things:
             local = rotate_planar(root - p.position, np.full(len(root), -p.heading))
-            inside = (local > p.furniture.mins[:, :2].min(0) + 0.1) & (local < p.furniture.maxs[:, :2].max(0) - 0.1)
+            inside = (local > p.furniture.mins[:, :2].min(0) + 0.1) & (
+                local < p.furniture.maxs[:, :2].max(0) - 0.1
+            )
             assert not inside.all(1).any(), f"somebody stands in a {p.furniture.kind}"
     assert pieces > 3
 
@@ -96,7 +104,8 @@ def test_feet_that_stand_stay_where_they_are(takes):
             toe, on = positions[:, FEET[side][3]], take.contacts[:, column] > 0.5
             both = on[1:] & on[:-1]
             speed = np.linalg.norm(np.diff(toe[:, :2], axis=0), axis=1)[both] * 30
-            # Between two places close in time a foot may give up the ends of its stands, and nothing else moves.
+            # Between two places close in time a foot may give up the ends of its stands, and nothing else
+            # moves.
             assert both.mean() > 0.4 and (speed > 0.02).mean() < 0.03 and np.median(speed) < 1e-3
             assert (toe[on, 2] > 0.08).mean() < 0.03
         assert positions[..., 2].min() > -0.005
@@ -108,7 +117,9 @@ def test_seams_do_not_show(takes, folder):
 
     def fastest(hips, rotations, among):
         step = np.linalg.norm(np.diff(hips, axis=0), axis=1)[among]
-        turn = np.linalg.norm(quat_to_rotvec(quat_mul(rotations[1:], quat_conjugate(rotations[:-1]))), axis=-1)[among]
+        turn = np.linalg.norm(
+            quat_to_rotvec(quat_mul(rotations[1:], quat_conjugate(rotations[:-1]))), axis=-1
+        )[among]
         return step.max(), turn.max(axis=0)
 
     step, turn = fastest(lib.hips, lib.rotations, lib.start[1:] == lib.start[:-1])
@@ -131,7 +142,9 @@ def test_a_seam_is_softened_in_place_and_speed():
     np.testing.assert_array_equal(hips[:30], before[:30])
     np.testing.assert_allclose(hips[30 + BLEND_FRAMES :], before[30 + BLEND_FRAMES :], atol=1e-9)
     np.testing.assert_allclose(rotations[30 + BLEND_FRAMES :], turned[30 + BLEND_FRAMES :], atol=1e-9)
-    assert np.abs(np.diff(before, n=2, axis=0)).max() > 0.15 and np.abs(np.diff(hips, n=2, axis=0)).max() < 0.02
+    assert (
+        np.abs(np.diff(before, n=2, axis=0)).max() > 0.15 and np.abs(np.diff(hips, n=2, axis=0)).max() < 0.02
+    )
     turn = np.linalg.norm(quat_to_rotvec(quat_mul(rotations[1:], quat_conjugate(rotations[:-1]))), axis=-1)
     assert turn.max() < 0.12
 
@@ -141,7 +154,9 @@ def test_the_same_seed_composes_the_same_take(folder, takes):
     b = Composer(captures.source(folder), {"sit": 0.68, "walk": 0.27, "run": 0.05}).compose(seed)
     np.testing.assert_array_equal(a.hips, b.hips)
     np.testing.assert_array_equal(a.rotations, b.rotations)
-    assert [c.frame for c in a.commands] == [c.frame for c in b.commands] and len(a.obstacles) == len(b.obstacles)
+    assert [c.frame for c in a.commands] == [c.frame for c in b.commands] and len(a.obstacles) == len(
+        b.obstacles
+    )
     assert not np.array_equal(takes[1].hips[:50], takes[0].hips[:50])
 
 
@@ -181,7 +196,11 @@ def test_past_keys_keep_the_commands_of_their_time(takes):
     position, heading, action = goal_tables(take, a)
     c = next(c for c in take.commands if c.thing >= 0)
     f, sit = c.frame, GOAL_ACTIONS.index("sit")
-    assert (action[f - 1, :, sit] == 0).all() and (action[f, 6:, sit] == 1).all() and (action[f, :6, sit] == 0).all()
+    assert (
+        (action[f - 1, :, sit] == 0).all()
+        and (action[f, 6:, sit] == 1).all()
+        and (action[f, :6, sit] == 0).all()
+    )
     for later in (f + 7, f + 16, f + 29):
         keys = later + 5 * np.arange(-6, 7)
         np.testing.assert_array_equal(action[later, :, sit], (keys >= f) | (np.arange(13) >= 6))
@@ -203,9 +222,13 @@ def test_a_led_walk_has_its_goal_a_second_ahead(takes):
 
 
 def test_exported_arrays_are_the_takes_and_their_sensors(tmp_path_factory, folder, data):
-    """What is stored in order is what composing again gives, and the environment is the sensor's at that root."""
+    """What is stored in order is what composing again gives, and the environment is the sensor's at that
+    root.
+    """
     meta = json.loads((captures.data_folder(tmp_path_factory) / "data.json").read_text())
-    assert meta["frames"] == len(data.arrays["root"]) >= 2700 and meta["objects"] == len(data.arrays["object_cells"])
+    assert meta["frames"] == len(data.arrays["root"]) >= 2700 and meta["objects"] == len(
+        data.arrays["object_cells"]
+    )
     objects = 0
     for seed, about in meta["takes"].items():
         take = Composer(captures.source(folder)).compose(int(seed))
@@ -213,7 +236,9 @@ def test_exported_arrays_are_the_takes_and_their_sensors(tmp_path_factory, folde
         rows = slice(first, first + len(take))
         np.testing.assert_array_equal(data.arrays["root"][rows], a.root)
         np.testing.assert_array_equal(data.arrays["joint_position"][rows], a.joint_position)
-        assert (data.arrays["start"][rows] == first).all() and (data.arrays["end"][rows] == first + len(take)).all()
+        assert (data.arrays["start"][rows] == first).all() and (
+            data.arrays["end"][rows] == first + len(take)
+        ).all()
         for f in range(0, len(take), 97):
             there = [(p.furniture, p.position, p.heading) for p in take.obstacles]
             poses = [(t.furniture, t.track(len(take))[f]) for t in take.things]
@@ -227,10 +252,15 @@ def test_exported_arrays_are_the_takes_and_their_sensors(tmp_path_factory, folde
         known = set(captures.source(folder).library.names)
         assert {name for name, _, _, _ in about["pieces"]} <= known
         assert all(0 <= i < len(take) * 9 and i <= j for _, i, j, _ in about["pieces"])
-        clips = np.repeat([name.rstrip("~") for name, _, _, _ in about["pieces"]], [n for *_, n in about["pieces"]])
+        clips = np.repeat(
+            [name.rstrip("~") for name, _, _, _ in about["pieces"]], [n for *_, n in about["pieces"]]
+        )
         np.testing.assert_array_equal(data.arrays["validates"][rows], [held_back(c) for c in clips])
     assert data.arrays["environment"].max() > 200 and data.arrays["object_occupancy"].max() == 1
-    assert meta["stance"]["hips_height"] == pytest.approx(0.89, abs=0.01) and len(meta["stance"]["local_rotations"]) == 23
+    assert (
+        meta["stance"]["hips_height"] == pytest.approx(0.89, abs=0.01)
+        and len(meta["stance"]["local_rotations"]) == 23
+    )
 
 
 def test_states_reach_over_no_border_of_a_take(data):
@@ -302,13 +332,21 @@ def test_coverage_counts_goals_by_kind_and_draws_them(tmp_path_factory, folder, 
         take = Composer(captures.source(folder)).compose(int(seed))
         actions = ["", *(c.action for c in take.commands)]
         for kind, action in zip(asked, ("sit", "open"), strict=True):
-            asked[kind] += sum(now == action != before for before, now in zip(actions[:-1], actions[1:], strict=True))
+            asked[kind] += sum(
+                now == action != before for before, now in zip(actions[:-1], actions[1:], strict=True)
+            )
     assert sum(asked.values()) > 0
     for kind, count in asked.items():
         assert len(found[kind].distance) == count
-        assert (found[kind].distance < 6).all() and (found[kind].bearing <= 180).all() and (found[kind].height > 0.3).all()
+        assert (
+            (found[kind].distance < 6).all()
+            and (found[kind].bearing <= 180).all()
+            and (found[kind].height > 0.3).all()
+        )
     text = coverage.report(where)
-    assert f"in {len(meta['takes'])} takes" in text and all(f"{kind}: {count} goals" in text for kind, count in asked.items() if count)
+    assert f"in {len(meta['takes'])} takes" in text and all(
+        f"{kind}: {count} goals" in text for kind, count in asked.items() if count
+    )
     assert coverage.picture(where, tmp_path / "coverage.png").stat().st_size > 20_000
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match="choose another folder"):

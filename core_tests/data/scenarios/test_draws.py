@@ -1,4 +1,6 @@
-"""What an action draws at random stands in its ``draws`` alone: no range, spread or share is written where it is drawn."""
+"""What an action draws at random stands in its ``draws`` alone: no range, spread or share is written where it
+is drawn.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +15,20 @@ FILES = sorted(p for p in Path(scenarios.__path__[0]).glob("*/*.py") if p.name !
 
 
 def drawn(tree: ast.AST):
-    """Line and numbers of every draw of ``rng`` that is written with numbers: ends, spreads, and shares it is compared with."""
+    """Line and numbers of every draw of ``rng`` that is written with numbers: ends, spreads, and shares it is
+    compared with.
+    """
     for node in ast.walk(tree):
         if isinstance(node, ast.Compare) and "random()" in ast.unparse(node.left):
             numbers = [n for n in node.comparators if isinstance(n, ast.Constant)]
-        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith(("rng.uniform", "rng.integers", "rng.exponential")):
-            numbers = [n for n in node.args if isinstance(n, ast.Constant)] if len(node.args) > 1 or "exp" in ast.unparse(node.func) else []
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith(
+            ("rng.uniform", "rng.integers", "rng.exponential")
+        ):
+            numbers = (
+                [n for n in node.args if isinstance(n, ast.Constant)]
+                if len(node.args) > 1 or "exp" in ast.unparse(node.func)
+                else []
+            )
         elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("rng.normal"):
             numbers = [n for n in node.args[1:2] if isinstance(n, ast.Constant)]
         else:

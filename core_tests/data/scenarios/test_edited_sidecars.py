@@ -1,4 +1,6 @@
-"""What a person writes into the sections of a sidecar is what takes are composed of: the phase of frames, and a seat's place."""
+"""What a person writes into the sections of a sidecar is what takes are composed of: the phase of frames, and
+a seat's place.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,11 @@ from nsm_core.rotations import rotate_planar, wrap_angle
 def studio(tmp_path_factory) -> Path:
     """A walk, a quiet stand and a sit-down, annotated."""
     folder = tmp_path_factory.mktemp("edited")
-    for name, motion in {"walk": captures.walk(4.2, 0.5, 4.3), "stand": captures.stand(), "sit": captures.sit()}.items():
+    for name, motion in {
+        "walk": captures.walk(4.2, 0.5, 4.3),
+        "stand": captures.stand(),
+        "sit": captures.sit(),
+    }.items():
         bvh_writer.write(folder / f"{name}.bvh", *motion)
     assert main(["annotate", str(folder), "--no-pictures"]) == 0
     return folder
@@ -43,7 +49,11 @@ def of_clip(folder: Path, name: str) -> ComposedTake:
     """The first take that plays a clip, not its mirror image, on its own."""
     composer = Composer(load(str(folder)), {"walk": 1}, stitch=False)
     takes = (composer.compose(seed) for seed in range(20))
-    return next(t for t in takes if t is not None and t.provenance[0].clip.split("@")[0] == name and "~" not in t.provenance[0].clip)
+    return next(
+        t
+        for t in takes
+        if t is not None and t.provenance[0].clip.split("@")[0] == name and "~" not in t.provenance[0].clip
+    )
 
 
 def test_an_edited_phase_is_the_phase_of_its_frames(studio, tmp_path):
@@ -62,10 +72,19 @@ def test_an_edited_phase_is_the_phase_of_its_frames(studio, tmp_path):
 
 
 def test_edited_feet_stand_where_they_are_said_to(studio, tmp_path):
-    changed = edited(studio, tmp_path, "walk", lambda s: s.with_section("contacts.LeftAnkle", [(0, 1.0), (60, 0.0), (75, 1.0)]))
+    changed = edited(
+        studio,
+        tmp_path,
+        "walk",
+        lambda s: s.with_section("contacts.LeftAnkle", [(0, 1.0), (60, 0.0), (75, 1.0)]),
+    )
     one, other = (load(str(f)).library for f in (studio, changed))
     for clip, left in (("walk", 1), ("walk~", 0)):  # of the mirror image it is the right one
-        named = [k for k, name in enumerate(other.names) if name.split("@")[0] == clip[:4] and name.endswith("~") == (clip != "walk")]
+        named = [
+            k
+            for k, name in enumerate(other.names)
+            if name.split("@")[0] == clip[:4] and name.endswith("~") == (clip != "walk")
+        ]
         rows = np.isin(other.clip_of, named)
         first = int(other.names[named[0]].rstrip("~").split("@")[1])
         frames = np.arange(rows.sum()) + first
@@ -74,7 +93,9 @@ def test_edited_feet_stand_where_they_are_said_to(studio, tmp_path):
 
 
 def test_the_phase_of_the_mirror_image_is_its_own_section(studio, tmp_path):
-    changed = edited(studio, tmp_path, "walk", lambda s: s.with_section("phase_mirrored", [(0, 1.0), (150, 0.5)]))
+    changed = edited(
+        studio, tmp_path, "walk", lambda s: s.with_section("phase_mirrored", [(0, 1.0), (150, 0.5)])
+    )
     lib = load(str(changed)).library
     told = {lib.names[k] for k in np.unique(lib.clip_of[np.isfinite(lib.phase)])}
     assert told and all(name.endswith("~") and name.startswith("walk") for name in told)
@@ -100,21 +121,32 @@ def test_the_rule_leads_from_one_told_stretch_to_the_next():
     phase = phase_of(contacts, np.ones(120), [], 120, told)
     known = np.isfinite(told)
     np.testing.assert_allclose((phase[known] - told[known] + 0.5) % 1, 0.5, atol=1e-5)
-    assert (np.diff(phase) > 0).all() and abs((phase[105] + 0.5) % 1 - 0.5) < 1e-5  # a landing that no one has told about
+    assert (np.diff(phase) > 0).all() and abs(
+        (phase[105] + 0.5) % 1 - 0.5
+    ) < 1e-5  # a landing that no one has told about
 
 
-def moved(sheet: sidecar.Sheet, by: tuple[float, float, float], turned: float = 0.0, sooner: int = 0) -> sidecar.Sheet:
-    """The sheet with the goals of its sit changed: the place, metres, the facing, degrees, and when rising is asked for, frames."""
+def moved(
+    sheet: sidecar.Sheet, by: tuple[float, float, float], turned: float = 0.0, sooner: int = 0
+) -> sidecar.Sheet:
+    """The sheet with the goals of its sit changed: the place, metres, the facing, degrees, and when rising is
+    asked for, frames.
+    """
     sit, rise = sheet.goals
     place = tuple(float(a + b) for a, b in zip(sit.place, by, strict=True))
-    return sheet.with_section("goals", [replace(sit, place=place, facing=sit.facing + turned), replace(rise, frame=rise.frame - sooner)])
+    return sheet.with_section(
+        "goals",
+        [replace(sit, place=place, facing=sit.facing + turned), replace(rise, frame=rise.frame - sooner)],
+    )
 
 
 def test_an_edited_goal_moves_the_seat_and_when_rising_is_asked_for(studio, tmp_path):
     changed = edited(studio, tmp_path, "sit", lambda s: moved(s, (0.03, 0.06, -0.04), 10.0, 20))
     one, other = (Composer(load(str(f)), {"sit": 1}, stitch=False) for f in (studio, changed))
     pairs = ((one.compose(seed), other.compose(seed)) for seed in range(20))
-    before, after = next((a, b) for a, b in pairs if a is not None and b is not None and a.things and b.things)
+    before, after = next(
+        (a, b) for a, b in pairs if a is not None and b is not None and a.things and b.things
+    )
     asked, (hips, heading) = [], ([], [])
     for take in (before, after):
         k = next(k for k, c in enumerate(take.commands) if c.action == "sit")
@@ -126,7 +158,13 @@ def test_an_edited_goal_moves_the_seat_and_when_rising_is_asked_for(studio, tmp_
     gaps = []
     for (sit, _), where, facing in zip(asked, hips, heading, strict=True):
         off = sit.position - where
-        gaps.append((*rotate_planar(off[:2], np.float64(-facing)), off[2], np.degrees(wrap_angle(sit.heading - facing))))
+        gaps.append(
+            (
+                *rotate_planar(off[:2], np.float64(-facing)),
+                off[2],
+                np.degrees(wrap_angle(sit.heading - facing)),
+            )
+        )
     side = next(-1 if "~" in p.clip else 1 for p in after.provenance if p.clip.startswith("sit"))
     change = np.subtract(gaps[1], gaps[0])
     np.testing.assert_allclose(change[:3], (0.03 * side, 0.06, -0.04), atol=0.012)
@@ -139,7 +177,10 @@ def test_an_edited_goal_moves_the_seat_and_when_rising_is_asked_for(studio, tmp_
 
 def test_a_goal_far_from_the_hips_is_told(studio, tmp_path):
     changed = edited(studio, tmp_path, "sit", lambda s: moved(s, (0.0, 2.0, 0.0)))
-    with pytest.raises(CaptureError, match=r"^sit\.nsm\.toml: the sit goal of frame \d+ lies 2\.0 m from the hips .*0\.3 m of them\.$"):
+    with pytest.raises(
+        CaptureError,
+        match=r"^sit\.nsm\.toml: the sit goal of frame \d+ lies 2\.0 m from the hips .*0\.3 m of them\.$",
+    ):
         load(str(changed))
 
 

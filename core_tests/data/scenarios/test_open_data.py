@@ -1,4 +1,6 @@
-"""Doors in composed takes: hands that keep to handles, leaves clear of the body, walls that nobody walks through."""
+"""Doors in composed takes: hands that keep to handles, leaves clear of the body, walls that nobody walks
+through.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ def doors(folder) -> list[tuple[ComposedTake, Thing, bool]]:
     for seed in range(40):
         take = composer.compose(seed)
         for number, thing in enumerate(take.things if take is not None else ()):
-            found.append((take, thing, any(c.action == "idle+open" and c.thing == number for c in take.commands)))
+            found.append(
+                (take, thing, any(c.action == "idle+open" and c.thing == number for c in take.commands))
+            )
         if len({pulled for _, _, pulled in found}) == 2:
             return found
     raise AssertionError(f"40 seeds opened {len(found)} doors, not one of either kind")
@@ -59,14 +63,20 @@ def in_frame(points: np.ndarray, pose: np.ndarray) -> np.ndarray:
 
 def depth(centres: np.ndarray, radii: np.ndarray, solid) -> np.ndarray:
     """How deep (T, S) spheres are inside solids, metres; negative outside."""
-    return radii - solid.signed_distance(centres.reshape(-1, 3).astype(np.float32), 0.3).reshape(centres.shape[:2])
+    return radii - solid.signed_distance(centres.reshape(-1, 3).astype(np.float32), 0.3).reshape(
+        centres.shape[:2]
+    )
 
 
 def test_doors_have_the_measures_of_the_pools_meshes(folder):
     measures = {"width": 0.85, "height": 2.0, "panel": 0.062, "grips": 0.16, "handle_height": 0.82, "handle_edge": 0.07, "lever": 0.03,
                 "depth": 0.12}  # fmt: skip
-    composer = Composer(captures.source(folder), {"open": 1}, Pool(doors=[DoorEntry("door", measures)], mesh_share=1.0))
-    leaves = [t.furniture for take in map(composer.compose, range(12)) if take is not None for t in take.things]
+    composer = Composer(
+        captures.source(folder), {"open": 1}, Pool(doors=[DoorEntry("door", measures)], mesh_share=1.0)
+    )
+    leaves = [
+        t.furniture for take in map(composer.compose, range(12)) if take is not None for t in take.things
+    ]
     assert len(leaves) > 2
     for leaf in leaves:
         size = leaf.maxs[0] - leaf.mins[0]
@@ -96,8 +106,12 @@ def test_the_leaf_rests_until_it_is_held_then_opens_wide(doors):
         angle = np.abs(wrap_angle(thing.poses[:, 3] - thing.poses[0, 3]))
         held = np.flatnonzero(thing.held)
         assert (angle[: held[0] + 2] < 1e-6).all() and (np.diff(angle) > -1e-6).all()
-        assert np.radians(30) < angle[held[-1]] < np.radians(80) and np.radians(80) < angle[-1] < np.radians(110)
-        assert np.abs(np.diff(angle)).max() < np.radians(8) and np.abs(np.diff(angle, n=2)).max() < np.radians(2)
+        assert np.radians(30) < angle[held[-1]] < np.radians(80) and np.radians(80) < angle[-1] < np.radians(
+            110
+        )
+        assert np.abs(np.diff(angle)).max() < np.radians(8) and np.abs(
+            np.diff(angle, n=2)
+        ).max() < np.radians(2)
 
 
 def test_the_body_touches_neither_leaf_nor_wall(doors):
@@ -109,7 +123,9 @@ def test_the_body_touches_neither_leaf_nor_wall(doors):
         leaf = cuboids([(thing.furniture, np.zeros(3), 0.0)])
         assert depth(to_leaf(centres, thing), radii, leaf)[away].max() < 0.021
         for wall in (o for o in take.obstacles if o.furniture.kind == "doorway"):
-            assert depth(centres, radii, cuboids([(wall.furniture, wall.position, wall.heading)])).max() < 0.05
+            assert (
+                depth(centres, radii, cuboids([(wall.furniture, wall.position, wall.heading)])).max() < 0.05
+            )
 
 
 def test_commands_lead_to_the_handle_back_and_through(doors):
@@ -121,18 +137,26 @@ def test_commands_lead_to_the_handle_back_and_through(doors):
         grip = forward_kinematics(take.hips, take.rotations)[0][held[0], ARMS[hand_of(take, thing)][2]]
         assert np.linalg.norm(mine[0].position - grip) < 0.012 and mine[0].frame < held[0]
         assert 2 <= mine[1].frame - held[0] <= 6
-        local, after = in_frame(root[:, :2], thing.poses[0]), in_frame(mine[-1].position[None, :2], thing.poses[0])[0, 1]
+        local, after = (
+            in_frame(root[:, :2], thing.poses[0]),
+            in_frame(mine[-1].position[None, :2], thing.poses[0])[0, 1],
+        )
         assert local[mine[0].frame, 1] * after < 0 and abs(after) > 0.5, "one ends on the far side"
         crossing = local[np.flatnonzero(np.diff(np.sign(local[:, 1]))), 0]
         wide = thing.furniture.maxs[0, 0]
         through = (0.15 < crossing) & (crossing < wide - 0.15)
-        assert through.any() and (through | (crossing < -1) | (crossing > wide + 1)).all(), "one walks through the wall"
+        assert through.any() and (through | (crossing < -1) | (crossing > wide + 1)).all(), (
+            "one walks through the wall"
+        )
         _, _, action = goal_tables(take, annotate(take))
         now = action[min(mine[-1].frame + 5, len(take) - 1), 6]
         assert now.tolist() == [0, 1, 0, 0, 1, 0]
         if pulled:
             angle = np.abs(wrap_angle(thing.poses[mine[-1].frame, 3] - thing.poses[0, 3]))
-            assert angle > np.radians(70) and np.linalg.norm(root[mine[-1].frame, :2] - mine[1].position[:2]) < 0.15
+            assert (
+                angle > np.radians(70)
+                and np.linalg.norm(root[mine[-1].frame, :2] - mine[1].position[:2]) < 0.15
+            )
 
 
 def test_labels_rise_to_the_grip_and_fall_after_it(doors):
@@ -169,4 +193,8 @@ def test_the_trunk_leans_as_far_as_the_arm_is_short(doors):
 def test_a_leaf_let_go_comes_to_rest():
     for speed in (0.0, 0.01, 0.03, 0.06):
         angles = np.append(0.8, swing_on(0.8, speed, 1.6, 90))
-        assert np.diff(angles).min() > -1e-6 and abs(angles[1] - angles[0] - speed) < 0.01 and angles[-1] == angles[-2] >= 1.6 - 1e-9
+        assert (
+            np.diff(angles).min() > -1e-6
+            and abs(angles[1] - angles[0] - speed) < 0.01
+            and angles[-1] == angles[-2] >= 1.6 - 1e-9
+        )

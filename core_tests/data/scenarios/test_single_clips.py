@@ -45,13 +45,17 @@ def test_level_clips_are_played_as_captured_and_led_along(folder):
     assert len(walked) == 12
     for take in walked:
         clip, first, last = take.provenance[0][:3]
-        assert (first, last) == (0, len(take)) and len(take.provenance) == 1, "a short clip is not played whole"
+        assert (first, last) == (0, len(take)) and len(take.provenance) == 1, (
+            "a short clip is not played whole"
+        )
         start = int(np.flatnonzero(lib.clip_of == lib.names.index(clip))[0])
         own = np.linalg.norm(np.diff(lib.root[start : start + len(take)], axis=0), axis=1).sum()
         root = annotate(take).root[:, :2]
         assert np.linalg.norm(np.diff(root, axis=0), axis=1).sum() == pytest.approx(own, rel=0.05, abs=0.02)
         for c in (c for c in take.commands if c.action == "idle"):
-            assert np.linalg.norm(root - c.position[:2], axis=1).min() < 0.03, "one is asked to stand where nobody stands"
+            assert np.linalg.norm(root - c.position[:2], axis=1).min() < 0.03, (
+                "one is asked to stand where nobody stands"
+            )
     assert any(c.position is None for take in walked for c in take.commands)
     assert any(c.action == "idle" for take in walked for c in take.commands)
 
@@ -67,7 +71,10 @@ def test_the_seat_stands_under_the_captured_sit(folder):
     assert len(sat) > 5
     for take in sat:
         thing, seated = take.things[0], take.labels[:, SIT] == 1
-        assert [(c.action, c.thing) for c in take.commands] == [("sit", 0), ("idle", -1)] and seated.sum() > 20
+        assert [(c.action, c.thing) for c in take.commands] == [
+            ("sit", 0),
+            ("idle", -1),
+        ] and seated.sum() > 20
         hips = annotate(take).joint_position[seated, HIPS]
         assert np.median(hips[:, 2]) == pytest.approx(thing.furniture.seat.height + HIP_OVER_SEAT, abs=0.04)
         assert np.linalg.norm(take.commands[0].position - hips.mean(0)) < 0.1
@@ -84,7 +91,9 @@ def test_one_captured_bend_takes_a_box_lifts_it_and_puts_it_back(tmp_path):
     for take in takes:
         thing = take.things[0]
         assert [c.action for c in take.commands] == ["carry", "walk+carry", "idle+carry", "idle"]
-        assert [c.thing for c in take.commands] == [0, 0, 0, -1] and len({piece[0] for piece in take.provenance}) == 1
+        assert [c.thing for c in take.commands] == [0, 0, 0, -1] and len(
+            {piece[0] for piece in take.provenance}
+        ) == 1
         np.testing.assert_allclose(thing.poses[0, :3], thing.poses[-1, :3], atol=1e-6)
         assert abs(thing.poses[0, 3] - thing.poses[-1, 3]) < 0.15
         height = thing.poses[:, 2] - thing.poses[0, 2]

@@ -1,4 +1,6 @@
-"""Composed sitters come to rest, lean off the back rest with their hands where they were, and turn on the seat by steps."""
+"""Composed sitters come to rest, lean off the back rest with their hands where they were, and turn on the
+seat by steps.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +19,18 @@ ANKLES, WRISTS = [leg[2] for leg in FEET], [arm[2] for arm in ARMS]
 
 
 def seated(count: int = 90, sway: float = 0.0, twist: float = 0.0) -> Motion:
-    """A sitter at the origin whose hips circle by ``sway`` metres and turn to and fro by ``twist`` radians, feet and all."""
+    """A sitter at the origin whose hips circle by ``sway`` metres and turn to and fro by ``twist`` radians,
+    feet and all.
+    """
     hips, local = seated_pose()
     t = 2 * np.pi * np.arange(count) / 45
     hips = np.repeat(hips[None], count, 0) + sway * np.stack((np.sin(t), np.cos(t), 0 * t), 1)
     local = np.repeat(local[None], count, 0)
     local[:, 0] = quat_mul(heading_quat(twist * np.sin(t)), local[:, 0])
     headings = root_of(forward_kinematics(hips, local)[0])[1]
-    motion = Motion(hips, local, hips[:, :2].copy(), headings, np.ones((count, 2), bool), [], np.random.default_rng(0))
+    motion = Motion(
+        hips, local, hips[:, :2].copy(), headings, np.ones((count, 2), bool), [], np.random.default_rng(0)
+    )
     motion.labels[:, SIT] = 1
     return motion
 

@@ -1,4 +1,6 @@
-"""Features: the same for training and for stepping, as the paper's equations say, and blind to where the world lies."""
+"""Features: the same for training and for stepping, as the paper's equations say, and blind to where the
+world lies.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +55,9 @@ def sensed(take: ComposedTake, which: int, state: State) -> SensorReading:
         s = take.things[which]
         centre = s.furniture.centre.copy()
         centre[:2] = s.position + rotate_planar(centre[:2], np.float64(s.heading))
-        volume = interaction_sensor(cuboids([(s.furniture, s.position, s.heading)]), centre, s.furniture.size, s.heading)
+        volume = interaction_sensor(
+            cuboids([(s.furniture, s.position, s.heading)]), centre, s.furniture.size, s.heading
+        )
         cells, occupancy = volume.cells_world()[None], volume.occupancy[None]
     return SensorReading(environment[None], cells, occupancy)
 
@@ -61,7 +65,9 @@ def sensed(take: ComposedTake, which: int, state: State) -> SensorReading:
 def same_state(a: State, b: State, tolerance: float) -> None:
     for name in ("joint_position", "joint_forward", "joint_up", "style_past", "style_future"):
         np.testing.assert_allclose(getattr(a, name), getattr(b, name), atol=tolerance, err_msg=name)
-    np.testing.assert_allclose(a.joint_velocity, b.joint_velocity, atol=60 * tolerance)  # positions over a frame's time
+    np.testing.assert_allclose(
+        a.joint_velocity, b.joint_velocity, atol=60 * tolerance
+    )  # positions over a frame's time
     for name in ("root_past", "root_future"):
         x, y = getattr(a, name), getattr(b, name)
         np.testing.assert_allclose(x[..., :2], y[..., :2], atol=tolerance, err_msg=name)
@@ -85,7 +91,10 @@ def test_blocks_are_written_and_read_in_the_same_places():
     assert vector.shape == (3, 605)
     for name, values in blocks.items():
         np.testing.assert_array_equal(OUTPUT.get(vector, name), values)
-    assert sorted(s.start for s in OUTPUT.slices.values())[1:] == sorted(s.stop for s in OUTPUT.slices.values())[:-1]
+    assert (
+        sorted(s.start for s in OUTPUT.slices.values())[1:]
+        == sorted(s.stop for s in OUTPUT.slices.values())[:-1]
+    )
 
 
 def test_targets_read_back_give_the_following_frame(data):
@@ -117,7 +126,10 @@ def test_stepping_on_true_outputs_walks_through_the_data(take, data):
             now, following = np.array([f]), np.array([f + 1])
             y = build_targets(data.state(now), data.state(following), a["contact"][following])
             state = advance(state, read_outputs(y, state))
-            state.goal_position, state.goal_heading = a["goal_position"][following], a["goal_heading"][following]
+            state.goal_position, state.goal_heading = (
+                a["goal_position"][following],
+                a["goal_heading"][following],
+            )
             state.goal_action = a["goal_action"][following]
             same_state(state, data.state(following), 1e-3)
             if f % 5 == 0:
@@ -138,7 +150,9 @@ def test_stepping_on_true_outputs_walks_through_the_data(take, data):
 
 
 def test_gating_is_the_papers_product_key_by_key(data):
-    """Equations 5 to 7: labels, goal action, distance and angle, times (sin, cos) of the phase; inactive labels are -1."""
+    """Equations 5 to 7: labels, goal action, distance and angle, times (sin, cos) of the phase; inactive
+    labels are -1.
+    """
     state = data.state(np.array([17, 160, 300]))
     gating = build_gating(state).reshape(3, 13, 25, 2)
     for b in range(3):
@@ -157,15 +171,24 @@ def test_gating_is_the_papers_product_key_by_key(data):
 
 def elsewhere(take: ComposedTake, shift: np.ndarray, turn: float) -> ComposedTake:
     """The same take in a world turned by ``turn`` and moved by ``shift`` (2,)."""
-    move = lambda p: rotate_planar(np.asarray(p, np.float64)[:2], np.float64(turn)) + shift  # noqa: E731
+
+    def move(p):
+        return rotate_planar(np.asarray(p, np.float64)[:2], np.float64(turn)) + shift
+
     hips, rotations = transform(take.hips, take.rotations, shift.astype(np.float32), np.float32(turn))
     commands = [
-        c if c.position is None else TimedCommand(c.frame, c.action, np.append(move(c.position), c.position[2]), c.heading + turn, c.thing)
+        c
+        if c.position is None
+        else TimedCommand(
+            c.frame, c.action, np.append(move(c.position), c.position[2]), c.heading + turn, c.thing
+        )
         for c in take.commands
     ]
     things = [Thing.standing(p.furniture, move(p.position), p.heading + turn) for p in take.things]
     obstacles = [Placed(p.furniture, move(p.position), p.heading + turn) for p in take.obstacles]
-    return replace(take, hips=hips, rotations=rotations, commands=commands, things=things, obstacles=obstacles)
+    return replace(
+        take, hips=hips, rotations=rotations, commands=commands, things=things, obstacles=obstacles
+    )
 
 
 def test_features_do_not_depend_on_the_place_in_the_world(take, data):
@@ -188,30 +211,54 @@ def test_a_reflected_world_gives_reflected_features(take, data):
     flip = np.array((-1.0, 1.0))
     reflected = [
         [
-            make(replace(p.furniture, mins=m * (-1, 1, 1), maxs=n * (-1, 1, 1)), p.position * flip, -p.heading)
+            make(
+                replace(p.furniture, mins=m * (-1, 1, 1), maxs=n * (-1, 1, 1)), p.position * flip, -p.heading
+            )
             for p, m, n in ((p, _swap(p, 0), _swap(p, 1)) for p in pieces)
         ]
         for make, pieces in ((Thing.standing, take.things), (Placed, take.obstacles))
     ]
     commands = [
-        c if c.position is None else TimedCommand(c.frame, c.action, c.position * (-1, 1, 1), -c.heading, c.thing) for c in take.commands
+        c
+        if c.position is None
+        else TimedCommand(c.frame, c.action, c.position * (-1, 1, 1), -c.heading, c.thing)
+        for c in take.commands
     ]
     hips, rotations = mirror(take.hips, take.rotations)
     other = captures.data_of(
-        ComposedTake(hips, rotations, take.contacts, take.labels, commands, reflected[0], reflected[1], phase_keys=take.phase_keys)
+        ComposedTake(
+            hips,
+            rotations,
+            take.contacts,
+            take.labels,
+            commands,
+            reflected[0],
+            reflected[1],
+            phase_keys=take.phase_keys,
+        )
     )
     frames = np.arange(0, len(data.frames), 31)
-    (x, g), (x2, g2) = (build_inputs(d.state(frames), d.surroundings(frames, d.state(frames).root)) for d in (data, other))
+    (x, g), (x2, g2) = (
+        build_inputs(d.state(frames), d.surroundings(frames, d.state(frames).root)) for d in (data, other)
+    )
     np.testing.assert_allclose(g, g2, atol=2e-3)  # distances, angles and phases have no side
     frame, frame2 = (v[:, INPUT.slices["frame"]] for v in (x, x2))
     for name in ("joint_position", "joint_forward", "joint_up", "joint_velocity"):
         expected = FRAME.get(frame, name)[:, MIRROR] * (-1, 1, 1)
         np.testing.assert_allclose(FRAME.get(frame2, name), expected, atol=3e-3, err_msg=name)
     for name in ("trajectory_position", "trajectory_direction"):
-        np.testing.assert_allclose(FRAME.get(frame2, name), FRAME.get(frame, name) * flip, atol=2e-3, err_msg=name)
+        np.testing.assert_allclose(
+            FRAME.get(frame2, name), FRAME.get(frame, name) * flip, atol=2e-3, err_msg=name
+        )
     goal, goal2 = (v[:, INPUT.slices["goal"]] for v in (x, x2))
-    np.testing.assert_allclose(GOAL.get(goal2, "goal_position"), GOAL.get(goal, "goal_position") * (-1, 1, 1), atol=2e-3)
-    np.testing.assert_allclose(x2[:, INPUT.slices["environment"]], x[:, INPUT.slices["environment"]][:, ENVIRONMENT_MIRROR], atol=0.01)
+    np.testing.assert_allclose(
+        GOAL.get(goal2, "goal_position"), GOAL.get(goal, "goal_position") * (-1, 1, 1), atol=2e-3
+    )
+    np.testing.assert_allclose(
+        x2[:, INPUT.slices["environment"]],
+        x[:, INPUT.slices["environment"]][:, ENVIRONMENT_MIRROR],
+        atol=0.01,
+    )
     volume, volume2 = (v[:, INPUT.slices["interaction"]] for v in (x, x2))
     cells = INTERACTION.get(volume, "cell_position")[:, INTERACTION_MIRROR] * (-1, 1, 1)
     np.testing.assert_allclose(INTERACTION.get(volume2, "cell_position"), cells, atol=2e-3)

@@ -1,4 +1,6 @@
-"""Weights keep what their data meant; others than this version's are refused or remarked on, in one sentence that names them."""
+"""Weights keep what their data meant; others than this version's are refused or remarked on, in one sentence
+that names them.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,11 @@ def saved(tmp_path, small_config):
 
     def save(told=None):
         return save_weights(
-            tmp_path / "w.npz", *random_arrays(small_config), config=small_config, layout=LAYOUT, meaning=told or meaning()
+            tmp_path / "w.npz",
+            *random_arrays(small_config),
+            config=small_config,
+            layout=LAYOUT,
+            meaning=told or meaning(),
         )
 
     return save
@@ -34,12 +40,23 @@ def saved(tmp_path, small_config):
 def test_every_shared_distance_is_kept_and_comes_back_from_the_file_as_it_was(saved):
     ours = meaning()
     names = {n for n in vars(distances) if n.isupper()}
-    assert names <= ours["features"].keys() | ours["distances"].keys() and {"PULL_BACK", "STAND_AHEAD", "WALK_TO_RUN"} <= names
-    assert ours["distances"]["WALK_TO_RUN"] == [1.8, 2.4] and ours["features"]["the offset of LeftKnee"] == [0, 0, -0.42]
+    assert (
+        names <= ours["features"].keys() | ours["distances"].keys()
+        and {"PULL_BACK", "STAND_AHEAD", "WALK_TO_RUN"} <= names
+    )
+    assert ours["distances"]["WALK_TO_RUN"] == [1.8, 2.4] and ours["features"]["the offset of LeftKnee"] == [
+        0,
+        0,
+        -0.42,
+    ]
     told = load_weights(saved(), LAYOUT).metadata
-    assert told["meaning"] == ours and told["meaning_hash"] == meaning_hash(ours) == meaning_hash(json.loads(json.dumps(ours)))
+    assert told["meaning"] == ours and told["meaning_hash"] == meaning_hash(ours) == meaning_hash(
+        json.loads(json.dumps(ours))
+    )
     assert not remark(told) and not differences(told["meaning"], "features")
-    assert not set(room._UNITS) - (ours["features"].keys() | ours["distances"].keys()), "units of names that nobody keeps"
+    assert not set(room._UNITS) - (ours["features"].keys() | ours["distances"].keys()), (
+        "units of names that nobody keeps"
+    )
 
 
 def test_weights_of_other_distances_load_with_a_sentence_that_tells_both(saved, monkeypatch):
@@ -67,7 +84,10 @@ def test_weights_of_other_features_are_refused(saved, monkeypatch):
     with pytest.raises(WeightsError) as caught:
         load_weights(path, LAYOUT)
     told = one_sentence(caught)
-    assert "DIAMETER 3 m where this version has 4 m" in told and "ROOT_SMOOTHING 0.2 s where this version has 0.12 s" in told
+    assert (
+        "DIAMETER 3 m where this version has 4 m" in told
+        and "ROOT_SMOOTHING 0.2 s where this version has 0.12 s" in told
+    )
     assert "the offset of LeftKnee 0 0 -0.4 m where this version has 0 0 -0.42 m" in told
     assert load_weights(path).config, "they may still be trained on"
 
@@ -79,9 +99,15 @@ def test_what_is_told_is_short_however_much_differs(saved):
     assert f"and {len(told['distances']) - 3} more" in sentence and len(sentence) < 400
 
 
-@pytest.mark.parametrize("told", [{"features": 3, "distances": []}, {}, {"distances": {"PULL_BACK": {"a": ["x"] * 99}, "\n": None}}])
+@pytest.mark.parametrize(
+    "told",
+    [{"features": 3, "distances": []}, {}, {"distances": {"PULL_BACK": {"a": ["x"] * 99}, "\n": None}}],
+)
 def test_a_meaning_without_sense_is_read_without_harm(saved, told):
-    assert all("\n" not in sentence and len(sentence) < 400 for sentence in remark(load_weights(saved(told or {"x": {}}), LAYOUT).metadata))
+    assert all(
+        "\n" not in sentence and len(sentence) < 400
+        for sentence in remark(load_weights(saved(told or {"x": {}}), LAYOUT).metadata)
+    )
 
 
 def test_a_meaning_that_was_changed_in_the_file_is_damage(saved):
@@ -90,7 +116,9 @@ def test_a_meaning_that_was_changed_in_the_file_is_damage(saved):
         entries = {name: archive[name] for name in archive.files}
     metadata = json.loads(entries["metadata"].tobytes())
     for changed in (metadata["meaning"] | {"distances": {}}, 3):
-        entries["metadata"] = np.frombuffer(json.dumps(metadata | {"meaning": changed}).encode(), dtype=np.uint8)
+        entries["metadata"] = np.frombuffer(
+            json.dumps(metadata | {"meaning": changed}).encode(), dtype=np.uint8
+        )
         np.savez(path, **entries)
         with pytest.raises(WeightsError) as caught:
             load_weights(path, LAYOUT)

@@ -38,7 +38,10 @@ def states() -> State:
 def following_of(s: State) -> State:
     """A plausible next frame of ``s``: everything moves by a few centimetres."""
     rng = np.random.default_rng(6)
-    near = lambda a, size: (a + rng.normal(0, size, a.shape)).astype(np.float32)  # noqa: E731
+
+    def near(a, size):
+        return (a + rng.normal(0, size, a.shape)).astype(np.float32)
+
     phase = (s.phase_past[:, -1:] + np.array((0.03,)) + 0.15 * np.arange(7)) % 1
     return replace(
         s,
@@ -65,10 +68,14 @@ def test_weights_of_the_goals_view():
 
 def test_bones_keep_their_lengths_whatever_is_predicted(states):
     noisy = outputs_of(states)
-    noisy[:, OUTPUT.slices["joint_position"]] += np.random.default_rng(0).normal(0, 0.05, (4, 69)).astype(np.float32)
+    noisy[:, OUTPUT.slices["joint_position"]] += (
+        np.random.default_rng(0).normal(0, 0.05, (4, 69)).astype(np.float32)
+    )
     stepped = advance(states, read_outputs(noisy, states))
     bones = stepped.joint_position[:, 1:] - stepped.joint_position[:, list(PARENTS[1:])]
-    np.testing.assert_allclose(np.linalg.norm(bones, axis=-1), np.tile(np.linalg.norm(OFFSETS[1:], axis=1), (4, 1)), atol=1e-5)
+    np.testing.assert_allclose(
+        np.linalg.norm(bones, axis=-1), np.tile(np.linalg.norm(OFFSETS[1:], axis=1), (4, 1)), atol=1e-5
+    )
 
 
 def test_a_stretched_limb_is_put_right_along_itself():
@@ -92,7 +99,9 @@ def test_position_is_half_predicted_and_half_integrated(states):
     predicted.joint_position[:, HIPS] = states.joint_position[:, HIPS] + (0.0, 0.2, 0.0)
     predicted.joint_velocity[:, HIPS] = (3.0, 0.0, 0.0)
     hips = advance(states, predicted).joint_position[:, HIPS]
-    np.testing.assert_allclose(hips - states.joint_position[:, HIPS], np.tile((0.05, 0.1, 0.0), (4, 1)), atol=1e-5)
+    np.testing.assert_allclose(
+        hips - states.joint_position[:, HIPS], np.tile((0.05, 0.1, 0.0), (4, 1)), atol=1e-5
+    )
 
 
 def test_trajectory_is_blended_towards_the_goals_view(states):
@@ -103,7 +112,9 @@ def test_trajectory_is_blended_towards_the_goals_view(states):
     distance = np.linalg.norm(predicted.root[:, 1:, :2] - states.goal_position[:, 7:, :2], axis=-1)
     w = ((np.arange(1, 7) / 7) ** distance**2)[..., None]
     assert 0.01 < w.min() and w.max() < 1
-    np.testing.assert_allclose(on.root_future, predicted.root[:, 1:] + w * np.array((0.4, -0.3, 0.5)), atol=1e-5)
+    np.testing.assert_allclose(
+        on.root_future, predicted.root[:, 1:] + w * np.array((0.4, -0.3, 0.5)), atol=1e-5
+    )
     np.testing.assert_allclose(on.root, predicted.root[:, 0], atol=1e-6)  # the pivot is never blended
     predicted.root_goalward = predicted.root + np.array((0, 0, 2 * np.pi), np.float32)
     turned = advance(states, predicted).root_future[..., 2]
@@ -116,7 +127,9 @@ def test_velocity_is_led_by_the_pose_seen_from_ahead(states):
     on, off = advance(states, predicted), advance(states, predicted, Blending(future_pose=False))
     np.testing.assert_array_equal(off.joint_velocity, predicted.joint_velocity)
     # (1 - dt) v + dt (R' j - j) / dt, section 4.2
-    expected = (1 - DT) * predicted.joint_velocity + DT * (predicted.future_joint_position - states.joint_position) / DT
+    expected = (1 - DT) * predicted.joint_velocity + DT * (
+        predicted.future_joint_position - states.joint_position
+    ) / DT
     np.testing.assert_allclose(on.joint_velocity, expected, atol=1e-5)
     np.testing.assert_array_equal(on.joint_position, off.joint_position)
 
@@ -159,7 +172,11 @@ def test_a_standing_character_stands():
     positions, rotations = forward_kinematics(*walk(1.0, 0, 1.2))
     m = quat_to_matrix(rotations)
     s = standing_state(positions[:2], -m[:2, ..., 1], m[:2, ..., 2], np.array(((0, 0, 0), (1.0, 2.0, 3.0))))
-    assert s.root_keys().shape == (2, 13, 3) and (np.ptp(s.root_keys(), axis=1) == 0).all() and not s.joint_velocity.any()
+    assert (
+        s.root_keys().shape == (2, 13, 3)
+        and (np.ptp(s.root_keys(), axis=1) == 0).all()
+        and not s.joint_velocity.any()
+    )
     np.testing.assert_array_equal(s.style_keys().sum(-1), 1)
     np.testing.assert_array_equal(s.goal_position[..., :2], s.root_keys()[..., :2])
     steps = np.diff(s.phase_keys(), axis=1)

@@ -1,4 +1,6 @@
-"""Weights files that others damaged end in one sentence, whatever the damage, and take no more memory than they hold."""
+"""Weights files that others damaged end in one sentence, whatever the damage, and take no more memory than
+they hold.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,14 @@ METADATA = "metadata.npy"
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """Path and bytes of a small network of the program's own layout."""
-    sizes = {"encoder_frame": 8, "encoder_goal": 8, "encoder_environment": 8, "encoder_interaction": 8, "gating_hidden": 8, "hidden": 8}
+    sizes = {
+        "encoder_frame": 8,
+        "encoder_goal": 8,
+        "encoder_environment": 8,
+        "encoder_interaction": 8,
+        "gating_hidden": 8,
+        "hidden": 8,
+    }
     config = NsmConfig(**sizes, experts=2)
     parameters, statistics = random_arrays(config)
     path = tmp_path_factory.mktemp("weights") / "whole.npz"
@@ -127,7 +136,9 @@ def test_metadata_that_make_no_sense(whole, damage):
     path, data = whole
     entries, change = entries_of(data), METADATA_CHANGES[damage]
     metadata = json.loads(np.load(io.BytesIO(entries[METADATA])).tobytes())
-    refused(path, zipped({**entries, METADATA: told(change if isinstance(change, bytes) else metadata | change)}))
+    refused(
+        path, zipped({**entries, METADATA: told(change if isinstance(change, bytes) else metadata | change)})
+    )
 
 
 def test_a_deviation_of_zero(whole):
@@ -135,13 +146,17 @@ def test_a_deviation_of_zero(whole):
     entries = entries_of(data)
     deviation = np.load(io.BytesIO(entries["statistics/input_std.npy"])).copy()
     deviation[3] = 0
-    assert "input_std holds a deviation of 0" in refused(path, zipped({**entries, "statistics/input_std.npy": npy(deviation)}))
+    assert "input_std holds a deviation of 0" in refused(
+        path, zipped({**entries, "statistics/input_std.npy": npy(deviation)})
+    )
 
 
 def test_an_archive_that_unpacks_without_end(whole):
     path, data = whole
     bomb = npy(np.zeros(100_000_000, np.float32))
-    assert "MB" in refused(path, zipped({**entries_of(data), "parameters/more.npy": bomb}, zipfile.ZIP_DEFLATED))
+    assert "MB" in refused(
+        path, zipped({**entries_of(data), "parameters/more.npy": bomb}, zipfile.ZIP_DEFLATED)
+    )
 
 
 def test_entries_that_are_encrypted_or_of_an_unknown_method(whole):
@@ -182,5 +197,7 @@ def test_any_other_damage_is_a_sentence_or_a_network(whole):
             assert "\n" not in str(error) and str(error).endswith(".")
         else:
             loaded += 1
-            assert all(np.isfinite(v).all() for v in (*weights.parameters.values(), *weights.statistics.values()))
+            assert all(
+                np.isfinite(v).all() for v in (*weights.parameters.values(), *weights.statistics.values())
+            )
     assert loaded < 100

@@ -14,15 +14,18 @@ from nsm_core.model.inference.model import BUNDLED, load_model, model_of
 from nsm_core.model.inference.weights_file import load_weights
 from nsm_core.model.networks.nsm_numpy import NEGLIGIBLE
 
-# A sum of n products in single precision rounds by about sqrt(n) units in the last place, in an order that processor and
-# library choose: 1e-5 of the largest value for the 4,018 inputs (four times what was met, and more).  What the gating network
-# adds up goes through an exponential, which makes of the rounding of its sums a share of the coefficients; the sums grow
-# as the gating features do, and the bound with them.
+# A sum of n products in single precision rounds by about sqrt(n) units in the last place, in an order that
+# processor and
+# library choose: 1e-5 of the largest value for the 4,018 inputs (four times what was met, and more).  What
+# the gating network adds up goes through an exponential, which makes of the rounding of its sums a share of
+# the coefficients; the sums grow as the gating features do, and the bound with them.
 ROUNDING = 1e-5
 
 
 def assert_same(one, other, gating_scale=1.0):
-    """Outputs (B, N) or coefficients (B, K) that differ by rounding alone, measured by the largest of them."""
+    """Outputs (B, N) or coefficients (B, K) that differ by rounding alone, measured by the largest of
+    them.
+    """
     assert np.abs(one - other).max() < ROUNDING * gating_scale * np.abs(other).max()
 
 
@@ -33,11 +36,16 @@ def elu(v: float) -> float:
 def affine(weight, bias, v):
     """Row by row, in double precision."""
     v = [float(x) for x in v]
-    return [sum(w * x for w, x in zip(row, v, strict=True)) + b for row, b in zip(weight.tolist(), bias.tolist(), strict=True)]
+    return [
+        sum(w * x for w, x in zip(row, v, strict=True)) + b
+        for row, b in zip(weight.tolist(), bias.tolist(), strict=True)
+    ]
 
 
 def reference(weights, x, gating):
-    """One character, one scalar at a time: blend the experts' weights first, then apply them, as the paper writes it."""
+    """One character, one scalar at a time: blend the experts' weights first, then apply them, as the paper
+    writes it.
+    """
     p, s, c = weights.parameters, weights.statistics, weights.config
     x = [(a - m) / d for a, m, d in zip(x, s["input_mean"], s["input_std"], strict=True)]
     h = [(a - m) / d for a, m, d in zip(gating, s["gating_mean"], s["gating_std"], strict=True)]
@@ -50,7 +58,10 @@ def reference(weights, x, gating):
     for e, part in enumerate(("frame", "goal", "environment", "interaction")):
         h, start = x[start : start + c[part]], start + c[part]
         for i in range(2):
-            h = [elu(v) for v in affine(p[f"encoders.{e}.layers.{i}.weight"], p[f"encoders.{e}.layers.{i}.bias"], h)]
+            h = [
+                elu(v)
+                for v in affine(p[f"encoders.{e}.layers.{i}.weight"], p[f"encoders.{e}.layers.{i}.bias"], h)
+            ]
         encoded += h
     h = encoded
     for i in range(3):

@@ -154,7 +154,10 @@ def test_newer_version(small):
 @pytest.mark.parametrize(
     ("layout", "words"),
     [
-        ({**LAYOUT, "gating": {"per_key": (13, 51)}}, "gating vector has per_key of 13 x 50 where this program has per_key of 13 x 51"),
+        (
+            {**LAYOUT, "gating": {"per_key": (13, 51)}},
+            "gating vector has per_key of 13 x 50 where this program has per_key of 13 x 51",
+        ),
         ({**LAYOUT, "input": {**LAYOUT["input"], "smell": (4,)}}, "input vector lacks smell"),
         ({**LAYOUT, "input": {"frame": (419,)}}, "input vector also has goal"),
     ],
@@ -173,7 +176,9 @@ def test_a_lacking_array(small):
 
 
 def test_an_array_of_another_shape(small):
-    other = rewrite(small[0], lambda entries: entries.update({"statistics/input_std": np.ones(3, np.float32)}))
+    other = rewrite(
+        small[0], lambda entries: entries.update({"statistics/input_std": np.ones(3, np.float32)})
+    )
     with pytest.raises(WeightsError) as caught:
         load_model(other, "numpy")
     assert "input_std" in one_sentence(caught)
@@ -197,7 +202,9 @@ def test_diverged_parameters_are_not_saved(tmp_path, small_config, value):
 def test_unwritable_target(tmp_path, small_config):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(OutputError) as caught:
-        save_weights(tmp_path / "file" / "w.npz", *random_arrays(small_config), config=small_config, layout=LAYOUT)
+        save_weights(
+            tmp_path / "file" / "w.npz", *random_arrays(small_config), config=small_config, layout=LAYOUT
+        )
     one_sentence(caught)
 
 

@@ -43,7 +43,9 @@ def test_expert_layer_gradients_against_finite_differences():
     layer = ExpertLinear(3, 5, 4).double()
     x = torch.randn(6, 5, dtype=torch.float64, requires_grad=True)
     c = torch.rand(6, 3, dtype=torch.float64, requires_grad=True)
-    assert torch.autograd.gradcheck(lambda x, c, w: type(layer).forward(_with(layer, w), x, c), (x, c, layer.weight))
+    assert torch.autograd.gradcheck(
+        lambda x, c, w: type(layer).forward(_with(layer, w), x, c), (x, c, layer.weight)
+    )
 
 
 def _with(layer, weight):
@@ -88,7 +90,11 @@ def test_bfloat16_stays_near_single_precision(net, small_config):
 
 
 def test_bfloat16_gradients_point_the_same_way(net, small_config):
-    x, g, t = torch.randn(64, small_config.inputs), torch.randn(64, small_config.gating), torch.randn(64, small_config.outputs)
+    x, g, t = (
+        torch.randn(64, small_config.inputs),
+        torch.randn(64, small_config.gating),
+        torch.randn(64, small_config.outputs),
+    )
 
     def gradient(half):
         net.zero_grad()
@@ -159,7 +165,10 @@ def test_it_learns_a_function_of_the_gating(net, small_config):
 
 
 def test_saved_and_loaded_it_predicts_the_same(net, small_config, tmp_path):
-    net.set_statistics(input_mean=np.linspace(-1, 1, small_config.inputs), output_std=np.linspace(0.1, 3, small_config.outputs))
+    net.set_statistics(
+        input_mean=np.linspace(-1, 1, small_config.inputs),
+        output_std=np.linspace(0.1, 3, small_config.outputs),
+    )
     state = {name: values.numpy() for name, values in net.state_dict().items()}
     save_weights(
         tmp_path / "w.npz", {k: v for k, v in state.items() if k not in STATISTICS}, {k: state[k] for k in STATISTICS},

@@ -1,4 +1,6 @@
-"""A second network, with memory, takes the NSM's road: registered, saved, loaded, stepped through takes, in both back ends."""
+"""A second network, with memory, takes the NSM's road: registered, saved, loaded, stepped through takes, in
+both back ends.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,13 @@ class Heard:
     """A network whose steps are listened to: inputs, memory before and after, and outputs of each."""
 
     def __init__(self, model):
-        self.model, self.backend, self.config, self.metadata, self.steps = model, model.backend, model.config, model.metadata, []
+        self.model, self.backend, self.config, self.metadata, self.steps = (
+            model,
+            model.backend,
+            model.config,
+            model.metadata,
+            [],
+        )
 
     def start(self, batch=1):
         return self.model.start(batch)
@@ -45,7 +53,10 @@ class Heard:
 
 def walk(model, frames=FRAMES):
     """The runner of a short walk with no one else about, so many frames long."""
-    runner = TakeRunner(model, TakeRequest(np.zeros(2), 0.0, [Goal("walk", "there", np.array((0.3, -3.0, 0.0)), 0.0)], Cuboids([])))
+    runner = TakeRunner(
+        model,
+        TakeRequest(np.zeros(2), 0.0, [Goal("walk", "there", np.array((0.3, -3.0, 0.0)), 0.0)], Cuboids([])),
+    )
     while runner.frames < frames + 1 and runner.step():
         pass
     return runner
@@ -63,17 +74,23 @@ def shipped() -> Heard:
 @pytest.fixture(scope="module")
 def take(shipped) -> Inputs:
     """Inputs (T, ...) of that walk."""
-    return Inputs(*(np.concatenate(rows) for rows in zip(*(inputs for inputs, *_ in shipped.steps), strict=True)))
+    return Inputs(
+        *(np.concatenate(rows) for rows in zip(*(inputs for inputs, *_ in shipped.steps), strict=True))
+    )
 
 
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory, shipped):
-    """Path of its weights file: random parameters, outputs about those of the walk, so that a take can be made of them."""
+    """Path of its weights file: random parameters, outputs about those of the walk, so that a take can be
+    made of them.
+    """
     parameters, statistics = random_arrays(ElmanConfig())
     y = np.concatenate([y for *_, y in shipped.steps])
     statistics |= {"output_mean": y.mean(axis=0), "output_std": np.maximum(0.1 * y.std(axis=0), 1e-4)}
     path = tmp_path_factory.mktemp("elman") / "elman.npz"
-    return save_weights(path, parameters, statistics, config=ElmanConfig(), layout=LAYOUT, stance=shipped.metadata["stance"])
+    return save_weights(
+        path, parameters, statistics, config=ElmanConfig(), layout=LAYOUT, stance=shipped.metadata["stance"]
+    )
 
 
 def through(model, take: Inputs, memory=None):
@@ -144,13 +161,17 @@ def test_a_take_is_a_batch_of_one(saved, take):
     rest = Inputs(take.features[10:], take.gating[10:])
     together, _ = through(model, rest, both)
     scale = model._s["output_std"]
-    np.testing.assert_allclose(together[:, 0] / scale, through(model, rest, memory)[0][:, 0] / scale, atol=1e-3)
+    np.testing.assert_allclose(
+        together[:, 0] / scale, through(model, rest, memory)[0][:, 0] / scale, atol=1e-3
+    )
     np.testing.assert_allclose(together[:, 1] / scale, through(model, rest)[0][:, 0] / scale, atol=1e-3)
 
 
 def test_back_ends_agree_over_a_take(saved, take):
     pytest.importorskip("torch")
-    (ours, mine), (theirs, other) = (through(load_model(saved, backend), take) for backend in ("numpy", "torch"))
+    (ours, mine), (theirs, other) = (
+        through(load_model(saved, backend), take) for backend in ("numpy", "torch")
+    )
     scale = load_weights(saved).statistics["output_std"]
     np.testing.assert_allclose(ours / scale, theirs / scale, atol=1e-3)
     np.testing.assert_allclose(mine["hidden"], other["hidden"], atol=1e-4)
@@ -171,7 +192,9 @@ def test_takes_carry_the_memory_along(saved):
     assert [int(memory["frames"][0, 0]) for _, memory, *_ in heard.steps] == list(range(FRAMES))
     for (*_, after, _), (_, before, *_) in zip(heard.steps, heard.steps[1:], strict=False):
         assert all(np.array_equal(before[name], after[name]) for name in after)
-    again, _ = through(heard.model, Inputs(*(np.concatenate(v) for v in zip(*(s[0] for s in heard.steps), strict=True))))
+    again, _ = through(
+        heard.model, Inputs(*(np.concatenate(v) for v in zip(*(s[0] for s in heard.steps), strict=True)))
+    )
     np.testing.assert_array_equal(again, np.stack([y for *_, y in heard.steps]))
 
 

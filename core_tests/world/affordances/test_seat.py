@@ -38,7 +38,9 @@ def test_the_front_turns_with_the_mesh(degrees):
         shift = np.array((4.0, -3.0, 0.0))
         seat = find_seat(rotate_planar(f.vertices.astype(float), angle) + shift, f.triangles)
         assert abs(wrap_angle(seat.heading - angle)) < np.deg2rad(3)
-        np.testing.assert_allclose(seat.point, rotate_planar(f.seat.point.astype(float), angle) + shift, atol=0.05)
+        np.testing.assert_allclose(
+            seat.point, rotate_planar(f.seat.point.astype(float), angle) + shift, atol=0.05
+        )
 
 
 def test_a_long_bench_without_back_is_entered_from_a_long_side():

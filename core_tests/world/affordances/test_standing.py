@@ -1,4 +1,6 @@
-"""Boxes away from edges: where one stands, what is refused, the way over an edge and between boards, a body kept out of things."""
+"""Boxes away from edges: where one stands, what is refused, the way over an edge and between boards, a body
+kept out of things.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,14 @@ from nsm_core.evaluation.measures.objects import box_in_solids
 from nsm_core.evaluation.trials import carry_far
 from nsm_core.model.inference.model import load_model
 from nsm_core.rotations import quat_from_rotvec, rotate_planar
-from nsm_core.world.affordances.standing import BODY_TO_EDGE, TOES_CLEAR, choose_side, edge_before, further_off, require_room
+from nsm_core.world.affordances.standing import (
+    BODY_TO_EDGE,
+    TOES_CLEAR,
+    choose_side,
+    edge_before,
+    further_off,
+    require_room,
+)
 from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.planning.berth import Berth
 from nsm_core.world.scene import furniture
@@ -34,16 +43,24 @@ def crate(pose, size=SIZE) -> Box:
 
 
 def table(turn=0.0, width=1.4, depth=1.2, top=0.74, more=()) -> Cuboids:
-    """A top whose edges lie half of ``width`` and ``depth`` from the origin, on legs; ``more`` boxes (mins, maxs) in its frame."""
+    """A top whose edges lie half of ``width`` and ``depth`` from the origin, on legs; ``more`` boxes (mins,
+    maxs) in its frame.
+    """
     x, y = width / 2, depth / 2
     parts = [((-x, -y, top - 0.04), (x, y, top)), *more]
-    parts += [((sx * x - 0.03, sy * y - 0.03, 0), (sx * x + 0.03, sy * y + 0.03, top)) for sx in (-1, 1) for sy in (-1, 1)]
+    parts += [
+        ((sx * x - 0.03, sy * y - 0.03, 0), (sx * x + 0.03, sy * y + 0.03, top))
+        for sx in (-1, 1)
+        for sy in (-1, 1)
+    ]
     low, high = (np.array([p[k] for p in parts]) for k in (0, 1))
     return Cuboids([((0, 0), turn, low, high)])
 
 
 def on_table(edge: float, turn=0.0, depth=1.2, top=0.74) -> Box:
-    """A crate whose face towards +Y of the table is ``edge`` metres from the edge there; its carrier faces -Y of the table."""
+    """A crate whose face towards +Y of the table is ``edge`` metres from the edge there; its carrier faces -Y
+    of the table.
+    """
     place = rotate_planar(np.array((0.0, depth / 2 - edge - SIZE[1] / 2, 0.0)), np.float64(turn))
     return crate((*place[:2], top + SIZE[2] / 2, turn))
 
@@ -53,7 +70,9 @@ def on_table(edge: float, turn=0.0, depth=1.2, top=0.74) -> Box:
 def test_one_stands_outside_of_the_edge_and_not_further_than_needed(edge, turn):
     box, solids = on_table(edge, turn), table(turn)
     assert edge_before(box, 0.0, box.pose[:3], turn, solids) == pytest.approx(edge, abs=0.015)
-    facing, stand, further = choose_side(box, None, rotate_planar(np.array((0.0, 3.0)), np.float64(turn)), solids=solids)
+    facing, stand, further = choose_side(
+        box, None, rotate_planar(np.array((0.0, 3.0)), np.float64(turn)), solids=solids
+    )
     assert facing == 0.0 and further == pytest.approx(max(0.0, edge + BODY_TO_EDGE - BODY_TO_BOX), abs=0.015)
     own = rotate_planar(stand, np.float64(-turn))
     assert own[1] - 0.6 > BODY_TO_EDGE - 0.02 and abs(own[0]) < 1e-6
@@ -67,7 +86,9 @@ def test_from_a_box_on_the_floor_toes_keep_off():
 
 def test_what_no_body_leans_to_is_refused_with_its_distance():
     box = on_table(0.45)
-    with pytest.raises(GoalError, match=r"^Crate lies 0\.4[56] m behind the edge before it; a body leans 0\.\d\d m .*\.$"):
+    with pytest.raises(
+        GoalError, match=r"^Crate lies 0\.4[56] m behind the edge before it; a body leans 0\.\d\d m .*\.$"
+    ):
         choose_side(box, None, np.array((0.0, 3.0)), solids=table())
     with pytest.raises(GoalError, match=r"^Crate lies 45\.\d\d m"):
         choose_side(box, None, np.array((0.0, 3.0)), solids=table(), scale=100.0)
@@ -96,8 +117,12 @@ def test_places_between_things_are_refused_or_right():
         require_room(crate(place, (0.3, 0.3, 0.37)), place + (0, 0, 0.055, 0), solids, "The place")
 
 
-def carried_to(goal: np.ndarray, solids: Cuboids, start: np.ndarray, further: float) -> tuple[Box, np.ndarray]:
-    """Poses (T, 4) of a box that hands at the height of ``start`` bring straight before ``goal`` and hold there."""
+def carried_to(
+    goal: np.ndarray, solids: Cuboids, start: np.ndarray, further: float
+) -> tuple[Box, np.ndarray]:
+    """Poses (T, 4) of a box that hands at the height of ``start`` bring straight before ``goal`` and hold
+    there.
+    """
     box = crate(start)
     carrying = Carrying(box, 0.0, goal, solids, ik=False)
     carrying.send(goal, further)
@@ -148,9 +173,15 @@ def test_elbows_go_round_the_corners_of_a_wide_crate():
     deep = []
     for _ in range(40):
         hips, local = standing()
-        for arm, sign in zip(ARMS, (-1.0, 1.0), strict=True):  # hanging: elbows stay low when wrists are raised
+        for arm, sign in zip(
+            ARMS, (-1.0, 1.0), strict=True
+        ):  # hanging: elbows stay low when wrists are raised
             local[arm[0]] = quat_from_rotvec(np.array((0, sign * 1.35, 0)))
-        further = box.to_world(box.grasps(0.0)) - (0, 0.04, 0)  # than one holds it, so that arms must go round
+        further = box.to_world(box.grasps(0.0)) - (
+            0,
+            0.04,
+            0,
+        )  # than one holds it, so that arms must go round
         pose = Pose(hips, place_limbs(hips, local, ARMS, further), np.zeros((2, 3)))
         wrists = pose.arms()[1]
         elbows.apply(pose, box, True)
@@ -165,7 +196,10 @@ def test_elbows_go_round_the_corners_of_a_wide_crate():
 def test_a_foot_too_far_ahead_comes_back_and_returns():
     hips, local = standing()
     toes = ToeClearance()
-    tips = lambda kept: forward_kinematics(hips, kept)[0][[leg[3] for leg in FEET], 1].min()  # noqa: E731
+
+    def tips(kept):
+        return forward_kinematics(hips, kept)[0][[leg[3] for leg in FEET], 1].min()
+
     before = tips(local)
     # Seven centimetres of toe lie before the joint, so that four of them are in it.
     block = Cuboids([((0, before - 0.53), 0.0, np.array([(-1, -0.5, 0.0)]), np.array([(1, 0.5, 0.4)]))])

@@ -1,4 +1,6 @@
-"""The object pool: meshes become few boxes with seats, the same pieces are held back everywhere, scales keep seats sane."""
+"""The object pool: meshes become few boxes with seats, the same pieces are held back everywhere, scales keep
+seats sane.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ from nsm_core.world.assets.pool import SEAT_RANGE, Entry, Pool, scaled, split
 from nsm_core.world.scene.door import make_door
 from nsm_core.world.scene.furniture import box_mesh, cuboids, make, top_of
 
-trimesh = pytest.importorskip("trimesh", reason="trimesh reads the pool's meshes; it comes with the train and test groups")
+trimesh = pytest.importorskip(
+    "trimesh", reason="trimesh reads the pool's meshes; it comes with the train and test groups"
+)
 
 
 def write_glb(path, vertices, triangles):
@@ -26,7 +30,9 @@ def write_glb(path, vertices, triangles):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Hold a small pool: six chairs, three tables, two boxes, a lid, a wall with a hole, a leaf and a broken file."""
+    """Hold a small pool: six chairs, three tables, two boxes, a lid, a wall with a hole, a leaf and a broken
+    file.
+    """
     root, rows, rng = tmp_path_factory.mktemp("assets"), ["file,class,front,scale"], np.random.default_rng(0)
     for kind, count in (("chair", 6), ("table", 3), ("box", 2), ("hole_wall", 1)):
         for k in range(count):
@@ -121,7 +127,11 @@ def test_draws_mix_meshes_and_parametric_pieces_and_repeat_by_seed(folder):
     assert SEAT_RANGE[0] - 1e-6 <= min(seats) < 0.42 and 0.5 < max(seats) <= SEAT_RANGE[1] + 1e-6
     for _ in range(10):
         crate = pool.draw("crate", rng)
-        assert crate.kind == "crate" and (crate.size >= CRATE_SIDE[0] - 1e-5).all() and (crate.size <= CRATE_SIDE[1] + 1e-5).all()
+        assert (
+            crate.kind == "crate"
+            and (crate.size >= CRATE_SIDE[0] - 1e-5).all()
+            and (crate.size <= CRATE_SIDE[1] + 1e-5).all()
+        )
     assert pool.draw("step", rng).kind == "step"
     assert Pool().draw("sofa", rng).kind == "sofa"
     meshes = Pool.load(folder, cache=folder / "kept.npz").held_back()
@@ -146,13 +156,26 @@ def door_parts(shift=0.0, height=2.05):
         "door_pane": ([(-0.35, -0.01, 0.1)], [(0.35, 0.01, 1.9)]),
         "knob": ([(0.3, -0.07, 1.0)], [(0.36, 0.07, 1.04)]),
     }
-    return [(name, *box_mesh(np.array(a) + (shift, 0, 0), np.array(b) + (shift, 0, 0))) for name, (a, b) in boxes.items()]
+    return [
+        (name, *box_mesh(np.array(a) + (shift, 0, 0), np.array(b) + (shift, 0, 0)))
+        for name, (a, b) in boxes.items()
+    ]
 
 
 def test_doors_are_measured_by_their_parts():
     found = door_measures(door_parts(0.3))
-    expected = {"width": 0.8, "height": 2.05, "panel": 0.04, "grips": 0.14, "handle_height": 1.02, "handle_edge": 0.07, "lever": 0.03}
-    assert {k: pytest.approx(v, abs=1e-5) for k, v in expected.items()} | {"depth": pytest.approx(0.12, abs=1e-5)} == found
+    expected = {
+        "width": 0.8,
+        "height": 2.05,
+        "panel": 0.04,
+        "grips": 0.14,
+        "handle_height": 1.02,
+        "handle_edge": 0.07,
+        "lever": 0.03,
+    }
+    assert {k: pytest.approx(v, abs=1e-5) for k, v in expected.items()} | {
+        "depth": pytest.approx(0.12, abs=1e-5)
+    } == found
     door = make_door(np.random.default_rng(0), **found)
     assert door.width == pytest.approx(0.8, abs=1e-5) and door.handle[2] == pytest.approx(1.02, abs=1e-5)
     with pytest.raises(GeometryError, match="handle"):
@@ -166,7 +189,9 @@ def test_doors_of_the_pool_are_split_kept_and_drawn(folder, tmp_path):
     for k in range(4):
         scene = trimesh.Scene()
         for name, v, f in door_parts(height=1.9 + 0.05 * k):
-            scene.add_geometry(trimesh.Trimesh(np.stack((v[:, 0], v[:, 2], -v[:, 1]), 1), f, process=False), node_name=name)
+            scene.add_geometry(
+                trimesh.Trimesh(np.stack((v[:, 0], v[:, 2], -v[:, 1]), 1), f, process=False), node_name=name
+            )
         scene.export(tmp_path / f"d{k}.glb")
     pool = Pool.load(tmp_path, cache=tmp_path / "pool.npz")
     assert sum(d.held for d in pool.doors) == 1 and len(pool.training().doors) == 3

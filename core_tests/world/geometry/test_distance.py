@@ -17,7 +17,9 @@ def random_objects(rng, count, tilted):
     for _ in range(count):
         mins = rng.uniform(-0.8, 0.4, (rng.integers(1, 9), 3))
         maxs = mins + rng.uniform(0.02, 0.8, mins.shape)
-        rotation = Rotation.random(random_state=rng) if tilted else Rotation.from_rotvec((0, 0, rng.uniform(-4, 4)))
+        rotation = (
+            Rotation.random(random_state=rng) if tilted else Rotation.from_rotvec((0, 0, rng.uniform(-4, 4)))
+        )
         xyzw = rotation.as_quat()
         objects.append((rng.uniform(-2, 2, 3), rotation, xyzw[[3, 0, 1, 2]], mins, maxs))
     return objects
@@ -68,7 +70,9 @@ def test_a_union_takes_the_nearest_of_its_parts():
     a = Cuboids([((0, 0), 0.0, [(0, 0, 0)], [(1, 1, 1)])])
     b = Cuboids([((3, 0), 0.0, [(0, 0, 0)], [(1, 1, 1)])])
     points = np.array([(1.1, 0.5, 0.5), (2.8, 0.5, 0.5), (0.5, 0.5, 0.5), (2, 0.5, 0.5)])
-    np.testing.assert_allclose(Union([a, Union([b])]).signed_distance(points, 0.5), (0.1, 0.2, -0.5, 0.5), atol=1e-6)
+    np.testing.assert_allclose(
+        Union([a, Union([b])]).signed_distance(points, 0.5), (0.1, 0.2, -0.5, 0.5), atol=1e-6
+    )
 
 
 def test_nothing_is_far_from_everything():

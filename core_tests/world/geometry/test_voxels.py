@@ -16,7 +16,9 @@ from nsm_core.world.scene.furniture import KINDS, box_mesh, cuboids, make
 def soup(seed, count=12):
     """Random triangles of all sizes, unconnected."""
     rng = np.random.default_rng(seed)
-    corners = rng.uniform(-0.4, 0.4, (count, 1, 3)) + rng.uniform(-1, 1, (count, 3, 3)) * rng.uniform(0.01, 0.4, (count, 1, 1))
+    corners = rng.uniform(-0.4, 0.4, (count, 1, 3)) + rng.uniform(-1, 1, (count, 3, 3)) * rng.uniform(
+        0.01, 0.4, (count, 1, 1)
+    )
     return corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)
 
 
@@ -152,7 +154,9 @@ def test_sides_are_known_for_closed_parts_only():
     sides = face_sides(vertices, triangles[:-1])  # the third lacks a face
     np.testing.assert_array_equal(sides, [1] * 12 + [-1] * 12 + [0] * 11)
     split = vertices[triangles].reshape(-1, 3)
-    np.testing.assert_array_equal(face_sides(split, np.arange(len(split)).reshape(-1, 3))[:24], [1] * 12 + [-1] * 12)
+    np.testing.assert_array_equal(
+        face_sides(split, np.arange(len(split)).reshape(-1, 3))[:24], [1] * 12 + [-1] * 12
+    )
     triangles[0] = triangles[0, ::-1]
     assert (face_sides(vertices, triangles)[:12] == 0).all()
 

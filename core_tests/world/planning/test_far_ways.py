@@ -1,4 +1,6 @@
-"""Far and large floors: looked at where something is asked alone, ways in larger cells and round what stands in them, and limits."""
+"""Far and large floors: looked at where something is asked alone, ways in larger cells and round what stands
+in them, and limits.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +31,13 @@ class Named(Cuboids):
         return Named({n: b for n, b in self.boxes.items() if n != name})
 
     def nearest(self, points, max_distance):
-        distances = np.stack([q.signed_distance(np.asarray(points, np.float32), max_distance) for q in self.each])
-        return [self.names[k] if d < max_distance else None for k, d in zip(distances.argmin(0), distances.min(0), strict=True)]
+        distances = np.stack(
+            [q.signed_distance(np.asarray(points, np.float32), max_distance) for q in self.each]
+        )
+        return [
+            self.names[k] if d < max_distance else None
+            for k, d in zip(distances.argmin(0), distances.min(0), strict=True)
+        ]
 
 
 def wall(x0, x1, y):
@@ -51,7 +58,9 @@ def test_the_same_clearance_wherever_it_is_asked_first():
     whole, single = (FloorPlan(query, ((-10, -10), (10, 10))) for _ in range(2))
     at_once = whole.clearance(points)
     np.testing.assert_array_equal(at_once, np.concatenate([single.clearance(p[None]) for p in points]))
-    more = whole.besides(Cuboids([((0, 0, 0), 0.0, [(-1, -5, 0)], [(1, -4, 1)])]), np.array(((0.0, -4.5),)), 1.2)
+    more = whole.besides(
+        Cuboids([((0, 0, 0), 0.0, [(-1, -5, 0)], [(1, -4, 1)])]), np.array(((0.0, -4.5),)), 1.2
+    )
     assert (more.clearance(points) <= at_once + 1e-9).all() and (more.clearance(points) < at_once - 0.1).any()
     np.testing.assert_array_equal(whole.clearance(points), at_once)
 
@@ -77,13 +86,19 @@ def test_what_lies_out_of_reach_is_told_in_metres():
 
 @pytest.mark.parametrize("start", [(0.0, -3.0), (0.0, 0.0)])
 def test_what_keeps_one_out_or_in_is_named(start):
-    sides = {"left": ((-1.2, -1, 0), (-1, 1, 2)), "right": ((1, -1, 0), (1.2, 1, 2)), "back": ((-1, 1, 0), (1, 1.2, 2))}
+    sides = {
+        "left": ((-1.2, -1, 0), (-1, 1, 2)),
+        "right": ((1, -1, 0), (1.2, 1, 2)),
+        "back": ((-1, 1, 0), (1, 1.2, 2)),
+    }
     boxes = {**sides, "Fence": ((-1, -1.2, 0), (1, -1, 1)), "Far": ((5, 5, 0), (6, 6, 2))}
     plan = FloorPlan(Named(boxes), ((-8, -8), (8, 8)))
     goal = np.zeros(2) if start[1] else np.array((0.0, -4.0))
     with pytest.raises(GoalError, match="'Fence' stands in it.*nsm_collider"):
         plan.find(np.array(start), goal)
-    unnamed = FloorPlan(Cuboids([((0, 0, 0), 0.0, [low], [high]) for low, high in boxes.values()]), ((-8, -8), (8, 8)))
+    unnamed = FloorPlan(
+        Cuboids([((0, 0, 0), 0.0, [low], [high]) for low, high in boxes.values()]), ((-8, -8), (8, 8))
+    )
     with pytest.raises(GoalError, match="move the furniture apart"):
         unnamed.find(np.array(start), goal)
 

@@ -13,12 +13,20 @@ from nsm_core.world.planning.floor_plan import FloorPlan, line_is_free, path_len
 ROOM = ((-4.0, -4.0), (4.0, 4.0))
 
 
-def box(centre: tuple[float, float], size: tuple[float, float], top: float = 1.0, heading: float = 0.0, bottom: float = 0.0) -> tuple:
+def box(
+    centre: tuple[float, float],
+    size: tuple[float, float],
+    top: float = 1.0,
+    heading: float = 0.0,
+    bottom: float = 0.0,
+) -> tuple:
     half = np.array(size) / 2
     return np.array(centre), heading, np.array(((*-half, bottom),)), np.array(((*half, top),))
 
 
-def plan_path(query: Cuboids, start: tuple[float, float], goal: tuple[float, float], margin: float = 2.0) -> np.ndarray:
+def plan_path(
+    query: Cuboids, start: tuple[float, float], goal: tuple[float, float], margin: float = 2.0
+) -> np.ndarray:
     """The way on a floor of ``margin`` metres around its ends."""
     ends = np.array((start, goal), dtype=np.float64)
     return FloorPlan(query, (ends.min(0) - margin, ends.max(0) + margin)).find(*ends)
@@ -39,7 +47,11 @@ def curvature(path: np.ndarray) -> np.ndarray:
 
 def test_empty_floor_is_crossed_straight():
     path = plan_path(Cuboids(), (0, 0), (3, 4))
-    assert path_length(path) == pytest.approx(5) and np.allclose(path[0], (0, 0)) and np.allclose(path[-1], (3, 4))
+    assert (
+        path_length(path) == pytest.approx(5)
+        and np.allclose(path[0], (0, 0))
+        and np.allclose(path[-1], (3, 4))
+    )
     assert np.allclose(np.linalg.norm(np.diff(path, axis=0), axis=-1), 0.05, atol=1e-3)
 
 
@@ -64,7 +76,9 @@ def test_thin_table_top_is_an_obstacle_and_a_lamp_is_not():
 
 
 def test_door_in_a_wall_is_found():
-    wall = Cuboids([box((0, -2.5), (0.1, 4.0), 2.5), box((0, 2.4), (0.1, 4.0), 2.5)])  # 90 cm between -0.5 and 0.4
+    wall = Cuboids(
+        [box((0, -2.5), (0.1, 4.0), 2.5), box((0, 2.4), (0.1, 4.0), 2.5)]
+    )  # 90 cm between -0.5 and 0.4
     plan = FloorPlan(wall, ROOM)
     path = plan.find((-2, 2), (2, 2))
     at_wall = path[np.abs(path[:, 0]) < 0.1]
@@ -77,7 +91,9 @@ def test_random_rooms_keep_clear_of_furniture():
     found = 0
     for _ in range(12):
         tops = rng.choice((0.45, 0.75, 1.8), 8)
-        objects = [box(rng.uniform(-3, 3, 2), rng.uniform(0.4, 1.4, 2), top, rng.uniform(-3, 3)) for top in tops]
+        objects = [
+            box(rng.uniform(-3, 3, 2), rng.uniform(0.4, 1.4, 2), top, rng.uniform(-3, 3)) for top in tops
+        ]
         query = Cuboids(objects)
         plan = FloorPlan(query, ROOM)
         ends = rng.uniform(-3.8, 3.8, (2, 2))
@@ -102,7 +118,9 @@ def test_clearance_is_the_true_distance():
 
 
 def test_leaving_a_seat_against_the_wall():
-    """From a chair with its back to a wall and a table at its side, the way leads out at the front, not through the back rest."""
+    """From a chair with its back to a wall and a table at its side, the way leads out at the front, not
+    through the back rest.
+    """
     seat, rest = ((-0.25, -0.25, 0.4), (0.25, 0.25, 0.45)), ((-0.25, 0.2, 0.45), (0.25, 0.25, 0.95))
     chair = (np.zeros(2), 0.0, np.array((seat[0], rest[0])), np.array((seat[1], rest[1])))
     query = Cuboids([chair, box((0, 0.5), (4, 0.2), 2.5)])
@@ -128,7 +146,9 @@ def test_line_of_sight_of_plan_and_of_solids_agree():
     query = Cuboids([box((0, 0), (1, 1), 1.0, 0.7)])
     plan = FloorPlan(query, ROOM)
     rng = np.random.default_rng(1)
-    same = [plan.line_is_free(a, b) == line_is_free(query, a, b) for a, b in rng.uniform(-2.5, 2.5, (60, 2, 2))]
+    same = [
+        plan.line_is_free(a, b) == line_is_free(query, a, b) for a, b in rng.uniform(-2.5, 2.5, (60, 2, 2))
+    ]
     assert np.mean(same) > 0.95
     assert line_is_free(plan, (-2, -2), (-2, 2)) and not line_is_free(plan, (-2, 0), (2, 0))
 
@@ -141,12 +161,23 @@ def test_start_at_the_goal():
 
 @pytest.mark.parametrize("depth", [1.2, 1.9, 3.6])
 def test_tops_of_any_depth_are_left(depth):
-    podium = Cuboids([((0.0, 0.0), 0.0, np.array([(-depth / 2, -depth / 2, 0.0)]), np.array([(depth / 2, depth / 2, 0.3)]))])
+    podium = Cuboids(
+        [
+            (
+                (0.0, 0.0),
+                0.0,
+                np.array([(-depth / 2, -depth / 2, 0.0)]),
+                np.array([(depth / 2, depth / 2, 0.3)]),
+            )
+        ]
+    )
     plan = FloorPlan(podium, (np.array((-5.0, -5.0)), np.array((5.0, 5.0))))
     way = plan.find((0.0, 0.1), (0.5, -4.0))
     np.testing.assert_allclose(way[[0, -1]], ((0.0, 0.1), (0.5, -4.0)), atol=1e-6)
     off = np.abs(way).max(1) > depth / 2 + BODY_RADIUS
-    assert off[-1] and np.linalg.norm(way[np.argmax(off)]) < depth / 2 * 1.45 + 0.8, "it gets off on the shortest ways"
+    assert off[-1] and np.linalg.norm(way[np.argmax(off)]) < depth / 2 * 1.45 + 0.8, (
+        "it gets off on the shortest ways"
+    )
     if depth > 1.5:
         with pytest.raises(GoalError, match="no free way"):  # but nobody walks into the middle of a deep one
             plan.find((0.5, -4.0), (0.0, 0.1))

@@ -35,7 +35,9 @@ def test_the_leaf_closes_the_opening_and_turns_without_touching_the_wall():
         assert x0 < 0 and d.width < x1 < d.width + 0.05 and d.piece.size[2] < top
         for swing in (-1.0, 1.0):
             leaf = d.leaf(swing=swing)
-            grid = np.stack(np.meshgrid(np.linspace(0, d.width, 30), (-0.01, 0.01), (0.1, 1.0, 1.95), indexing="ij"), -1).reshape(-1, 3)
+            grid = np.stack(
+                np.meshgrid(np.linspace(0, d.width, 30), (-0.01, 0.01), (0.1, 1.0, 1.95), indexing="ij"), -1
+            ).reshape(-1, 3)
             for angle in (0.0, 0.4, float(OPENED), float(np.radians(95))):
                 assert (wall.signed_distance(leaf.to_world(grid, leaf.pose_at(angle)), 1.0) > 0).all()
 

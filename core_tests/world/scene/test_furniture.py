@@ -35,7 +35,14 @@ def test_people_fit_on_the_seats(kind):
         assert 0.35 <= seat.height <= 0.6 and seat.heading == 0
         query = cuboids([(f, (0, 0), 0.0)])
         under = seat.point + np.array((0, 0, -0.01))
-        over = np.array([seat.point + (dx, dy, dz) for dx in (-0.1, 0, 0.1) for dy in (-0.1, 0, 0.1) for dz in (0.02, 0.3, 0.7)])
+        over = np.array(
+            [
+                seat.point + (dx, dy, dz)
+                for dx in (-0.1, 0, 0.1)
+                for dy in (-0.1, 0, 0.1)
+                for dz in (0.02, 0.3, 0.7)
+            ]
+        )
         assert query.signed_distance(under[None], 0.5)[0] < 0
         assert (query.signed_distance(over, 0.5) > 0).all()
         front = f.mins[:, 1].min()
@@ -52,7 +59,16 @@ def test_the_same_seed_makes_the_same_piece_and_another_seed_another():
 
 
 def test_measures_can_be_given():
-    f = make("armchair", np.random.default_rng(0), seat_height=0.5, width=0.55, depth=0.5, arm_width=0.1, thickness=0.1, arm_style="block")
+    f = make(
+        "armchair",
+        np.random.default_rng(0),
+        seat_height=0.5,
+        width=0.55,
+        depth=0.5,
+        arm_width=0.1,
+        thickness=0.1,
+        arm_style="block",
+    )
     assert f.seat.height == 0.5 and f.seat.arms and f.seat.back
     assert f.size[0] == pytest.approx(0.75, abs=1e-6) and f.size[1] == pytest.approx(0.6, abs=1e-6)
     assert make("bench", np.random.default_rng(0), back=True).seat.back
@@ -85,9 +101,13 @@ def test_a_wall_with_a_hole_lets_a_person_through_there_and_nowhere_else():
         x0, x1, top = wall.opening
         assert 0.8 <= x1 - x0 <= 1.2 and 1.95 <= top <= 2.2
         query = cuboids([(wall, (0, 0), 0.0)])
-        through = np.array([(x, 0, z) for x in (x0 + 0.01, (x0 + x1) / 2, x1 - 0.01) for z in (0.01, 1.0, top - 0.01)])
+        through = np.array(
+            [(x, 0, z) for x in (x0 + 0.01, (x0 + x1) / 2, x1 - 0.01) for z in (0.01, 1.0, top - 0.01)]
+        )
         beside = np.array([(x, 0, z) for x in (x0 - 0.01, x1 + 0.01) for z in (0.01, 1.0, top + 0.01)])
-        assert (query.signed_distance(through, 1.0) > 0).all() and (query.signed_distance(beside, 1.0) < 0).all()
+        assert (query.signed_distance(through, 1.0) > 0).all() and (
+            query.signed_distance(beside, 1.0) < 0
+        ).all()
 
 
 def test_a_flight_of_steps_rises_to_the_back():
@@ -123,5 +143,7 @@ def test_a_crate_becomes_a_box_to_carry_and_back():
     corner = crate.maxs[0] * 0.99
     world = cuboids([(crate, (1.0, 2.0, 0.7), 0.5)])
     points = box.to_world(np.stack((corner, 1.2 * corner, (0, 0, 0))) - (0, 0, crate.size[2] / 2))
-    np.testing.assert_allclose(box.signed_distance(points, 1.0), world.signed_distance(points, 1.0), atol=1e-5)
+    np.testing.assert_allclose(
+        box.signed_distance(points, 1.0), world.signed_distance(points, 1.0), atol=1e-5
+    )
     assert box.sensed().occupancy.min() == 1.0

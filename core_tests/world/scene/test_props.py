@@ -24,7 +24,17 @@ def crate(pose=(1.0, -2.0, 0.5, 0.6)) -> Box:
 def door(swing: float = 1.0, pose=(0.5, 1.0, 0.0, 0.4)) -> Leaf:
     low, high = np.array((0, -0.02, 0.01)), np.array((0.9, 0.02, 2.03))
     query = Cuboids([((0, 0, 0), 0.0, low[None], high[None])])
-    return Leaf("Door", query, sense(query, low, high), np.array(pose), 0.9, np.array((0.83, 0, 1.0)), 0.12, swing, pose[3])
+    return Leaf(
+        "Door",
+        query,
+        sense(query, low, high),
+        np.array(pose),
+        0.9,
+        np.array((0.83, 0, 1.0)),
+        0.12,
+        swing,
+        pose[3],
+    )
 
 
 @pytest.mark.parametrize("facing", [0.0, np.pi / 2, np.pi, -np.pi / 2])
@@ -33,8 +43,12 @@ def test_wrists_lie_beside_the_box_right_and_left_of_the_carrier(facing):
     right, left = (rotate_planar(p[:2], np.float64(-facing)) for p in box.grasps(facing))
     width, depth = box.across(facing)
     assert (width, depth) == pytest.approx((0.4, 0.3) if abs(np.sin(facing)) < 0.5 else (0.3, 0.4))
-    assert -right[0] == pytest.approx(width / 2 + WRIST_OFF_SIDE) and left[0] == pytest.approx(width / 2 + WRIST_OFF_SIDE)
-    assert right[1] == pytest.approx(left[1]) and right[1] > 0, "hands reach on over the sides from behind its centre"
+    assert -right[0] == pytest.approx(width / 2 + WRIST_OFF_SIDE) and left[0] == pytest.approx(
+        width / 2 + WRIST_OFF_SIDE
+    )
+    assert right[1] == pytest.approx(left[1]) and right[1] > 0, (
+        "hands reach on over the sides from behind its centre"
+    )
     distance = box.query.signed_distance(box.grasps(facing).astype(np.float32), 0.2)
     np.testing.assert_allclose(distance, WRIST_OFF_SIDE, atol=1e-6)
     assert box.stand_off(facing) == pytest.approx(depth / 2 + BODY_TO_BOX)
@@ -46,8 +60,12 @@ def test_only_large_boxes_are_held_otherwise_than_in_the_data_and_shown_higher_f
     box.size, large.size = np.array((0.38, 0.3, 0.25)), np.array((0.5, 0.5, 0.5))
     np.testing.assert_allclose(box.grasps(facing), box.learned_grasps(facing))
     assert not box.raised.any()
-    held, learned = (rotate_planar(p, np.float64(-facing)) for p in (large.grasps(facing), large.learned_grasps(facing)))
-    np.testing.assert_allclose(learned, [(sign * (0.25 + WRIST_OFF_SIDE), WRIST_BEHIND, -WRIST_BELOW * 0.5) for sign in (-1, 1)])
+    held, learned = (
+        rotate_planar(p, np.float64(-facing)) for p in (large.grasps(facing), large.learned_grasps(facing))
+    )
+    np.testing.assert_allclose(
+        learned, [(sign * (0.25 + WRIST_OFF_SIDE), WRIST_BEHIND, -WRIST_BELOW * 0.5) for sign in (-1, 1)]
+    )
     assert (held[:, 1] > learned[:, 1] + 0.03).all()
     np.testing.assert_allclose((learned + large.raised)[:, 2], held[:, 2])
 
@@ -80,7 +98,11 @@ def test_a_prop_without_a_place_is_refused_in_a_sentence(pose):
 def test_handle_goes_round_the_hinge(swing):
     leaf = door(swing)
     grips = np.array([leaf.grip(1.0, a) for a in np.linspace(0, 1.5, 7)])
-    np.testing.assert_allclose(np.linalg.norm(grips[:, :2] - leaf.pose[:2], axis=1), np.hypot(0.83, 0.06 + WRIST_OFF_HANDLE), atol=1e-9)
+    np.testing.assert_allclose(
+        np.linalg.norm(grips[:, :2] - leaf.pose[:2], axis=1),
+        np.hypot(0.83, 0.06 + WRIST_OFF_HANDLE),
+        atol=1e-9,
+    )
     np.testing.assert_allclose(grips[:, 2], 1.0)
     leaf.pose = leaf.pose_at(0.8)
     assert leaf.angle == pytest.approx(0.8)
@@ -100,7 +122,10 @@ def test_passage_leads_through_the_opening(swing, side):
     # A push moves the handle away from who comes, a pull towards them.
     moved = (leaf.grip(way.side, 0.5) - leaf.grip(way.side, 0.0))[:2] @ ahead
     assert way.push == (moved > 0)
-    seen = lambda p: float((p - leaf.pose[:2]) @ ahead)  # noqa: E731
+
+    def seen(p):
+        return float((p - leaf.pose[:2]) @ ahead)
+
     assert seen(way.reach) < -0.2 and seen(way.back) <= seen(way.reach) + 1e-9 and seen(way.beyond) > 0.8
     assert seen(way.middle) == pytest.approx(0)
     np.testing.assert_allclose(way.middle, leaf.to_world(np.array((0.45, 0, 0)))[:2])
@@ -115,9 +140,14 @@ def test_passage_leads_through_the_opening(swing, side):
 
 def test_an_open_box_reads_as_a_full_one():
     """Hands hold what is around it: a bin without a lid must not look like another thing to the network."""
-    walls = ([(-0.2, -0.2, -0.2), (0.18, -0.2, -0.2), (-0.2, -0.2, -0.2)], [(-0.18, 0.2, 0.2), (0.2, 0.2, 0.2), (0.2, 0.2, -0.18)])
+    walls = (
+        [(-0.2, -0.2, -0.2), (0.18, -0.2, -0.2), (-0.2, -0.2, -0.2)],
+        [(-0.18, 0.2, 0.2), (0.2, 0.2, 0.2), (0.2, 0.2, -0.18)],
+    )
     query = Cuboids([((0, 0, 0), 0.0, *walls)])
-    bin_ = Box("bin", query, sense(query, (-0.2, -0.2, -0.2), (0.2, 0.2, 0.2)), (1.0, 0, 0.2, 0.5), np.full(3, 0.4))
+    bin_ = Box(
+        "bin", query, sense(query, (-0.2, -0.2, -0.2), (0.2, 0.2, 0.2)), (1.0, 0, 0.2, 0.5), np.full(3, 0.4)
+    )
     assert bin_.volume.occupancy.min() < 0.5
     volume = bin_.sensed()
     assert (volume.occupancy == 1).all() and volume.heading == pytest.approx(0.5)

@@ -32,7 +32,9 @@ class Ball:
         self.centre, self.radius = np.asarray(centre), radius
 
     def signed_distance(self, points, max_distance):
-        return np.minimum(np.linalg.norm(points - self.centre, axis=1) - self.radius, max_distance).astype(np.float32)
+        return np.minimum(np.linalg.norm(points - self.centre, axis=1) - self.radius, max_distance).astype(
+            np.float32
+        )
 
 
 def test_the_cylinder_has_the_papers_1408_spheres():
@@ -77,7 +79,12 @@ def test_many_frames_read_as_one_by_one(seed, monkeypatch):
 
 def test_tilted_boxes_and_other_queries_join_the_fast_path():
     tilt = np.array((0.9, 0.3, 0.1, 0.3))
-    mixed = Cuboids([((1, 0, 0.5), tilt, [(-0.4, -0.2, -0.3)], [(0.4, 0.2, 0.3)]), ((-1, 0, 0), 0.3, [(-0.3, -0.3, 0)], [(0.3, 0.3, 1)])])
+    mixed = Cuboids(
+        [
+            ((1, 0, 0.5), tilt, [(-0.4, -0.2, -0.3)], [(0.4, 0.2, 0.3)]),
+            ((-1, 0, 0), 0.3, [(-0.3, -0.3, 0)], [(0.3, 0.3, 1)]),
+        ]
+    )
     query = Union([mixed, Ball((0, 1.2, 0.5), 0.4)])
     rng = np.random.default_rng(1)
     positions, headings = rng.uniform(-1, 1, (12, 2)), rng.uniform(-3, 3, 12)
@@ -102,7 +109,9 @@ def test_the_sensor_turns_and_moves_with_the_root():
     before = environment_sensor(cuboids(placed), (0.3, 0.2), 0.4)
     after = environment_sensor(cuboids(moved), matrix @ (0.3, 0.2) + shift, 0.4 + turn)
     np.testing.assert_allclose(before, after, atol=1e-4)
-    np.testing.assert_allclose(environment_points_world((1, 2), 0.0), ENVIRONMENT_POINTS + np.float32((1, 2, 0)), atol=1e-6)
+    np.testing.assert_allclose(
+        environment_points_world((1, 2), 0.0), ENVIRONMENT_POINTS + np.float32((1, 2, 0)), atol=1e-6
+    )
 
 
 def test_mirroring_the_world_permutes_the_reading():
@@ -133,7 +142,9 @@ def test_interaction_cells_tile_the_objects_box():
     inside = np.array([((p >= chair.mins) & (p <= chair.maxs)).all(1).any() for p in local])
     d = np.array([np.linalg.norm(p - np.clip(p, chair.mins, chair.maxs), axis=1).min() for p in local])
     diagonal = np.linalg.norm(chair.size / 8)
-    np.testing.assert_allclose(volume.occupancy, np.where(inside, 1, np.clip(1 - d / diagonal, 0, 1)), atol=1e-4)
+    np.testing.assert_allclose(
+        volume.occupancy, np.where(inside, 1, np.clip(1 - d / diagonal, 0, 1)), atol=1e-4
+    )
     assert volume.occupancy.dtype == np.float32
 
 
@@ -143,7 +154,8 @@ def test_a_flat_object_still_has_cells_with_volume():
 
 
 @pytest.mark.parametrize(
-    "centre, size, heading", [((0, 0, np.nan), (1, 1, 1), 0), ((0, 0, 0), (1, -1, 1), 0), ((0, 0, 0), (1, 1, 1), np.inf)]
+    "centre, size, heading",
+    [((0, 0, np.nan), (1, 1, 1), 0), ((0, 0, 0), (1, -1, 1), 0), ((0, 0, 0), (1, 1, 1), np.inf)],
 )
 def test_unusable_boxes_are_refused(centre, size, heading):
     with pytest.raises(GeometryError, match="bounding box"):

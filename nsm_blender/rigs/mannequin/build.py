@@ -40,10 +40,17 @@ def build_mannequin(armature: bpy.types.Object, name: str = "Mannequin") -> bpy.
     mesh = bpy.data.meshes.new(name)
     starts = np.cumsum([0] + [len(p.vertices) for p in parts])
     vertices = np.concatenate([p.vertices for p in parts])
-    faces = [tuple(int(start) + i for i in face) for part, start in zip(parts, starts, strict=False) for face in part.faces]
+    faces = [
+        tuple(int(start) + i for i in face)
+        for part, start in zip(parts, starts, strict=False)
+        for face in part.faces
+    ]
     mesh.from_pydata(vertices.tolist(), [], faces)
     mesh.polygons.foreach_set("use_smooth", np.ones(len(faces), dtype=bool))
-    mesh.polygons.foreach_set("material_index", np.repeat([p.material for p in parts], [len(p.faces) for p in parts]).astype(np.intc))
+    mesh.polygons.foreach_set(
+        "material_index",
+        np.repeat([p.material for p in parts], [len(p.faces) for p in parts]).astype(np.intc),
+    )
     for entry in MATERIALS:
         mesh.materials.append(material(*entry))
     mesh.validate()

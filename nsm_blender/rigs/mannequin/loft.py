@@ -13,7 +13,9 @@ _Z_UP = np.eye(3)
 
 @dataclass
 class LoftPart:
-    """A closed mesh with one material and weights on joints: ``vertices`` (V, 3), ``faces`` of 3 or 4 indices."""
+    """A closed mesh with one material and weights on joints: ``vertices`` (V, 3), ``faces`` of 3 or 4
+    indices.
+    """
 
     vertices: Array
     faces: list[tuple[int, ...]]
@@ -26,7 +28,9 @@ class LoftPart:
         return self
 
     def blend(self, axis: int, stops: list[tuple[float, str]]) -> LoftPart:
-        """Weight by the coordinate on ``axis``: full weight at each stop (metres, joint), smooth in between."""
+        """Weight by the coordinate on ``axis``: full weight at each stop (metres, joint), smooth in
+        between.
+        """
         places = np.array([s for s, _ in stops])
         order = np.argsort(places)
         s = np.clip(self.vertices[:, axis], places.min(), places.max())
@@ -58,10 +62,11 @@ def loft(
 ) -> LoftPart:
     """Skin cross-sections along an axis, with domed ends.
 
-    Each section is (s, cu, cv, a, below, above), metres: at ``s`` along the third of ``axes`` (rows U, V, S) an oval
-    around (cu, cv) that reaches ``a`` to both sides in U, ``below`` towards -V and ``above`` towards +V.  ``caps`` are
-    the heights of the end domes; ``roundness`` the superellipse exponents of the -V and +V halves (2 is an ellipse,
-    more is squarer); ``spacing`` the ring distance and ``ring`` the vertices around.
+    Each section is (s, cu, cv, a, below, above), metres: at ``s`` along the third of ``axes`` (rows U, V, S)
+    an oval
+    around (cu, cv) that reaches ``a`` to both sides in U, ``below`` towards -V and ``above`` towards +V.
+    ``caps`` are the heights of the end domes; ``roundness`` the superellipse exponents of the -V and +V
+    halves (2 is an ellipse, more is squarer); ``spacing`` the ring distance and ``ring`` the vertices around.
     """
     table = np.array(sections, dtype=np.float64)
     table = table if table[0, 0] < table[-1, 0] else table[::-1]
@@ -75,12 +80,18 @@ def loft(
     v = rows[:, 2:3] + np.where(s < 0, rows[:, 4:5], rows[:, 5:6]) * s
     along = np.broadcast_to(rows[:, :1], u.shape)
     local = np.stack((u, v, along), axis=-1).reshape(-1, 3)
-    poles = np.array([(rows[0, 1], rows[0, 2], table[0, 0] - caps[0]), (rows[-1, 1], rows[-1, 2], table[-1, 0] + caps[1])])
+    poles = np.array(
+        [(rows[0, 1], rows[0, 2], table[0, 0] - caps[0]), (rows[-1, 1], rows[-1, 2], table[-1, 0] + caps[1])]
+    )
     vertices = np.concatenate((local, poles)) @ np.asarray(axes, float) + origin
-    return LoftPart(vertices, _ring_faces(len(rows), ring, np.linalg.det(np.asarray(axes, float)) < 0), material)
+    return LoftPart(
+        vertices, _ring_faces(len(rows), ring, np.linalg.det(np.asarray(axes, float)) < 0), material
+    )
 
 
-def ball(centre: Array, radius: float | tuple[float, float, float], material: int, ring: int = 20) -> LoftPart:
+def ball(
+    centre: Array, radius: float | tuple[float, float, float], material: int, ring: int = 20
+) -> LoftPart:
     """A sphere or ellipsoid with half-axes ``radius`` around ``centre`` (3,), metres."""
     sphere = loft([(-1e-3, 0, 0, 1, 1, 1), (1e-3, 0, 0, 1, 1, 1)], material, caps=(1, 1), ring=ring)
     return LoftPart(sphere.vertices * radius + np.asarray(centre), sphere.faces, material)
@@ -125,7 +136,9 @@ def _ring_faces(rings: int, ring: int, flipped: bool) -> list[tuple[int, ...]]:
         n = (k + 1) % ring
         faces.append((first, n, k))
         faces.append((last, (rings - 1) * ring + k, (rings - 1) * ring + n))
-        faces += [(r * ring + k, r * ring + n, (r + 1) * ring + n, (r + 1) * ring + k) for r in range(rings - 1)]
+        faces += [
+            (r * ring + k, r * ring + n, (r + 1) * ring + n, (r + 1) * ring + k) for r in range(rings - 1)
+        ]
     return [f[::-1] for f in faces] if flipped else faces
 
 

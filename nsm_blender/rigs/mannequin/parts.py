@@ -98,7 +98,9 @@ def _head() -> list[LoftPart]:
     )
     x, y, z = head.vertices.T
     front = np.clip(-y / 0.08, 0, 1) ** 2
-    nose = np.exp(-((x / 0.0125) ** 2)) * np.interp(z, (1.580, 1.594, 1.602, 1.648, 1.664), (0, 0.9, 1, 0.15, 0))
+    nose = np.exp(-((x / 0.0125) ** 2)) * np.interp(
+        z, (1.580, 1.594, 1.602, 1.648, 1.664), (0, 0.9, 1, 0.15, 0)
+    )
     eyes = np.exp(-(((np.abs(x) - 0.031) / 0.017) ** 2) - ((z - 1.640) / 0.014) ** 2)
     brow = np.exp(-((x / 0.05) ** 2) - ((z - 1.664) / 0.010) ** 2)
     mouth = np.exp(-((x / 0.022) ** 2) - ((z - 1.567) / 0.005) ** 2)
@@ -167,7 +169,12 @@ def _hand(joints: Array) -> list[LoftPart]:
         spacing=0.014,
     )
     parts = [palm]
-    for y, length, radius in ((-0.0295, 0.064, 0.0098), (-0.0098, 0.073, 0.0102), (0.0098, 0.067, 0.0098), (0.0285, 0.052, 0.0088)):
+    for y, length, radius in (
+        (-0.0295, 0.064, 0.0098),
+        (-0.0098, 0.073, 0.0102),
+        (0.0098, 0.067, 0.0098),
+        (0.0285, 0.052, 0.0088),
+    ):
         start = wrist + (0.094, y, -0.003)
         direction = np.array((1, y * 1.5, -0.16))  # fingers fan a little and hang a little
         parts.append(_finger(start, direction, length, radius))
@@ -181,7 +188,15 @@ def _finger(start: Array, direction: Array, length: float, radius: float) -> Lof
         (s * length, 0, -0.10 * length * s**2, radius * k, radius * k, radius * k)
         for s, k in ((0, 1), (0.35, 1), (0.7, 0.93), (1, 0.80))
     ]
-    return loft(sections, BODY, frame_along(direction), tuple(start), caps=(radius, radius * 0.8), spacing=0.022, ring=9)
+    return loft(
+        sections,
+        BODY,
+        frame_along(direction),
+        tuple(start),
+        caps=(radius, radius * 0.8),
+        spacing=0.022,
+        ring=9,
+    )
 
 
 def _leg(joints: Array) -> list[LoftPart]:

@@ -28,7 +28,9 @@ class NSM_OT_add_character(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with sentences(self):
-            settings_of(context.scene).character = add_character(location=tuple(context.scene.cursor.location))
+            settings_of(context.scene).character = add_character(
+                location=tuple(context.scene.cursor.location)
+            )
             return {"FINISHED"}
         return {"CANCELLED"}
 

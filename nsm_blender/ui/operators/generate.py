@@ -34,8 +34,10 @@ class NSM_OT_generate(Modal, bpy.types.Operator):
     bl_idname = "nsm.generate"
     bl_label = "Generate"
     bl_description = (
-        "Have the character do the enabled goals and key the motion in a new action. It goes around what looks solid in the "
-        "viewport. The custom property nsm_collider of an object decides otherwise (Properties editor, Object, Custom Properties; "
+        "Have the character do the enabled goals and key the motion in a new action. It goes around what "
+        "looks solid in the "
+        "viewport. The custom property nsm_collider of an object decides otherwise (Properties editor, "
+        "Object, Custom Properties; "
         "of type Boolean): off, it is walked through; on, it is solid even where it is hidden"
     )
     bl_options: ClassVar = {"REGISTER", "UNDO"}

@@ -35,7 +35,9 @@ class NSM_OT_goal_add(bpy.types.Operator):
         settings = settings_of(context.scene)
         own = own_objects(settings.character, context.scene) if settings.character else set()
         taken = {goal.object for goal in settings.goals}
-        free = [o for o in context.selected_objects if o.type in GOAL_TYPES and o not in own and o not in taken]
+        free = [
+            o for o in context.selected_objects if o.type in GOAL_TYPES and o not in own and o not in taken
+        ]
         chosen = [o for o in free if POINT_LINK not in o]
         for target in chosen or [None]:
             goal = settings.goals.add()
@@ -96,8 +98,10 @@ class NSM_OT_goal_points(Modal, bpy.types.Operator):
     bl_idname = "nsm.goal_points"
     bl_label = "Show Goal Points"
     bl_description = (
-        "Show where each goal was found on its object as an empty, and select it: move it, or turn it so that its -Y axis "
-        "points where the character will face. A door has two: its hinge, which also holds the way it swings, and its handle. "
+        "Show where each goal was found on its object as an empty, and select it: move it, or turn it so "
+        "that its -Y axis "
+        "points where the character will face. A door has two: its hinge, which also holds the way it "
+        "swings, and its handle. "
         "Takes use them as they stand; delete one to have its place found anew"
     )
     bl_options: ClassVar = {"REGISTER", "UNDO"}
@@ -150,7 +154,8 @@ class NSM_OT_door_swing(bpy.types.Operator):
     bl_idname = "nsm.door_swing"
     bl_label = "Swing to the Other Side"
     bl_description = (
-        "Have the door of the chosen goal open to its other side. Its hinge point, made where it has none, keeps the choice as "
+        "Have the door of the chosen goal open to its other side. Its hinge point, made where it has none, "
+        "keeps the choice as "
         "the property nsm_swing: 1 turns the leaf counter-clockwise seen from above, -1 clockwise"
     )
     bl_options: ClassVar = {"REGISTER", "UNDO"}
@@ -168,7 +173,9 @@ class NSM_OT_door_swing(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         with sentences(self):
             spec = spec_of_row(_active_goal(context))
-            hinge = goal_point_of(context.scene, spec.object, HINGE)  # the scene is read for a door without one alone
+            hinge = goal_point_of(
+                context.scene, spec.object, HINGE
+            )  # the scene is read for a door without one alone
             if hinge is None:
                 frame, start = start_of(settings_of(context.scene).character, context.scene)
                 hinge = show_goal_point(spec, context.scene, frame, start)

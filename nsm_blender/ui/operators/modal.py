@@ -1,4 +1,6 @@
-"""Work that a window shows and ESC breaks off: stepped within a time budget, so that the window never freezes."""
+"""Work that a window shows and ESC breaks off: stepped within a time budget, so that the window never
+freezes.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,8 @@ _VIEW_EVENTS = {
 
 
 class _Signs:
-    """What a window shows of a take under way: timer, status bar, cursor.  Taken away once, whoever ends the take.
+    """What a window shows of a take under way: timer, status bar, cursor.  Taken away once, whoever ends the
+    take.
 
     It holds no operator: Blender may have freed that one by then.
     """
@@ -44,7 +47,9 @@ class _Signs:
         self._tagged, self._resumed, self._redraw = 0.0, 0.0, 0.0
 
     def due(self) -> bool:
-        """Whether the window should show the newest frame: redraws may take half of the time, however long each one takes."""
+        """Whether the window should show the newest frame: redraws may take half of the time, however long
+        each one takes.
+        """
         now = time.perf_counter()
         if self._tagged > self._resumed:  # what has passed since is the redraw's, and the timer's
             self._redraw, self._resumed = min(max(now - self._tagged - _TICK, 0.0), _SLOWEST_PREVIEW), now
@@ -66,7 +71,12 @@ class _Signs:
         if timer is None:
             return
         manager = self._context.window_manager
-        for take_away in (lambda: manager.event_timer_remove(timer), manager.progress_end, self._restore_cursors, self._clear_status):
+        for take_away in (
+            lambda: manager.event_timer_remove(timer),
+            manager.progress_end,
+            self._restore_cursors,
+            self._clear_status,
+        ):
             with suppress(ReferenceError, AttributeError, RuntimeError):  # windows and workspaces may be gone
                 take_away()
         _redraw(self._context, ("WINDOW", "UI"))
@@ -82,7 +92,9 @@ class _Signs:
 
 
 class Modal:
-    """What Generate and Show Goal Points share: a session is opened, ticked by a timer, and its value kept."""
+    """What Generate and Show Goal Points share: a session is opened, ticked by a timer, and its value
+    kept.
+    """
 
     def _open(self, context: bpy.types.Context, ended: Callable[[], None]) -> TakeSession:
         """Open the session; ``ended`` is called once when it is over."""
@@ -133,7 +145,9 @@ class Modal:
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Stop and put everything back: called on ESC, and by Blender when its window closes or another file is opened."""
+        """Stop and put everything back: called on ESC, and by Blender when its window closes or another file
+        is opened.
+        """
         self._session.cancel()
         self._end(context)
 

@@ -13,7 +13,9 @@ from .two_bone import place_limbs, place_wrists
 
 
 def lift_swinging_feet(hips: Array, rotations: Array, contacts: Array, height: float = 0.018) -> Array:
-    """Raise feet a little in the middle of their swing, (T, ...): captured toes graze the floor where seams blend steps."""
+    """Raise feet a little in the middle of their swing, (T, ...): captured toes graze the floor where seams
+    blend steps.
+    """
     lift = np.zeros((len(hips), 2), np.float32)
     for side in (0, 1):
         swinging = np.concatenate(([False], ~contacts[:, side].astype(bool), [False]))
@@ -25,13 +27,23 @@ def lift_swinging_feet(hips: Array, rotations: Array, contacts: Array, height: f
     ankles = [leg[2] for leg in FEET]
     targets = positions[:, ankles]
     targets[..., 2] += lift
-    return place_limbs(hips, rotations, [leg[:3] for leg in FEET], targets, world[:, ankles]).astype(np.float32)
+    return place_limbs(hips, rotations, [leg[:3] for leg in FEET], targets, world[:, ankles]).astype(
+        np.float32
+    )
 
 
 def hands_on_arm_rests(
-    hips: Array, rotations: Array, weight: Array, span: slice, piece: furniture.Furniture, goal: Array, heading: float
+    hips: Array,
+    rotations: Array,
+    weight: Array,
+    span: slice,
+    piece: furniture.Furniture,
+    goal: Array,
+    heading: float,
 ) -> Array:
-    """Lead the wrists of a sit (``span`` of (T, ...)) from where they were to the arm rests, by the sitting ``weight``."""
+    """Lead the wrists of a sit (``span`` of (T, ...)) from where they were to the arm rests, by the sitting
+    ``weight``.
+    """
     rotations = rotations.copy()
     positions, _ = forward_kinematics(hips[span], rotations[span])
     # The arms follow the hips down: they leave the thighs' way late and come back to it early.
@@ -39,7 +51,11 @@ def hands_on_arm_rests(
     for side, rest in enumerate(arm_rests(piece)):
         if rest is None:
             continue
-        at = rotate_planar(rest - np.append(piece.seat.point[:2], 0), np.float64(heading)) + np.append(goal[:2], 0)
+        at = rotate_planar(rest - np.append(piece.seat.point[:2], 0), np.float64(heading)) + np.append(
+            goal[:2], 0
+        )
         wrist = positions[:, ARMS[side][2]]
-        rotations[span] = place_wrists(hips[span], rotations[span], side, (wrist + w * (at - wrist)).astype(np.float32))
+        rotations[span] = place_wrists(
+            hips[span], rotations[span], side, (wrist + w * (at - wrist)).astype(np.float32)
+        )
     return rotations

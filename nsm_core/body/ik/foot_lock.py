@@ -13,7 +13,8 @@ from nsm_core.signals import intervals, smooth_step
 from .two_bone import leg_reach, place_limbs
 
 MAX_PELVIS_DROP = 0.08
-# A correction changes by no more than this a frame between two places, metres, if the intervals of contact leave the time.
+# A correction changes by no more than this a frame between two places, metres, if the intervals of contact
+# leave the time.
 MAX_SHIFT_STEP = 0.03
 
 
@@ -26,17 +27,21 @@ def lock_feet(
     ball_height: float | None = 0.032,
     fps: float = FPS,
 ) -> tuple[Array, Array]:
-    """Hold the feet of a whole take where they stand; return new (T, 3) hips positions and (T, 23, 4) local rotations.
+    """Hold the feet of a whole take where they stand; return new (T, 3) hips positions and (T, 23, 4) local
+    rotations.
 
-    In every interval of contact the toe joint keeps one place on the floor and the foot one heading (unless it plainly pivots);
-    before and after, the correction fades over ``blend`` seconds.  The legs are solved again and the pelvis comes down, by at
-    most 8 cm, where a place is out of reach.  Feet are lifted out of the floor in all frames.
+    In every interval of contact the toe joint keeps one place on the floor and the foot one heading (unless
+    it plainly pivots);
+    before and after, the correction fades over ``blend`` seconds.  The legs are solved again and the pelvis
+    comes down, by at most 8 cm, where a place is out of reach.  Feet are lifted out of the floor in all
+    frames.
 
     Args:
         hips_position: (T, 3) world, metres; local_rotations: (T, 23, 4).
         contacts: (T, 2) right and left foot, bool or 0..1.
         place: "median" of the toe's places in the interval, or its "first" or "last".
-        ball_height: metres over the floor to which the toe joint of a standing foot is brought down, by turning the foot at
+        ball_height: metres over the floor to which the toe joint of a standing foot is brought down, by
+        turning the foot at
             the ankle by at most 25 degrees, as in a push-off from the ball; None leaves its height.
     """
     dtype = local_rotations.dtype
@@ -51,7 +56,9 @@ def lock_feet(
     shift, turn = np.zeros_like(toes), np.zeros(toes.shape[:2])
     for side in (0, 1):
         heights = positions[:, ANKLES[side], 2]
-        shift[:, side], turn[:, side] = _corrections(toes[:, side], foot_heading(feet[:, side]), heights, on[:, side], place, fade)
+        shift[:, side], turn[:, side] = _corrections(
+            toes[:, side], foot_heading(feet[:, side]), heights, on[:, side], place, fade
+        )
     feet = quat_mul(heading_quat(turn), feet)
     toes = toes + shift
     toes[..., 2] += sole_depth(toes, feet)
@@ -61,7 +68,9 @@ def lock_feet(
 
 
 def _press_down(toe_height: Array, feet: Array, on: Array, height: float, fade: int) -> Array:
-    """Pitch feet (T, 2, 4) down until the toe joints of those that stand are at ``height``; smooth in time."""
+    """Pitch feet (T, 2, 4) down until the toe joints of those that stand are at ``height``; smooth in
+    time.
+    """
     lever = float(np.linalg.norm(TOE_OFFSET))
     slope = np.arcsin(np.clip(quat_rotate(feet, TOE_OFFSET / lever)[..., 2], -1, 1))
     down = np.clip(toe_height - height, 0, None) * on
@@ -69,15 +78,23 @@ def _press_down(toe_height: Array, feet: Array, on: Array, height: float, fade: 
     half = max(1, fade // 3)
     window = np.hanning(2 * half + 3)[1:-1]
     padded = np.pad(np.clip(wanted, -np.radians(25), 0), ((half, half), (0, 0)), mode="edge")
-    pitch = np.stack([np.convolve(padded[:, side], window / window.sum(), mode="valid") for side in (0, 1)], axis=-1)
+    pitch = np.stack(
+        [np.convolve(padded[:, side], window / window.sum(), mode="valid") for side in (0, 1)], axis=-1
+    )
     return quat_mul(feet, quat_from_axis_angle(np.array((1.0, 0.0, 0.0)), -pitch))
 
 
-def _corrections(toe: Array, heading: Array, ankle_height: Array, on: Array, place: str, fade: int) -> tuple[Array, Array]:
-    """Shift (T, 3) of one toe and turn (T,) of its foot that pin it in every interval of ``on`` and fade between them."""
+def _corrections(
+    toe: Array, heading: Array, ankle_height: Array, on: Array, place: str, fade: int
+) -> tuple[Array, Array]:
+    """Shift (T, 3) of one toe and turn (T,) of its foot that pin it in every interval of ``on`` and fade
+    between them.
+    """
     count = len(toe)
     shift, turn, runs = np.zeros((count, 3)), np.zeros(count), intervals(on)
-    pins = [{"median": np.median(toe[a:b], axis=0), "first": toe[a], "last": toe[b - 1]}[place] for a, b in runs]
+    pins = [
+        {"median": np.median(toe[a:b], axis=0), "first": toe[a], "last": toe[b - 1]}[place] for a, b in runs
+    ]
     runs = _make_room(toe, runs, pins)
     for (first, last), pin in zip(runs, pins, strict=True):
         inside = toe[first:last]

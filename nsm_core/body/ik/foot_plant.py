@@ -1,4 +1,6 @@
-"""Contact IK frame by frame: feet stay where they land, hips settle on the seat.  Whole takes: see ``foot_lock``."""
+"""Contact IK frame by frame: feet stay where they land, hips settle on the seat.  Whole takes: see
+``foot_lock``.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ from .footing import Footing
 from .planted_foot import BEARS, EDGE_UP, GATHER, LOCK, UNLOCK, Foot
 from .two_bone import leg_reach, limb_frames, place_limbs
 
-SeatTarget = tuple[Array, float | None]  # where hips (3,) are to settle, metres, and the heading to sit at; None while one still turns
+SeatTarget = tuple[
+    Array, float | None
+]  # where hips (3,) are to settle, metres, and the heading to sit at; None while one still turns
 
 __all__ = ["ContactIK", "detect_foot_contacts", "lock_feet"]
 
@@ -25,7 +29,9 @@ DRAW_TIME, MAX_SHORTFALL = 0.5, 0.03
 STEP_FROM = 0.06  # that the pose is off a foot that stands, until it is set anew
 NEXT_SEAT = 0.05  # between goals of one and the same seat
 MAX_DRAW, MAX_DRAW_TURN, HIP_PLAY, HIP_PLAY_TURN = 0.3, np.radians(45), 0.008, np.radians(0.4)
-ASKEW = np.radians(20)  # from here to MAX_DRAW_TURN the draw fades: who still turns on the seat is not twisted round
+ASKEW = np.radians(
+    20
+)  # from here to MAX_DRAW_TURN the draw fades: who still turns on the seat is not twisted round
 PELVIS_SPEED_DOWN, PELVIS_SPEED_UP = 0.5, 0.25
 STEP_DROP = 0.3  # of the pelvis per metre between the feet on top of things
 _HIP_OFFSETS = OFFSETS[[leg[0] for leg in LEGS]].astype(np.float64)
@@ -34,14 +40,18 @@ _HIP_OFFSETS = OFFSETS[[leg[0] for leg in LEGS]].astype(np.float64)
 class ContactIK:
     """Keep the feet of one character where they land and bring its hips onto the seat, frame by frame.
 
-    Replaces the reference code's rule, target = lerp(last target, ankle, 1 - contact), which drags feet whenever a label is
-    between 0 and 1.  Here a label switches a lock with hysteresis, the toe joint is the pivot, and what a lock added to the
-    pose fades in about 0.2 s after release.  Feet stay above the floor.  The result may be fed back to the network or be
-    used for display alone: the corrections are kept as offsets from the pose that comes in.
+    Replaces the reference code's rule, target = lerp(last target, ankle, 1 - contact), which drags feet
+    whenever a label is
+    between 0 and 1.  Here a label switches a lock with hysteresis, the toe joint is the pivot, and what a
+    lock added to the pose fades in about 0.2 s after release.  Feet stay above the floor.  The result may be
+    fed back to the network or be used for display alone: the corrections are kept as offsets from the pose
+    that comes in.
     """
 
     def __init__(self, fps: float = FPS, terrain: Terrain | None = None, low: Terrain | None = None) -> None:
-        """``terrain`` is what feet may stand on besides the floor, ``low`` that of it which poses come in without (see ``relief``)."""
+        """``terrain`` is what feet may stand on besides the floor, ``low`` that of it which poses come in
+        without (see ``relief``).
+        """
         self.dt, self.terrain, self.low = 1.0 / fps, terrain, low
         self.reset()
 
@@ -68,8 +78,10 @@ class ContactIK:
         Args:
             hips_position: (3,) world, metres; local_rotations: (23, 4).  Neither is changed.
             contacts: (5,) labels 0..1 in the order of ``conventions.CONTACTS``.
-            hip_goal: world position (3,) of the hip joint and heading to sit at (None while it still turns), or None.  While the
-                hip label is high the hips are drawn there within half a second and stay within 1 cm and 1 degree.
+            hip_goal: world position (3,) of the hip joint and heading to sit at (None while it still turns),
+            or None.  While the
+                hip label is high the hips are drawn there within half a second and stay within 1 cm and 1
+                degree.
             heading: what counts as the body's heading now; None takes that of the hips joint.
             level: height of the floor, metres, on which the pose that comes in stands.
         """
@@ -85,11 +97,19 @@ class ContactIK:
         climbed = ground > self._footing.under
         self._step(toes, bool(climbed.any()))
         for side, foot in enumerate(self._feet):
-            over, stay, high = float(self._footing.over[side]), float(self._footing.stay[side]), bool(climbed[side])
+            over, stay, high = (
+                float(self._footing.over[side]),
+                float(self._footing.stay[side]),
+                bool(climbed[side]),
+            )
             seen = toes[side] - (0, 0, ground[side])
             label, ankle = float(contacts[FOOT_CONTACTS[side]]), float(ankle_heights[side] - ground[side])
             other, fellow = toes[1 - side, 2] - ground[1 - side], self._feet[1 - side]
-            bears = self._footing.climbs and not fellow.locked and other + fellow.shift[2] + fellow.lift > BEARS + TOE_HEIGHT
+            bears = (
+                self._footing.climbs
+                and not fellow.locked
+                and other + fellow.shift[2] + fellow.lift > BEARS + TOE_HEIGHT
+            )
             foot.update(seen, ankle, float(foot_headings[side]), label, self.dt, high, over, stay, bears)
         self._draw_hips(hips, local, float(contacts[HIP_CONTACT]), hip_goal, heading)
         turn = np.array([foot.turn for foot in self._feet])
@@ -103,7 +123,13 @@ class ContactIK:
         targets: Array = toes - quat_rotate(feet, TOE_OFFSET)
         starts = hips + quat_rotate(local[0], _HIP_OFFSETS)
         self._lower_pelvis(hips, starts, targets)
-        moved = turn.any() or lift.any() or raised.any() or own.any() or any(foot.shift.any() for foot in self._feet)
+        moved = (
+            turn.any()
+            or lift.any()
+            or raised.any()
+            or own.any()
+            or any(foot.shift.any() for foot in self._feet)
+        )
         if not (self._draw or self._drop or moved):
             return hips_position.copy(), local_rotations.copy()
         return hips.astype(hips_position.dtype), place_limbs(hips, local, LEGS, targets, feet).astype(dtype)
@@ -114,8 +140,13 @@ class ContactIK:
         return self._feet[0].locked, self._feet[1].locked
 
     def _step(self, toes: Array, climbing: bool) -> None:
-        """Let a foot step where both would be dragged along: a network that is not sure which foot moves lets both glide."""
-        gaps = [float(np.hypot(*(toe[:2] + foot.back - foot.anchor))) for toe, foot in zip(toes, self._feet, strict=True)]
+        """Let a foot step where both would be dragged along: a network that is not sure which foot moves lets
+        both glide.
+        """
+        gaps = [
+            float(np.hypot(*(toe[:2] + foot.back - foot.anchor)))
+            for toe, foot in zip(toes, self._feet, strict=True)
+        ]
         foot = self._feet[int(np.argmax(gaps))]
         if not climbing and max(gaps) > STEP_FROM and all(f.locked and f.hold >= 1 for f in self._feet):
             foot.step()
@@ -138,12 +169,16 @@ class ContactIK:
                 heading = float(headings[side]) + foot.turn
                 # A foot that slows down will come down.
                 sole = toes[side, 2] - TOE_HEIGHT + raised[side] - (1 - foot.swing) * foot.lift
-                off = footing.off_risers(side, toes[side, :2] + shifts[side, :2] - foot.back, heading, sole, footing.pace[side])
+                off = footing.off_risers(
+                    side, toes[side, :2] + shifts[side, :2] - foot.back, heading, sole, footing.pace[side]
+                )
             foot.hold_off(off * heading_to_direction(np.array(heading)), self.dt)
         return footing.ground
 
     def _out_of_ground(self, toes: Array, feet: Array, ground: Array) -> Array:
-        """Metres (2,) by which feet must be raised out of the ground: at once out of the floor, swiftly out of a step."""
+        """Metres (2,) by which feet must be raised out of the ground: at once out of the floor, swiftly out
+        of a step.
+        """
         if not self._footing.terrain:
             return sole_depth(toes, feet)
         deep = sole_depth(toes, feet, ground, self._footing.heel)
@@ -152,12 +187,16 @@ class ContactIK:
         self._out += self._rise
         return np.maximum(sole_depth(toes, feet), self._out)
 
-    def _draw_hips(self, hips: Array, local: Array, label: float, goal: SeatTarget | None, heading: float | None) -> None:
+    def _draw_hips(
+        self, hips: Array, local: Array, label: float, goal: SeatTarget | None, heading: float | None
+    ) -> None:
         """Move ``hips`` and turn ``local[0]`` in place toward the goal by the weights reached so far."""
         if goal is not None and (not self._draw or self._goal is None):
             self._goal = np.asarray(goal[0], dtype=np.float64)
         # A sitter who is sent to the next seat is let go from this one first.
-        same = goal is not None and self._goal is not None and np.linalg.norm(self._goal - goal[0]) < NEXT_SEAT
+        same = (
+            goal is not None and self._goal is not None and np.linalg.norm(self._goal - goal[0]) < NEXT_SEAT
+        )
         self._seated = bool(same) and label > (UNLOCK if self._seated else LOCK)
         self._draw = float(np.clip(self._draw + (1 if self._seated else -1) * self.dt / DRAW_TIME, 0, 1))
         faces = self._seated and goal is not None and goal[1] is not None
@@ -180,7 +219,9 @@ class ContactIK:
         local[0] = quat_mul(heading_quat(np.asarray(float(smooth_step(self._face)) * turn)), local[0])
 
     def _lower_pelvis(self, hips: Array, starts: Array, targets: Array) -> None:
-        """Bring ``hips`` down in place, slowly and a little, where a locked foot is out of reach; let go what stays out."""
+        """Bring ``hips`` down in place, slowly and a little, where a locked foot is out of reach; let go what
+        stays out.
+        """
         away = starts - targets
         reach = leg_reach()
         need, most = 0.0, MAX_PELVIS_DROP + STEP_DROP * abs(float(np.diff(self._footing.ground)[0]))

@@ -1,4 +1,6 @@
-"""Hands on things in composed motion: ways of wrists to a grip and off it, arms that hold, and a hand laid on a surface."""
+"""Hands on things in composed motion: ways of wrists to a grip and off it, arms that hold, and a hand laid on
+a surface.
+"""
 
 from __future__ import annotations
 
@@ -28,10 +30,17 @@ MOST_BENT = np.radians(70)  # most that a hand turns in its wrist to lie on a su
 INWARD = 0.15  # slope at which the fingers come down on it
 _SHOULDERS, _WRISTS = [arm[0] for arm in ARMS], [arm[2] for arm in ARMS]
 
-# Arms that hold something before the body, local rotations of shoulder and elbow, right then left: upper arms hang a little
+# Arms that hold something before the body, local rotations of shoulder and elbow, right then left: upper arms
+# hang a little
 # off the sides, elbows at right angles.  IK starts from them, so elbows keep pointing down and back.
-_HOLDING = np.array([(quat_from_rotvec(np.array((0.15, s * 1.25, 0.0))), quat_from_rotvec(np.array((0, 0, -s * 1.4)))) for s in (-1, 1)])
-# World rotation of a hand that lies flat on a box's side with its fingers ahead, right then left, for heading 0.
+_HOLDING = np.array(
+    [
+        (quat_from_rotvec(np.array((0.15, s * 1.25, 0.0))), quat_from_rotvec(np.array((0, 0, -s * 1.4))))
+        for s in (-1, 1)
+    ]
+)
+# World rotation of a hand that lies flat on a box's side with its fingers ahead, right then left, for heading
+# 0.
 _FLAT = quat_from_matrix(np.array([((0, 0, -s), (s, 0, 0), (0, -1, 0)) for s in (1.0, -1.0)]))
 _OUT = 0.05  # metres that wrists swing out on their way past a thing's corners
 
@@ -39,25 +48,35 @@ _OUT = 0.05  # metres that wrists swing out on their way past a thing's corners
 def lead(wrists: Array, grips: Array, progress: Array, facing: Array) -> Array:
     """Places (T, 2, 3) of wrists on their way from where the motion has them to their grips, both (T, 2, 3).
 
-    ``progress`` (T,) 0 free to 1 gripped; ``facing`` (T,) headings of the body.  Wrists go sideways first and ahead last, so
-    that they come along the sides of what they grip.
+    ``progress`` (T,) 0 free to 1 gripped; ``facing`` (T,) headings of the body.  Wrists go sideways first and
+    ahead last, so that they come along the sides of what they grip.
     """
     t = progress[:, None, None]
     way = rotate_planar(grips - wrists, -facing[:, None])
     # Up early, over the edge of a table; down with the body.
     height = np.where(way[..., 2:] > 0, ease(t / 0.6), ease(t / 0.9))
-    way = np.concatenate((ease(t / 0.6) * way[..., :1], ease((t - 0.25) / 0.75) * way[..., 1:2], height * way[..., 2:]), axis=-1)
+    way = np.concatenate(
+        (ease(t / 0.6) * way[..., :1], ease((t - 0.25) / 0.75) * way[..., 1:2], height * way[..., 2:]),
+        axis=-1,
+    )
     way[..., 0] += np.array((-1.0, 1.0)) * _OUT * np.sin(np.pi * ease(progress))[:, None]
     return wrists + rotate_planar(way, facing[:, None])
 
 
 def place_hands(
-    hips: Array, rotations: Array, grips: Array, progress: Array, facing: Array, behind: tuple[Array, float] | None = None
+    hips: Array,
+    rotations: Array,
+    grips: Array,
+    progress: Array,
+    facing: Array,
+    behind: tuple[Array, float] | None = None,
 ) -> Array:
-    """Lead both wrists of a motion (T, ...) to ``grips`` (T, 2, 3) and keep them there; new local rotations (T, 23, 4).
+    """Lead both wrists of a motion (T, ...) to ``grips`` (T, 2, 3) and keep them there; new local rotations
+    (T, 23, 4).
 
-    ``progress`` (T,) and ``facing`` (T,) as in ``lead``.  ``behind``, weights (T,) and metres: how firmly free wrists are kept
-    that far behind their grips, off what a body bends over.  Hands turn flat to the sides of what they hold.
+    ``progress`` (T,) and ``facing`` (T,) as in ``lead``.  ``behind``, weights (T,) and metres: how firmly
+    free wrists are kept that far behind their grips, off what a body bends over.  Hands turn flat to the
+    sides of what they hold.
     """
     local = rotations.astype(np.float64)
     positions, world = forward_kinematics(hips.astype(np.float64), local)
@@ -81,11 +100,13 @@ def place_hands(
     return place_limbs(hips.astype(np.float64), local, ARMS, targets, hands).astype(rotations.dtype)
 
 
-def lead_hand(hips: Array, rotations: Array, side: int, target: Array, weight: Array, normal: Array, along: Array) -> Array:
+def lead_hand(
+    hips: Array, rotations: Array, side: int, target: Array, weight: Array, normal: Array, along: Array
+) -> Array:
     """Put the wrist of ``side`` on ``target`` (T, 3) by ``weight`` (T,) 0..1 and lay the hand on a surface.
 
-    ``normal`` (T, 3) leads from the surface to the hand, which points as the forearm does but along the surface, drawn towards
-    ``along`` (T, 3).  Returns new local rotations (T, 23, 4).
+    ``normal`` (T, 3) leads from the surface to the hand, which points as the forearm does but along the
+    surface, drawn towards ``along`` (T, 3).  Returns new local rotations (T, 23, 4).
     """
     start, elbow, wrist = ARMS[side]
     positions, _ = forward_kinematics(hips, rotations)

@@ -10,14 +10,18 @@ from nsm_core.world.geometry.distance import DistanceQuery
 
 from .two_bone import limb_frames, place_limbs
 
-# Places on an arm that are kept out: share of the way from elbow to wrist (0..1) or from wrist to finger tips (1..2); radius, metres.
-# On the hand they lie closer than a table top is thick.
+# Places on an arm that are kept out: share of the way from elbow to wrist (0..1) or from wrist to finger tips
+# (1..2); radius, metres. On the hand they lie closer than a table top is thick.
 _PROBES = ((0.5, 0.035), (0.8, 0.032), (1.0, 0.03), (1.25, 0.026), (1.5, 0.022), (1.75, 0.018), (2.0, 0.015))
 _SHARES = np.array([p[0] for p in _PROBES])
 _RADII = np.array([p[1] for p in _PROBES])
-FURTHEST, EASE, SPEED = 0.12, 0.3, 0.02  # metres a wrist is moved at most; share and metres per frame by which that changes
-# Hands that hold: turned up at most, share and radians a frame by which that changes; places along the hand, and how thick it is.
-# Those still on their way look ahead by so many metres.
+FURTHEST, EASE, SPEED = (
+    0.12,
+    0.3,
+    0.02,
+)  # metres a wrist is moved at most; share and metres per frame by which that changes
+# Hands that hold: turned up at most, share and radians a frame by which that changes; places along the hand,
+# and how thick it is. Those still on their way look ahead by so many metres.
 MOST_TURN, TURN_EASE, TURN_SPEED, LOOK = np.radians(80), 0.5, np.radians(9), 0.04
 STILL_TURNED = 20  # frames for which one that has let go stays turned up where there is something under it
 _ALONG, _FINGERS = np.array((0.4, 0.6, 0.8, 1.0)), np.array((0.026, 0.023, 0.02, 0.017))
@@ -32,7 +36,10 @@ class HandClearance:
         self.query = query
         self._push = np.zeros((2, 3))
         self._raised = np.zeros(2)  # radians by which hands that hold are turned up at the wrist
-        self._axis, self._let_go = np.zeros((2, 3)), np.full(2, STILL_TURNED)  # about which, hand frame; frames since they let go
+        self._axis, self._let_go = (
+            np.zeros((2, 3)),
+            np.full(2, STILL_TURNED),
+        )  # about which, hand frame; frames since they let go
 
     def apply(
         self,
@@ -41,10 +48,11 @@ class HandClearance:
         held: tuple[float, float] = (0.0, 0.0),
         queries: tuple[DistanceQuery, DistanceQuery] | None = None,
     ) -> Array:
-        """Return new local rotations (23, 4); ``hips_position`` (3,) world metres, ``local_rotations`` (23, 4).
+        """Return new local rotations (23, 4); ``hips_position`` (3,) world metres, ``local_rotations`` (23,
+        4).
 
-        ``held`` 0..1 tells how far the right and the left hand hold something: such a hand stays where it is.  ``queries`` are
-        what each is kept out of, where that differs from the query given at first.
+        ``held`` 0..1 tells how far the right and the left hand hold something: such a hand stays where it is.
+        ``queries`` are what each is kept out of, where that differs from the query given at first.
         """
         hips, local = hips_position.astype(np.float64), local_rotations.astype(np.float64)
         if max(held) > 0 or self._raised.any():
@@ -57,14 +65,23 @@ class HandClearance:
         if right is left:
             distance = right.signed_distance(probes.reshape(-1, 3).astype(np.float32), reach).reshape(2, -1)
         else:
-            distance = np.stack([q.signed_distance(p.astype(np.float32), reach) for q, p in zip((right, left), probes, strict=True)])
+            distance = np.stack(
+                [
+                    q.signed_distance(p.astype(np.float32), reach)
+                    for q, p in zip((right, left), probes, strict=True)
+                ]
+            )
         depth = _RADII - distance
         depth[np.array(held) > 0.5] = -1.0
         for side in np.flatnonzero(depth.max(axis=1) > 0):
             deepest = int(depth[side].argmax())
             around = probes[side, deepest] + _STEP * np.concatenate((np.eye(3), -np.eye(3)))
             # A wider reach than before: the slope must not be cut off where a sample leaves the near field.
-            d = (right, left)[side].signed_distance(around.astype(np.float32), reach + 2 * _STEP).astype(np.float64)
+            d = (
+                (right, left)[side]
+                .signed_distance(around.astype(np.float32), reach + 2 * _STEP)
+                .astype(np.float64)
+            )
             out = d[:3] - d[3:]
             length = np.linalg.norm(out)
             # Deep inside there is no slope to follow; up is where the rests and tops end.
@@ -83,8 +100,16 @@ class HandClearance:
         push = self._push * (1 - np.array(held))[:, None]
         return place_limbs(hips, local, ARMS, wrists + push).astype(local_rotations.dtype)
 
-    def _turn_up(self, hips: Array, local: Array, held: tuple[float, float], queries: tuple[DistanceQuery, DistanceQuery]) -> Array:
-        """New local rotations (23, 4): hands that hold, and so stay where they are, lift their fingers off what lies under them."""
+    def _turn_up(
+        self,
+        hips: Array,
+        local: Array,
+        held: tuple[float, float],
+        queries: tuple[DistanceQuery, DistanceQuery],
+    ) -> Array:
+        """New local rotations (23, 4): hands that hold, and so stay where they are, lift their fingers off
+        what lies under them.
+        """
         joints, rotations, _ = limb_frames(hips, local, ARMS)
         starts, position, rotation, hand = joints[:, 0], joints[:, 2], rotations[:, 1], rotations[:, 2]
         fingers, ahead = quat_rotate(hand, _TIPS), (position - starts) * (1, 1, 0)
@@ -99,13 +124,18 @@ class HandClearance:
             else:  # seen from the hand, so that it does not turn over as the fingers swing past
                 axis[side] = quat_rotate(hand[side], self._axis[side])
             if self._let_go[side] < STILL_TURNED:
-                turned = quat_rotate(quat_from_axis_angle(axis[side], np.asarray(self._raised[side]))[None], fingers[side][None])[0]
+                turned = quat_rotate(
+                    quat_from_axis_angle(axis[side], np.asarray(self._raised[side]))[None],
+                    fingers[side][None],
+                )[0]
                 points = position[side] + _ALONG[:, None] * turned
                 distance = queries[side].signed_distance(points.astype(np.float32), 0.1).astype(np.float64)
                 depth = _FINGERS + LOOK * (0 < held[side] < 1) - distance
                 deepest = int(depth.argmax())
                 wanted = float(depth[deepest]) / (_ALONG[deepest] * float(np.linalg.norm(fingers[side])))
-            self._raised[side] = np.clip(self._raised[side] + np.clip(TURN_EASE * wanted, -TURN_SPEED, TURN_SPEED), 0, MOST_TURN)
+            self._raised[side] = np.clip(
+                self._raised[side] + np.clip(TURN_EASE * wanted, -TURN_SPEED, TURN_SPEED), 0, MOST_TURN
+            )
         self._raised[self._raised < 1e-3] = 0
         turn = quat_from_axis_angle(axis, self._raised)
         local = local.copy()

@@ -1,4 +1,6 @@
-"""Lean the trunk of composed motion so that hands reach their places: one lean over the spine, and how much of it is needed."""
+"""Lean the trunk of composed motion so that hands reach their places: one lean over the spine, and how much
+of it is needed.
+"""
 
 from __future__ import annotations
 
@@ -10,23 +12,37 @@ from nsm_core.signals import gaussian_smooth
 
 from .two_bone import chain_frames, place_limbs
 
-# Joints that share a lean, from below, and their shares: of a trunk over a pelvis that stays, and of one that bends with it.
+# Joints that share a lean, from below, and their shares: of a trunk over a pelvis that stays, and of one that
+# bends with it.
 SPINE = tuple((INDEX[name], 0.25) for name in ("Chest", "Chest2", "Chest3", "Chest4"))
 BEND = ((HIPS, 0.2), (INDEX["Chest"], 0.3), (INDEX["Chest2"], 0.25), (INDEX["Chest3"], 0.25))
 COMFORT = 0.95 * ARM_LENGTH  # an arm that holds is at least a little bent
-LEAN, SHIFT = np.radians(50), np.array((0.0, -0.04, -0.16))  # the most the trunk leans more, and the hips move, to reach down
+LEAN, SHIFT = (
+    np.radians(50),
+    np.array((0.0, -0.04, -0.16)),
+)  # the most the trunk leans more, and the hips move, to reach down
 _MOST = 1.3  # times that where the captured pose needs it
 _WIDEN, _SMOOTH = 3, 7  # frames either side by which a lean comes early and stays, and over which it grows
 ARM = 0.53  # metres from shoulder to wrist that an arm reaches without being quite straight
-ASIDE, TWIST = np.radians(30), np.radians(32)  # most that the trunk leans towards a place and turns the shoulder to it
+ASIDE, TWIST = (
+    np.radians(30),
+    np.radians(32),
+)  # most that the trunk leans towards a place and turns the shoulder to it
 _LEVELS = np.linspace(0, 1, 7)
 _NECK = INDEX["Neck"]
 _SHOULDERS = [arm[0] for arm in ARMS]
 _LEGS, _ANKLES = [leg[:3] for leg in FEET], [leg[2] for leg in FEET]
 
 
-def lean(rotations: Array, world: Array, turn: Array, shares: tuple[tuple[int, float], ...] = SPINE, head: float = 0.5) -> Array:
-    """Turn the trunk by ``turn`` (T, 3), world rotation vectors, spread over joints by ``shares``; ``head`` of it reaches the head.
+def lean(
+    rotations: Array,
+    world: Array,
+    turn: Array,
+    shares: tuple[tuple[int, float], ...] = SPINE,
+    head: float = 0.5,
+) -> Array:
+    """Turn the trunk by ``turn`` (T, 3), world rotation vectors, spread over joints by ``shares``; ``head``
+    of it reaches the head.
 
     ``rotations`` (T, 23, 4) local and ``world`` (T, 23, 4) of the same pose; returns new local rotations.
     """
@@ -40,12 +56,15 @@ def lean(rotations: Array, world: Array, turn: Array, shares: tuple[tuple[int, f
         before = now
     if head != 1:
         above = quat_mul(quat_from_rotvec(turn), world[:, PARENTS[_NECK]].astype(np.float64))
-        local[:, _NECK] = quat_mul(quat_conjugate(above), quat_mul(quat_from_rotvec(turn * head), world[:, _NECK].astype(np.float64)))
+        local[:, _NECK] = quat_mul(
+            quat_conjugate(above), quat_mul(quat_from_rotvec(turn * head), world[:, _NECK].astype(np.float64))
+        )
     return local
 
 
 def lean_into_reach(hips: Array, rotations: Array, grips: Array, active: Array) -> tuple[Array, Array]:
-    """Lean the trunk and lower the hips of a motion (T, ...) where arms are too short for ``grips`` (T, 2, 3); the feet stay.
+    """Lean the trunk and lower the hips of a motion (T, ...) where arms are too short for ``grips`` (T, 2,
+    3); the feet stay.
 
     ``active`` (T,) frames that must reach.  Returns new hips (T, 3) and local rotations (T, 23, 4).
     """
@@ -66,7 +85,9 @@ def lean_into_reach(hips: Array, rotations: Array, grips: Array, active: Array) 
     if not need.any():
         return hips, rotations
     window = np.hanning(2 * _SMOOTH + 3)[1:-1]
-    widest = np.lib.stride_tricks.sliding_window_view(np.pad(need, _WIDEN, mode="edge"), 2 * _WIDEN + 1).max(-1)
+    widest = np.lib.stride_tricks.sliding_window_view(np.pad(need, _WIDEN, mode="edge"), 2 * _WIDEN + 1).max(
+        -1
+    )
     amount = np.convolve(np.pad(widest, _SMOOTH, mode="edge"), window / window.sum(), mode="valid")
     moved_hips, local = _bent(hips.astype(np.float64), rotations, world, amount)
     local = place_limbs(moved_hips, local, _LEGS, positions[:, _ANKLES], world[:, _ANKLES])
@@ -74,14 +95,22 @@ def lean_into_reach(hips: Array, rotations: Array, grips: Array, active: Array) 
 
 
 def shift_of(height: Array) -> Array:
-    """How hips at heights (...) move at the full amount, (..., 3) seen from the body: nearly sitting on the heels they stay."""
+    """How hips at heights (...) move at the full amount, (..., 3) seen from the body: nearly sitting on the
+    heels they stay.
+    """
     return np.concatenate(
-        (np.broadcast_to(SHIFT[:2], (*np.shape(height), 2)), (SHIFT[2] * np.clip((height - 0.32) / 0.3, 0, 1))[..., None]), axis=-1
+        (
+            np.broadcast_to(SHIFT[:2], (*np.shape(height), 2)),
+            (SHIFT[2] * np.clip((height - 0.32) / 0.3, 0, 1))[..., None],
+        ),
+        axis=-1,
     )
 
 
 def _bent(hips: Array, rotations: Array, world: Array, amount: Array) -> tuple[Array, Array]:
-    """Hips (T, 3) and local rotations with the trunk pitched forward and the hips moved, by ``amount`` (T,)."""
+    """Hips (T, 3) and local rotations with the trunk pitched forward and the hips moved, by
+    ``amount`` (T,).
+    """
     side = quat_rotate(world[:, HIPS].astype(np.float64), np.broadcast_to((1.0, 0, 0), hips.shape))
     ahead = np.stack((side[:, 1], -side[:, 0]), axis=-1)
     ahead *= -SHIFT[1] / np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
@@ -90,7 +119,8 @@ def _bent(hips: Array, rotations: Array, world: Array, amount: Array) -> tuple[A
 
 
 def lean_to(hips: Array, rotations: Array, side: int, target: Array, weight: Array) -> Array:
-    """Lean the trunk (T, ...) so that the shoulder of ``side`` comes within an arm's reach of ``target`` (T, 3).
+    """Lean the trunk (T, ...) so that the shoulder of ``side`` comes within an arm's reach of ``target`` (T,
+    3).
 
     ``weight`` (T,) 0..1 tells how much a frame asks for it.  Returns new local rotations.
     """

@@ -1,7 +1,7 @@
 """Keep the legs of a climber out of edges: hips give way and rise, knees go round, swinging feet are raised.
 
-A network that climbs bends the knee of the foot that follows a little too early or too far; its flesh then passes the edge.
-What a body would do about it is small: it pushes off, waits, or turns the knee outward.
+A network that climbs bends the knee of the foot that follows a little too early or too far; its flesh then
+passes the edge. What a body would do about it is small: it pushes off, waits, or turns the knee outward.
 """
 
 from __future__ import annotations
@@ -18,12 +18,15 @@ from .two_bone import leg_reach, limb_frames, place_limbs, solve_two_bone
 
 CLIMBING = 0.25  # label from which on somebody climbs
 MARGIN = 0.02  # metres off the flesh from which on legs give way
-# Changes, in this order: hips x, y, z, metres; splay of the right and left knee, in SPLAY radians per metre; lift of the feet.
+# Changes, in this order: hips x, y, z, metres; splay of the right and left knee, in SPLAY radians per metre;
+# lift of the feet.
 SPLAY = 8.0
 _SPLAYED = SPLAY * np.array((1.0, -1.0))
 LEAST = np.array((-0.1, -0.1, -0.03, 0.0, 0.0, 0.0, 0.0))
 MOST = np.array((0.1, 0.1, 0.1, 0.11, 0.11, 0.2, 0.2))
-STIFF = np.array((0.25, 0.25, 0.25, 0.15, 0.15, 0.15, 0.15))  # how dear a metre of each is, as against a metre in the solid
+STIFF = np.array(
+    (0.25, 0.25, 0.25, 0.15, 0.15, 0.15, 0.15)
+)  # how dear a metre of each is, as against a metre in the solid
 SPEED = np.array((0.5, 0.5, 0.5, 0.6, 0.6, 1.5, 1.5)) / 30  # metres by which each changes in a frame
 EASE, GATHER = 0.5, 0.25  # share of the way that is gone in a frame; share of SPEED by which that grows
 STRETCH = 3.0  # how much a metre out of a leg's reach counts
@@ -43,18 +46,24 @@ _FOOT_RADII = np.array((0.025, 0.02, 0.02))
 class LegClearance:
     """Corrects the legs of one character who climbs, smoothly; stateful, one call a frame."""
 
-    def __init__(self, query: DistanceQuery, terrain: Terrain | None = None, margin: float = MARGIN, feet: bool = False) -> None:
-        """``query`` is what legs, and ``feet`` with them, keep ``margin`` metres off, ``terrain`` the tops that they go over."""
+    def __init__(
+        self, query: DistanceQuery, terrain: Terrain | None = None, margin: float = MARGIN, feet: bool = False
+    ) -> None:
+        """``query`` is what legs, and ``feet`` with them, keep ``margin`` metres off, ``terrain`` the tops
+        that they go over.
+        """
         self.query, self.terrain = query, terrain or Terrain()
         self._margin, self._feet = margin, feet
         self.change, self._pace = np.zeros(7), np.zeros(7)
         self._came: Array | None = None  # the joints (3, 2, 3) that came in with the last frame
 
-    def apply(self, hips_position: Array, local_rotations: Array, climbing: float, locked: tuple[bool, bool]) -> tuple[Array, Array]:
+    def apply(
+        self, hips_position: Array, local_rotations: Array, climbing: float, locked: tuple[bool, bool]
+    ) -> tuple[Array, Array]:
         """Return new hips (3,) and local rotations (23, 4).
 
-        ``hips_position`` (3,) world metres; ``climbing`` the climb label 0..1; ``locked`` feet stay where they are, as all
-        feet keep their turn.
+        ``hips_position`` (3,) world metres; ``climbing`` the climb label 0..1; ``locked`` feet stay where
+        they are, as all feet keep their turn.
         """
         if climbing < CLIMBING and np.abs(self.change).max() < 1e-4:
             self.change[:], self._pace[:], self._came = 0, 0, None
@@ -69,7 +78,9 @@ class LegClearance:
         return hips[0].astype(hips_position.dtype), local[0].astype(local_rotations.dtype)
 
     def _wanted(self, pose: LegPose, locked: tuple[bool, bool]) -> Array:
-        """The change (7,) that costs least and leaves the legs clear: one step of Gauss and Newton from the present one."""
+        """The change (7,) that costs least and leaves the legs clear: one step of Gauss and Newton from the
+        present one.
+        """
         miss, slope = self.misses_and_slope(pose, self.change)
         slope[:, 5:] *= ~np.array(locked)
         stiff = STIFF**2 + 1e3 * np.concatenate((np.zeros(5), locked))
@@ -86,25 +97,34 @@ class LegClearance:
         return miss[0], (miss[1:] - miss[0]).T / _PROBE
 
     def _misses(self, pose: LegPose, changes: Array) -> Array:
-        """How far (N, P) points of the legs are in the margin, and legs out of reach (the last two), metres, by ``changes`` (N, 7)."""
+        """How far (N, P) points of the legs are in the margin, and legs out of reach (the last two), metres,
+        by ``changes`` (N, 7).
+        """
         joints = pose.joints_by(changes)
         far = np.linalg.norm(pose.targets(changes) - joints[:, 0], axis=-1)
         if self._came is not None:  # where legs are now, and where they will be if they go on as they came
             joints = np.concatenate((joints, joints + AHEAD * (pose.joints - self._came)))
         start, knee, ankle = joints[:, 0, :, None], joints[:, 1, :, None], joints[:, 2, :, None]
-        points = np.concatenate((start + _THIGH[:, None] * (knee - start), knee + _SHIN[:, None] * (ankle - knee)), axis=2)
+        points = np.concatenate(
+            (start + _THIGH[:, None] * (knee - start), knee + _SHIN[:, None] * (ankle - knee)), axis=2
+        )
         radii = _RADII
         if self._feet:
             places = quat_rotate(pose.feet[:, None], _FOOT) + pose.targets(changes)[:, :, None]
             points, radii = np.concatenate((points, places), axis=2), np.concatenate((_RADII, _FOOT_RADII))
-        distance = self.query.signed_distance(points.reshape(-1, 3).astype(np.float32), 0.15).reshape(points.shape[:3])
-        # From within a thin wall the nearest way out is through it, for each part of a leg another one; the way is over it.
+        distance = self.query.signed_distance(points.reshape(-1, 3).astype(np.float32), 0.15).reshape(
+            points.shape[:3]
+        )
+        # From within a thin wall the nearest way out is through it, for each part of a leg another one; the
+        # way is over it.
         top = self.terrain.height(points.reshape(-1, 3)[:, :2]).reshape(points.shape[:3])
         over = top - points[..., 2]
         distance = np.where((distance < 0) & (over < _OVER), np.minimum(distance, -over), distance)
         deep = np.maximum(0, radii + self._margin - distance)
         deep = deep.reshape(-1, len(changes), 2 * len(radii)).max(0)
-        return np.concatenate((deep, STRETCH * np.maximum(0, far - np.maximum(leg_reach(), pose.length))), axis=1)
+        return np.concatenate(
+            (deep, STRETCH * np.maximum(0, far - np.maximum(leg_reach(), pose.length))), axis=1
+        )
 
 
 class LegPose:
@@ -130,7 +150,10 @@ class LegPose:
         """Hip joints, knees and ankles (N, 3, 2, 3) as ``changed`` puts them."""
         start, knee, ankle = (joint + changes[:, None, :3] for joint in self.joints)
         turn = quat_from_axis_angle(np.broadcast_to(self.down, start.shape), _SPLAYED * changes[:, 3:5])
-        bent, hinge = quat_rotate(turn, knee - start), quat_rotate(turn, self.hinge)  # the ankle lies on the axis
+        bent, hinge = (
+            quat_rotate(turn, knee - start),
+            quat_rotate(turn, self.hinge),
+        )  # the ankle lies on the axis
         knee, ankle, _ = solve_two_bone(start, start + bent, ankle, self.targets(changes), hinge)
         return np.stack((start, knee, ankle), axis=1)
 
@@ -138,9 +161,13 @@ class LegPose:
         """Hips (N, 3) and local rotations (N, 23, 4) by ``changes`` (N, 7)."""
         hips = self.hips + changes[:, :3]
         local = np.repeat(self.local[None], len(changes), axis=0)
-        turn = quat_from_axis_angle(np.broadcast_to(self.down, (len(changes), 2, 3)), _SPLAYED * changes[:, 3:5])
+        turn = quat_from_axis_angle(
+            np.broadcast_to(self.down, (len(changes), 2, 3)), _SPLAYED * changes[:, 3:5]
+        )
         upper = quat_mul(turn, np.broadcast_to(self.upper, turn.shape))
-        local[:, [leg[0] for leg in LEGS]] = quat_mul(quat_conjugate(np.broadcast_to(self.parents, turn.shape)), upper)
+        local[:, [leg[0] for leg in LEGS]] = quat_mul(
+            quat_conjugate(np.broadcast_to(self.parents, turn.shape)), upper
+        )
         feet = np.broadcast_to(self.feet, turn.shape)
         return hips, place_limbs(hips, local, LEGS, self.targets(changes), feet)
 

@@ -1,7 +1,8 @@
-"""Legs of a finished take that still pass through what is climbed: their ways are bent clear with what comes before and after in view.
+"""Legs of a finished take that still pass through what is climbed: their ways are bent clear with what comes
+before and after in view.
 
-``LegClearance`` sees one frame and gives way late; here all frames about a pass are solved together: what the legs are in, by how
-much the pose is changed, and how fast that changes are weighed against one another.
+``LegClearance`` sees one frame and gives way late; here all frames about a pass are solved together: what the
+legs are in, by how much the pose is changed, and how fast that changes are weighed against one another.
 """
 
 from __future__ import annotations
@@ -37,12 +38,15 @@ class LegPaths:
     def clear(self, hips: Array, local: Array, locked: Array, climbing: Array) -> Iterator[None]:
         """Change hips (T, 3) and local rotations (T, 23, 4) in place, a few frames at a time: yields between.
 
-        ``locked`` (T, 2) feet stay where they are, and all feet keep their turn; looked at is where the climb label ``climbing``
-        (T,) is up.
+        ``locked`` (T, 2) feet stay where they are, and all feet keep their turn; looked at is where the climb
+        label ``climbing`` (T,) is up.
         """
         deep, near = np.zeros(len(hips), bool), _spread(climbing >= CLIMBING)
         for n, t in enumerate(np.flatnonzero(near)):
-            deep[t] = self._legs.depth(LegPose(hips[t].astype(np.float64), local[t].astype(np.float64))) > MARGIN + LEAST_DEEP
+            deep[t] = (
+                self._legs.depth(LegPose(hips[t].astype(np.float64), local[t].astype(np.float64)))
+                > MARGIN + LEAST_DEEP
+            )
             if n % AT_ONCE == AT_ONCE - 1:
                 yield
         if not deep.any():
@@ -52,7 +56,9 @@ class LegPaths:
                 yield from self._bend(hips, local, locked, start, min(last, start + LONGEST))
 
     def _bend(self, hips: Array, local: Array, locked: Array, first: int, last: int) -> Iterator[None]:
-        """Gauss and Newton over the changes (T, 7) of the frames from ``first`` to ``last``, which fade to none at both ends."""
+        """Gauss and Newton over the changes (T, 7) of the frames from ``first`` to ``last``, which fade to
+        none at both ends.
+        """
         poses = [LegPose(hips[t].astype(np.float64), local[t].astype(np.float64)) for t in range(first, last)]
         count, own = len(poses), np.arange(7)
         change = np.zeros((count, 7))

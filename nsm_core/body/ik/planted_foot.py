@@ -11,20 +11,29 @@ from nsm_core.signals import smooth_step
 
 # Label thresholds with hysteresis, seconds, metres and radians of the frame-by-frame version.
 LOCK, UNLOCK, SURE = 0.5, 0.3, 0.8
-GLIDING, TORN = 0.7, 1.0  # m/s: a foot that moves faster is not locked; one that does is let go, whatever an unsure label says
+GLIDING, TORN = (
+    0.7,
+    1.0,
+)  # m/s: a foot that moves faster is not locked; one that does is let go, whatever an unsure label says
 LANDING_TIME, RELEASE_TIME = 0.1, 0.23
 LOW_TOE, MAX_STRETCH, MAX_PIVOT = 0.08, 0.12, np.radians(25)
-# A free foot clears the floor by CLEARANCE once it moves at full speed over it, m and m/s; rise and fall of that lift, m/s.
+# A free foot clears the floor by CLEARANCE once it moves at full speed over it, m and m/s; rise and fall of
+# that lift, m/s.
 CLEARANCE, SLOW_FOOT, FAST_FOOT, LIFT_UP, LIFT_DOWN, LIFT_EASE = 0.028, 0.15, 0.5, 0.5, 0.35, 0.45
-# One that is set anew is lifted by so many metres, up to this share of the step; the other waits for it so many metres longer.
+# One that is set anew is lifted by so many metres, up to this share of the step; the other waits for it so
+# many metres longer.
 STEP_LIFT, STEP_DOWN, STEP_PLAY, STEP_OVER = 0.045, 0.7, 0.12, 0.015
-SETTLE, SETTLE_SPEED = 0.015, 0.15  # metres by which a foot that stands is raised or lowered onto the floor, m/s
+SETTLE, SETTLE_SPEED = (
+    0.015,
+    0.15,
+)  # metres by which a foot that stands is raised or lowered onto the floor, m/s
 # The same on top of things, where a network knows the height less well; the rise of a foot over an edge.
 HIGH_TOE, HIGH_SETTLE, HIGH_SETTLE_SPEED, EDGE_UP, EDGE_DOWN, EDGE_EASE = 0.14, 0.1, 0.4, 2.2, 1.8, 0.6
-# A foot that stands stays while the other is this high over its ground, up to where the pose has it, metres: one of them must
-# bear a climber; and how fast it is drawn down, m/s.
+# A foot that stands stays while the other is this high over its ground, up to where the pose has it, metres:
+# one of them must bear a climber; and how fast it is drawn down, m/s.
 BEARS, BEAR_TOE, BEAR_SPEED = 0.12, 0.3, 1.0
-# A foot that nears a riser too low is held off it, and one that stands in it is drawn out: share of the way a frame, m/s, m/s2.
+# A foot that nears a riser too low is held off it, and one that stands in it is drawn out: share of the way a
+# frame, m/s, m/s2.
 BACK_EASE, BACK_SPEED, BACK_LOCKED, BACK_GATHER = 0.5, 1.0, 0.3, 15.0
 GATHER = 15.0  # m/s2 by which a foot gathers that speed, and loses it twice as fast: in one frame knees snap
 
@@ -34,13 +43,26 @@ class Foot:
 
     def __init__(self) -> None:
         self.locked = self.refused = False
-        self.hold, self.play = 0.0, 0.0  # 0 while the foot still lands, 1 when it is fast; metres that it waits while the other steps
+        self.hold, self.play = (
+            0.0,
+            0.0,
+        )  # 0 while the foot still lands, 1 when it is fast; metres that it waits while the other steps
         self.anchor, self.anchor_heading = np.zeros(2), 0.0
         self.shift, self.turn = np.zeros(3), 0.0  # what is added to the pose now
-        self.left, self.left_turn, self.fading = np.zeros(3), 0.0, 1.0  # what was there at release; 0..1 faded out
+        self.left, self.left_turn, self.fading = (
+            np.zeros(3),
+            0.0,
+            1.0,
+        )  # what was there at release; 0..1 faded out
         self.swing = 0.0  # 0..1 how much it is raised for its speed
-        self.lift, self.rise = 0.0, 0.0  # how much a swinging foot is raised; by how much that grew in the last frame
-        self.back, self.backing = np.zeros(2), np.zeros(2)  # how a foot is held off a riser, in ``shift``; by how much that grew
+        self.lift, self.rise = (
+            0.0,
+            0.0,
+        )  # how much a swinging foot is raised; by how much that grew in the last frame
+        self.back, self.backing = (
+            np.zeros(2),
+            np.zeros(2),
+        )  # how a foot is held off a riser, in ``shift``; by how much that grew
         self.came: Array | None = None  # where the toe came in and where it was put in the last frame, (2,)
         self.before: Array | None = None
 
@@ -50,7 +72,9 @@ class Foot:
         self.locked, self.hold = False, 0.0
 
     def hold_off(self, back: Array, dt: float) -> None:
-        """Bring a foot off a riser by ``back`` (2,), metres: swiftly, but without a jump; a foot that stands stays that far off."""
+        """Bring a foot off a riser by ``back`` (2,), metres: swiftly, but without a jump; a foot that stands
+        stays that far off.
+        """
         if self.locked:
             step = back * min(1.0, BACK_LOCKED * dt / max(float(np.hypot(*back)), 1e-9))
             self.anchor, self.back, self.backing = self.anchor + step, self.back + step, np.zeros(2)
@@ -58,7 +82,9 @@ class Foot:
         step = BACK_EASE * (back - self.back)
         step *= min(1.0, BACK_SPEED * dt / max(float(np.hypot(*step)), 1e-9))
         change = step - self.backing
-        self.backing = self.backing + change * min(1.0, BACK_GATHER * dt * dt / max(float(np.hypot(*change)), 1e-9))
+        self.backing = self.backing + change * min(
+            1.0, BACK_GATHER * dt * dt / max(float(np.hypot(*change)), 1e-9)
+        )
         self.back = self.back + self.backing
         if not back.any() and np.abs(self.back).max() < 1e-4:
             self.back, self.backing = np.zeros(2), np.zeros(2)
@@ -75,13 +101,17 @@ class Foot:
         stay: float = -np.inf,
         bears: bool = False,
     ) -> None:
-        """Choose ``shift``, ``turn`` and ``lift`` for a pose whose toe joint is at ``toe`` (3,), the foot turned to ``heading``.
+        """Choose ``shift``, ``turn`` and ``lift`` for a pose whose toe joint is at ``toe`` (3,), the foot
+        turned to ``heading``.
 
-        Heights are over the ground under the foot; ``high`` tells that this is not the floor, ``over`` by how much a
-        swinging foot must be raised to clear an edge, and ``stay`` by how much one that is raised must stay so, metres;
+        Heights are over the ground under the foot; ``high`` tells that this is not the floor, ``over`` by how
+        much a swinging foot must be raised to clear an edge, and ``stay`` by how much one that is raised must
+        stay so, metres;
         ``bears`` that the other foot is high up now.
         """
-        low, play, speed = (HIGH_TOE, HIGH_SETTLE, HIGH_SETTLE_SPEED) if high else (LOW_TOE, SETTLE, SETTLE_SPEED)
+        low, play, speed = (
+            (HIGH_TOE, HIGH_SETTLE, HIGH_SETTLE_SPEED) if high else (LOW_TOE, SETTLE, SETTLE_SPEED)
+        )
         if bears and self.locked:
             label, low, play, speed = 1.0, BEAR_TOE, BEAR_TOE, BEAR_SPEED
         if label < UNLOCK:
@@ -116,7 +146,9 @@ class Foot:
         self._clear_the_floor(toe, ankle_height, dt, over, stay)
 
     def _clear_the_floor(self, toe: Array, ankle_height: float, dt: float, over: float, stay: float) -> None:
-        """Raise a foot that swings low: the network's mean of many steps drags it where a body would lift it."""
+        """Raise a foot that swings low: the network's mean of many steps drags it where a body would
+        lift it.
+        """
         now = toe[:2] + self.shift[:2]
         speed = 0.0 if self.before is None else float(np.hypot(*(now - self.before))) / dt
         self.before = now
@@ -128,7 +160,11 @@ class Foot:
             if self.refused and self.fading < STEP_DOWN:
                 wanted = max(wanted, STEP_LIFT + low - self.shift[2])
         wanted = max(wanted, min(stay - self.shift[2], self.lift))
-        up, down, ease = (EDGE_UP, EDGE_DOWN, EDGE_EASE) if max(over, self.lift) > 2 * CLEARANCE else (LIFT_UP, LIFT_DOWN, LIFT_EASE)
+        up, down, ease = (
+            (EDGE_UP, EDGE_DOWN, EDGE_EASE)
+            if max(over, self.lift) > 2 * CLEARANCE
+            else (LIFT_UP, LIFT_DOWN, LIFT_EASE)
+        )
         step = clamp(float(ease * (wanted - self.lift)), -down * dt, up * dt)
         self.rise = clamp(step, self.rise - 2 * GATHER * dt * dt, max(self.rise, 0.0) + GATHER * dt * dt)
         self.lift += self.rise

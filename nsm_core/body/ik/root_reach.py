@@ -17,7 +17,8 @@ _ROUNDS = 6
 def within_reach(
     hips: Array, rotations: Array, before: Array, hands: Array, used: list[int], ankles: Array, free: bool
 ) -> tuple[Array, Array]:
-    """Lean the spine, and shift the hips where they are ``free``, until hands and feet can reach their places.
+    """Lean the spine, and shift the hips where they are ``free``, until hands and feet can reach their
+    places.
 
     ``before`` (N, J, 3) joints of the original pose: a limb that was stretched further there may be so again.
     """
@@ -39,17 +40,25 @@ def within_reach(
         if not free:
             continue
         joints = forward_kinematics(hips, rotations)[0]
-        shift = hips - start + _shortfall(joints, before, arms, hands) + _shortfall(joints, before, legs, ankles)
-        hips = start + shift * np.minimum(1, _MOST_SHIFT / np.maximum(np.linalg.norm(shift, axis=-1, keepdims=True), 1e-9))
+        shift = (
+            hips - start + _shortfall(joints, before, arms, hands) + _shortfall(joints, before, legs, ankles)
+        )
+        hips = start + shift * np.minimum(
+            1, _MOST_SHIFT / np.maximum(np.linalg.norm(shift, axis=-1, keepdims=True), 1e-9)
+        )
     return hips, rotations
 
 
 def _shortfall(joints: Array, before: Array, chains: list[tuple[int, int, int]], targets: Array) -> Array:
-    """Vector (N, 3) by which the start of the limb that misses its target (N, L, 3) most has to come nearer."""
+    """Vector (N, 3) by which the start of the limb that misses its target (N, L, 3) most has to come
+    nearer.
+    """
     worst, most = np.zeros((len(joints), 3)), np.zeros((len(joints), 1))
     for (start, middle, end), target in zip(chains, np.moveaxis(targets, 1, 0), strict=True):
         length = SOFT_REACH * float(np.linalg.norm(OFFSETS[[middle, end]], axis=-1).sum())
-        allowed = np.maximum(length, np.linalg.norm(before[:, end] - before[:, start], axis=-1, keepdims=True) + 1e-4)
+        allowed = np.maximum(
+            length, np.linalg.norm(before[:, end] - before[:, start], axis=-1, keepdims=True) + 1e-4
+        )
         way = target - joints[:, start]
         distance = np.linalg.norm(way, axis=-1, keepdims=True)
         over = np.maximum(distance - allowed, 0)

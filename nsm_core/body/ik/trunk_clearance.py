@@ -1,4 +1,6 @@
-"""Keep the back of a sitter out of the back rest: the trunk leans forward from the lowest joint of the spine."""
+"""Keep the back of a sitter out of the back rest: the trunk leans forward from the lowest joint of
+the spine.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,11 @@ from .two_bone import chain_frames
 _CHEST = INDEX["Chest"]
 _SPINE = (INDEX["Chest2"], INDEX["Chest3"], INDEX["Chest4"])
 _SHARES = np.linspace(0, 1, 4)
-MOST_LEAN, EASE, SPEED = np.radians(22), 0.25, np.radians(1.2)  # lean at most; share and angle per frame by which it changes
+MOST_LEAN, EASE, SPEED = (
+    np.radians(22),
+    0.25,
+    np.radians(1.2),
+)  # lean at most; share and angle per frame by which it changes
 _STEP = 0.02  # metres between the samples of the distance's slope
 
 
@@ -25,20 +31,32 @@ class TrunkClearance:
         self.lean = 0.0
 
     def apply(self, hips_position: Array, local_rotations: Array, seated: float) -> Array:
-        """Return new local rotations (23, 4) of a pose; ``hips_position`` (3,) world metres, ``seated`` the sit label 0..1."""
+        """Return new local rotations (23, 4) of a pose; ``hips_position`` (3,) world metres, ``seated`` the
+        sit label 0..1.
+        """
         local = local_rotations.astype(np.float64)
-        wanted = self._needed(hips_position.astype(np.float64), self._leant(local), local[0]) if seated > 0.3 else -self.lean
+        wanted = (
+            self._needed(hips_position.astype(np.float64), self._leant(local), local[0])
+            if seated > 0.3
+            else -self.lean
+        )
         self.lean = float(np.clip(self.lean + np.clip(EASE * wanted, -SPEED, SPEED), 0, MOST_LEAN))
-        return self._leant(local).astype(local_rotations.dtype) if self.lean > 1e-4 else local_rotations.copy()
+        return (
+            self._leant(local).astype(local_rotations.dtype) if self.lean > 1e-4 else local_rotations.copy()
+        )
 
     def _leant(self, local: Array) -> Array:
         """The pose with the chest pitched forward, about its own side-to-side axis, by the present lean."""
         turned = local.copy()
-        turned[_CHEST] = quat_mul(quat_from_axis_angle(np.array((1.0, 0, 0)), np.asarray(self.lean)), local[_CHEST])
+        turned[_CHEST] = quat_mul(
+            quat_from_axis_angle(np.array((1.0, 0, 0)), np.asarray(self.lean)), local[_CHEST]
+        )
         return turned
 
     def _needed(self, hips: Array, local: Array, pelvis: Array) -> float:
-        """Radians to lean further forward (negative: back) so that the back just touches what is behind it."""
+        """Radians to lean further forward (negative: back) so that the back just touches what is
+        behind it.
+        """
         position, rotation = chain_frames(hips, local, (_SPINE[0],))
         pivot = chain_frames(hips, local, (_CHEST,))[0][0]
         points = [position[0]]
@@ -53,9 +71,13 @@ class TrunkClearance:
         deepest = int(depth.argmax())
         if depth[deepest] > 0:
             forward = quat_rotate(pelvis[None], np.array(((0.0, -1.0, 0.0),)))[0]
-            ends = np.stack((spine[deepest] + _STEP * forward, spine[deepest] - _STEP * forward)).astype(np.float32)
+            ends = np.stack((spine[deepest] + _STEP * forward, spine[deepest] - _STEP * forward)).astype(
+                np.float32
+            )
             ahead, behind = self.query.signed_distance(ends, BACK_RADIUS + 0.05)
-            if ahead <= behind:  # what it touches stands before the body or at its side: leaning would not help
+            if (
+                ahead <= behind
+            ):  # what it touches stands before the body or at its side: leaning would not help
                 return -self.lean
         return float(depth[deepest] / levers[deepest])
 

@@ -1,7 +1,8 @@
 """Two-bone inverse kinematics in closed form: legs and arms put their ends where they are told.
 
 Everything is vectorised over leading axes, so a frame and a whole take cost the same number of calls.
-A limb keeps the plane it is bent in; a nearly straight one bends as the joint does (knees forward), and never backward.
+A limb keeps the plane it is bent in; a nearly straight one bends as the joint does (knees forward), and never
+backward.
 """
 
 from __future__ import annotations
@@ -34,52 +35,70 @@ from nsm_core.components import (
 )
 from nsm_core.rotations import Array, quat_mul, quat_rotate
 
-# Hinge axis of knee and elbow in the rest frame of the upper bone: turning the lower bone about it flexes the joint.
+# Hinge axis of knee and elbow in the rest frame of the upper bone: turning the lower bone about it flexes the
+# joint.
 _HINGES = np.zeros((J, 3))
 _HINGES[[INDEX["RightKnee"], INDEX["LeftKnee"]], 0] = 1
 _HINGES[[INDEX["RightElbow"], INDEX["LeftElbow"]], 2] = 1, -1
 _BONES = OFFSETS.astype(np.float64).tolist()
-_REST = {chain[1:3]: (_BONES[chain[1]], _BONES[chain[2]], _HINGES[chain[1]].tolist()) for chain in (*FEET, *ARMS)}
+_REST = {
+    chain[1:3]: (_BONES[chain[1]], _BONES[chain[2]], _HINGES[chain[1]].tolist()) for chain in (*FEET, *ARMS)
+}
 _FEW = 4  # poses up to which numbers are quicker than arrays
 # Of the length of the straight limb: where the reach begins to soften, its end, and the tightest fold.
 SOFT_REACH, FULL_REACH, TIGHTEST = 0.99, 0.9995, 0.15
-# The plane of a bend this small is noise (sine of the bend); and of its sine by the new one, where it is not to be magnified.
+# The plane of a bend this small is noise (sine of the bend); and of its sine by the new one, where it is not
+# to be magnified.
 _STRAIGHT, _BENT = 0.02, 0.12
 _MAGNIFIED, _LIKE = 0.3, 0.8
 
 
-def solve_two_bone(hip: Array, knee: Array, ankle: Array, target: Array, hinge: Array) -> tuple[Array, Array, Array]:
+def solve_two_bone(
+    hip: Array, knee: Array, ankle: Array, target: Array, hinge: Array
+) -> tuple[Array, Array, Array]:
     """Bend a limb so that its end meets a target.
 
     Args:
         hip, knee, ankle: (..., 3) joints of the limb, any frame, metres.
-        target: (..., 3) where the end shall be; what is out of reach is approached softly, without a pop at full length.
-        hinge: (..., 3) axis about which the limb flexes by the right-hand rule (a person's right for knees),
+        target: (..., 3) where the end shall be; what is out of reach is approached softly, without a pop at
+        full length. hinge: (..., 3) axis about which the limb flexes by the right-hand rule (a person's right
+        for knees),
             used when the limb is nearly straight or bent the wrong way.
 
     Returns:
         The new knee and ankle, (..., 3), and the axis (..., 3) about which the limb is now bent.
     """
-    knee, ankle, axis = (packed(v) for v in _solve(Arrays, *(split(np.asarray(v)) for v in (hip, knee, ankle, target, hinge)))[:3])
+    knee, ankle, axis = (
+        packed(v)
+        for v in _solve(Arrays, *(split(np.asarray(v)) for v in (hip, knee, ankle, target, hinge)))[:3]
+    )
     return knee, ankle, axis
 
 
 def place_limb(
-    hips_position: Array, local_rotations: Array, chain: tuple[int, int, int], target: Array, end_rotation: Array | None = None
+    hips_position: Array,
+    local_rotations: Array,
+    chain: tuple[int, int, int],
+    target: Array,
+    end_rotation: Array | None = None,
 ) -> Array:
     """Put the end of a limb at a target by turning its two bones; return new (..., 23, 4) local rotations.
 
     Args:
         hips_position: (..., 3) world, metres.
         local_rotations: (..., 23, 4) parent-relative.
-        chain: joints of the limb's start, middle and end, such as ``skeleton.ARMS[0]`` or ``skeleton.FEET[0][:3]``.
-        target: (..., 3) world position for the end joint.
-        end_rotation: (..., 4) world rotation for the end joint; None keeps the world rotation it had.
+        chain: joints of the limb's start, middle and end, such as ``skeleton.ARMS[0]`` or
+        ``skeleton.FEET[0][:3]``. target: (..., 3) world position for the end joint. end_rotation: (..., 4)
+        world rotation for the end joint; None keeps the world rotation it had.
 
     All other joints keep their local rotations.  Unreachable targets are approached as in ``solve_two_bone``.
     """
     return place_limbs(
-        hips_position, local_rotations, (chain,), target[..., None, :], None if end_rotation is None else end_rotation[..., None, :]
+        hips_position,
+        local_rotations,
+        (chain,),
+        target[..., None, :],
+        None if end_rotation is None else end_rotation[..., None, :],
     )
 
 
@@ -90,7 +109,8 @@ def place_limbs(
     targets: Array,
     end_rotations: Array | None = None,
 ) -> Array:
-    """Put the ends of several limbs at targets at once; as ``place_limb`` with (..., L, 3) targets and (..., L, 4) rotations.
+    """Put the ends of several limbs at targets at once; as ``place_limb`` with (..., L, 3) targets and (...,
+    L, 4) rotations.
 
     The limbs must not hang on one another.
     """
@@ -103,7 +123,10 @@ def place_limbs(
     if local.size > _FEW * J * 4:
         position, parent = (split(a) for a in chain_frames(hips_position, local, tuple(starts)))
         old = tuple(split(local[..., joints, :]) for joints in (starts, middles, ends))
-        rest = tuple(split(a) for a in (OFFSETS[middles].astype(np.float64), OFFSETS[ends].astype(np.float64), _HINGES[middles]))
+        rest = tuple(
+            split(a)
+            for a in (OFFSETS[middles].astype(np.float64), OFFSETS[ends].astype(np.float64), _HINGES[middles])
+        )
         end = None if end_rotations is None else split(end_rotations)
         new = _place(Arrays, position, parent, old, rest, split(targets), end)
         for joints, rotation in zip((starts, middles, ends), new, strict=True):
@@ -114,7 +137,9 @@ def place_limbs(
     last = None if end_rotations is None else end_rotations.reshape(-1, len(chains), 4).tolist()
     for n, pose in enumerate(poses.tolist()):
         placed: list[Quaternion] = []
-        for k, ((position, parent), chain) in enumerate(zip(_frames(hips[n], pose, starts), chains, strict=True)):
+        for k, ((position, parent), chain) in enumerate(
+            zip(_frames(hips[n], pose, starts), chains, strict=True)
+        ):
             turns, end = [pose[j] for j in chain], None if last is None else last[n][k]
             placed.extend(_place(Numbers, position, parent, turns, _REST[chain[1:]], goals[n][k], end))
         poses[n, [j for chain in chains for j in chain]] = placed
@@ -122,14 +147,22 @@ def place_limbs(
 
 
 def place_wrists(
-    hips_position: Array, local_rotations: Array, side: int, wrist_target: Array, wrist_rotation: Array | None = None
+    hips_position: Array,
+    local_rotations: Array,
+    side: int,
+    wrist_target: Array,
+    wrist_rotation: Array | None = None,
 ) -> Array:
     """Put the wrist of one arm, ``side`` 0 right or 1 left, at a target (..., 3); as ``place_limb``."""
     return place_limb(hips_position, local_rotations, ARMS[side], wrist_target, wrist_rotation)
 
 
-def chain_frames(hips_position: Array, local_rotations: Array, joints: tuple[int, ...]) -> tuple[Array, Array]:
-    """World position (..., L, 3) of ``joints`` and world rotation (..., L, 4) of their parents, walking only their ancestors."""
+def chain_frames(
+    hips_position: Array, local_rotations: Array, joints: tuple[int, ...]
+) -> tuple[Array, Array]:
+    """World position (..., L, 3) of ``joints`` and world rotation (..., L, 4) of their parents, walking only
+    their ancestors.
+    """
     if local_rotations.ndim == 2:
         frames = _frames(np.asarray(hips_position).tolist(), local_rotations.tolist(), joints)
         position, rotation = (np.array(a, dtype=local_rotations.dtype) for a in zip(*frames, strict=True))
@@ -139,12 +172,17 @@ def chain_frames(hips_position: Array, local_rotations: Array, joints: tuple[int
     def frame(j: int) -> tuple[Array, Array]:
         if j not in known:
             p, r = frame(PARENTS[j])
-            known[j] = (p + quat_rotate(r, OFFSETS[j].astype(r.dtype)), quat_mul(r, local_rotations[..., j, :]))
+            known[j] = (
+                p + quat_rotate(r, OFFSETS[j].astype(r.dtype)),
+                quat_mul(r, local_rotations[..., j, :]),
+            )
         return known[j]
 
     parents = [frame(PARENTS[j]) for j in joints]
     rotation = np.stack([r for _, r in parents], axis=-2)
-    return np.stack([p for p, _ in parents], axis=-2) + quat_rotate(rotation, OFFSETS[list(joints)].astype(rotation.dtype)), rotation
+    return np.stack([p for p, _ in parents], axis=-2) + quat_rotate(
+        rotation, OFFSETS[list(joints)].astype(rotation.dtype)
+    ), rotation
 
 
 def _frames(hips: Vector, pose: list[Quaternion], joints: Sequence[int]) -> list[tuple[Vector, Quaternion]]:
@@ -161,14 +199,20 @@ def _frames(hips: Vector, pose: list[Quaternion], joints: Sequence[int]) -> list
     return [(plus(p, turned(r, bone)), r) for (p, r), bone in parents]
 
 
-def limb_frames(hips_position: Array, local_rotations: Array, chains: Sequence[Sequence[int]]) -> tuple[Array, Array, Array]:
-    """World positions (L, K, 3) and rotations (L, K, 4) of the K joints of L limbs, and rotations (L, 4) of what they hang on.
+def limb_frames(
+    hips_position: Array, local_rotations: Array, chains: Sequence[Sequence[int]]
+) -> tuple[Array, Array, Array]:
+    """World positions (L, K, 3) and rotations (L, K, 4) of the K joints of L limbs, and rotations (L, 4) of
+    what they hang on.
 
-    Of one pose: ``hips_position`` (3,), ``local_rotations`` (23, 4).  Each joint of a chain hangs on the one before.
+    Of one pose: ``hips_position`` (3,), ``local_rotations`` (23, 4).  Each joint of a chain hangs on the one
+    before.
     """
     pose = local_rotations.tolist()
     positions, rotations, parents = [], [], []
-    for (position, rotation), chain in zip(_frames(hips_position.tolist(), pose, [c[0] for c in chains]), chains, strict=True):
+    for (position, rotation), chain in zip(
+        _frames(hips_position.tolist(), pose, [c[0] for c in chains]), chains, strict=True
+    ):
         parents.append(rotation)
         for k, j in enumerate(chain):
             position = plus(position, turned(rotation, _BONES[j])) if k else position
@@ -199,7 +243,9 @@ def _place(
     target: Vector,
     end_rotation: Quaternion | None,
 ) -> tuple[Quaternion, Quaternion, Quaternion]:
-    """New local rotations of a limb's three joints in components; ``rest`` are its two bones and its hinge in the rest pose."""
+    """New local rotations of a limb's three joints in components; ``rest`` are its two bones and its hinge in
+    the rest pose.
+    """
     upper = product(parent, old[0])
     lower = product(upper, old[1])
     if end_rotation is None:
@@ -210,27 +256,39 @@ def _place(
     # Each bone turns by what carries its direction and the bending axis from before to after.
     new_upper = product(_carry(of, first, old_axis, minus(new_knee, start), axis), upper)
     new_lower = product(_carry(of, second, old_axis, minus(new_ankle, new_knee), axis), lower)
-    return product(inverse(parent), new_upper), product(inverse(new_upper), new_lower), product(inverse(new_lower), end_rotation)
+    return (
+        product(inverse(parent), new_upper),
+        product(inverse(new_upper), new_lower),
+        product(inverse(new_lower), end_rotation),
+    )
 
 
-def _solve(of: Kind, hip: Vector, knee: Vector, ankle: Vector, target: Vector, hinge: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+def _solve(
+    of: Kind, hip: Vector, knee: Vector, ankle: Vector, target: Vector, hinge: Vector
+) -> tuple[Vector, Vector, Vector, Vector]:
     """``solve_two_bone`` in components that also returns the axis about which the limb was bent before."""
     upper, lower = minus(knee, hip), minus(ankle, knee)
     a, b = length(of, upper), length(of, lower)
     before, before_length = _unit(of, minus(ankle, hip))
     way, distance = _unit(of, minus(target, hip))
     there = distance > 1e-6
-    way = of.where(there, way[0], before[0]), of.where(there, way[1], before[1]), of.where(there, way[2], before[2])
+    way = (
+        of.where(there, way[0], before[0]),
+        of.where(there, way[1], before[1]),
+        of.where(there, way[2], before[2]),
+    )
     distance = _soften(of, distance, before_length, a + b)
 
-    # The plane of the bend: the limb's own where it is clearly bent, else the joint's hinge.  A limb that was nearly straight
-    # and is to bend much would magnify the noise of its own plane into swings of the knee.
+    # The plane of the bend: the limb's own where it is clearly bent, else the joint's hinge.  A limb that was
+    # nearly straight and is to bend much would magnify the noise of its own plane into swings of the knee.
     bend = times(cross(upper, lower), 1 / (a * b))
     hinge = unit(of, along(hinge, before, -dot(hinge, before)))
     sine = length(of, bend)
     new_cosine = (distance * distance - a * a - b * b) / (2 * a * b)
     new_sine = of.sqrt(of.most(1 - new_cosine * new_cosine, 1e-6))
-    own = _ramp(of, sine, _STRAIGHT, _BENT) * of.most(_ramp(of, sine / new_sine, _MAGNIFIED, _LIKE), _ramp(of, sine, 0.4, 0.6))
+    own = _ramp(of, sine, _STRAIGHT, _BENT) * of.most(
+        _ramp(of, sine / new_sine, _MAGNIFIED, _LIKE), _ramp(of, sine, 0.4, 0.6)
+    )
     own = of.where(dot(bend, hinge) > 0, own, 0.0)
     old_axis = unit(of, along(times(hinge, 1 - own), bend, own / of.most(sine, 1e-9)))
     # Swing that plane along with the line from start to end.
@@ -245,7 +303,9 @@ def _solve(of: Kind, hip: Vector, knee: Vector, ankle: Vector, target: Vector, h
 
 
 def _soften(of: Kind, distance: float, before: float, straight: float) -> float:
-    """Clamp the distance a limb spans: soft near full length, but never shorter than it already was for the same target."""
+    """Clamp the distance a limb spans: soft near full length, but never shorter than it already was for the
+    same target.
+    """
     start = of.most(SOFT_REACH * straight, of.least(before, (FULL_REACH - 1e-4) * straight))
     room = FULL_REACH * straight - start
     over = of.most(distance - start, 0.0)
@@ -253,13 +313,20 @@ def _soften(of: Kind, distance: float, before: float, straight: float) -> float:
 
 
 def _carry(of: Kind, bone: Vector, axis: Vector, new_bone: Vector, new_axis: Vector) -> Quaternion:
-    """Rotations that turn bones onto new bones and, about them, the bending axis onto the new one, in components."""
+    """Rotations that turn bones onto new bones and, about them, the bending axis onto the new one, in
+    components.
+    """
     x, new_x = unit(of, bone), unit(of, new_bone)
-    y, new_y = unit(of, along(axis, x, -dot(axis, x))), unit(of, along(new_axis, new_x, -dot(new_axis, new_x)))
+    y, new_y = (
+        unit(of, along(axis, x, -dot(axis, x))),
+        unit(of, along(new_axis, new_x, -dot(new_axis, new_x))),
+    )
     over = 1 + dot(x, new_x)
     # A bone turned right about swings on its bending axis.
     about = over < 1e-9
-    swing = unit_turn(of, (of.most(over, 0.0), *[of.where(about, p, q) for p, q in zip(y, cross(x, new_x), strict=True)]))
+    swing = unit_turn(
+        of, (of.most(over, 0.0), *[of.where(about, p, q) for p, q in zip(y, cross(x, new_x), strict=True)])
+    )
     y = turned(swing, y)
     cosine = _within_one(of, dot(y, new_y))
     half = of.copysign(of.sqrt((1 - cosine) / 2), dot(cross(y, new_y), new_x))

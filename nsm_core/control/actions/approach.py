@@ -1,7 +1,8 @@
 """Coming to a place: along a planned way from afar, then sent to the goal itself.
 
-Goal-driven mode puts the goal on every key from now on.  It serves within the reach the network was trained for and where the
-straight way is free; before that, locomotion mode leads along a planned path, each key's goal one second ahead of it.
+Goal-driven mode puts the goal on every key from now on.  It serves within the reach the network was trained
+for and where the straight way is free; before that, locomotion mode leads along a planned path, each key's
+goal one second ahead of it.
 """
 
 from __future__ import annotations
@@ -25,7 +26,10 @@ from nsm_core.world.sensors.interaction import InteractionVolume
 REACH = 3.6  # metres from which goal-driven mode takes over
 BESIDE = 0.3  # metres at the end of the straight way that may touch the goal's surroundings
 ELBOW_ROOM = 0.33  # metres to keep from things on the straight way: the network cuts corners a little
-STALL, LED = 60, 120  # frames of standing still short of a goal before one is led on, and for how long at most
+STALL, LED = (
+    60,
+    120,
+)  # frames of standing still short of a goal before one is led on, and for how long at most
 _STIRRED = 0.02  # metres or radians by which a thing may have moved before the floor is looked at again
 STANDS_OPEN = np.radians(20)  # a leaf that is open by more stands in the way
 LEAST_RUN = 2.5  # metres: a shorter way is walked
@@ -35,7 +39,8 @@ LEAST_RUN = 2.5  # metres: a shorter way is walked
 class Command:
     """What the network is told now.
 
-    With a ``course`` it is led along it by the goal action ``action``, or by the resting form of it where the pace is slow;
+    With a ``course`` it is led along it by the goal action ``action``, or by the resting form of it where the
+    pace is slow;
     without, ``action`` holds at the fixed ``position`` (3,) with ``heading``.  ``thing`` is what is sensed.
     """
 
@@ -68,7 +73,8 @@ RUNNING = Gait("run", (2.6, 3.0), 2.2, 1.7, 1.0)
 
 
 class Ground:
-    """What a stage plans with: the free floor (None: all of it is), what moves and stands about on it, and the source of chance.
+    """What a stage plans with: the free floor (None: all of it is), what moves and stands about on it, and
+    the source of chance.
 
     Boxes stand about, and leaves that are open; a shut one stands where no way leads.
     """
@@ -80,7 +86,9 @@ class Ground:
 
     def floor(self, but: Prop | None = None) -> FloorPlan | None:
         """The free floor with all that stands about where it is now, ``but`` what is in hand."""
-        about = [p for p in self._props if p is not but and (not isinstance(p, Leaf) or abs(p.angle) > STANDS_OPEN)]
+        about = [
+            p for p in self._props if p is not but and (not isinstance(p, Leaf) or abs(p.angle) > STANDS_OPEN)
+        ]
         if self.plan is None or not about:
             return self.plan
         poses = np.array([p.pose for p in about])
@@ -90,7 +98,9 @@ class Ground:
         return self._seen[2]
 
     def way(self, a: Array, b: Array, but: Prop | None = None) -> Array:
-        """Way (N, 2) from ``a`` to ``b`` (2,), around what stands about where there is one; GoalError where there is none at all."""
+        """Way (N, 2) from ``a`` to ``b`` (2,), around what stands about where there is one; GoalError where
+        there is none at all.
+        """
         if self.plan is None:
             return np.stack((a, b)).astype(np.float64)
         try:
@@ -105,7 +115,9 @@ class Ground:
         # The last stretch lies beside the goal's object, so the end of the line is not asked about.
         d, floor = b - a, self.floor(but)
         length = float(np.linalg.norm(d))
-        return floor is None or floor.line_is_free(a, a + d * max(0.0, 1 - BESIDE / max(length, 1e-6)), ELBOW_ROOM)
+        return floor is None or floor.line_is_free(
+            a, a + d * max(0.0, 1 - BESIDE / max(length, 1e-6)), ELBOW_ROOM
+        )
 
     def pause(self) -> int:
         """Frames from an event to the command that answers it, as in the training data."""
@@ -113,7 +125,9 @@ class Ground:
 
 
 class Approach:
-    """Leads to the standing place ``stand`` (2,) and then gives the command ``final``; stalled short of it, leads on again."""
+    """Leads to the standing place ``stand`` (2,) and then gives the command ``final``; stalled short of it,
+    leads on again.
+    """
 
     def __init__(
         self,
@@ -129,8 +143,9 @@ class Approach:
     ) -> None:
         """Plan to go to ``stand`` (2,) and face ``heading`` there.
 
-        ``reach``: metres within which ``final`` may be given; ``ready`` another rule for that; ``thing`` is sensed on the way;
-        ``anyway``: where no way is free one goes straight, instead of a GoalError in the middle of a take.
+        ``reach``: metres within which ``final`` may be given; ``ready`` another rule for that; ``thing`` is
+        sensed on the way; ``anyway``: where no way is free one goes straight, instead of a GoalError in the
+        middle of a take.
         """
         self.ground, self.stand, self.heading, self.final = ground, np.asarray(stand), heading, final
         self.reach, self.gait, self.ready, self.thing, self.anyway = reach, gait, ready, thing, anyway
@@ -162,7 +177,9 @@ class Approach:
     def _ready(self, moment: Moment, distance: float) -> bool:
         if self.ready is not None:
             return self.ready(moment)
-        return distance < self.reach and (distance < 0.6 or self.ground.free(moment.root[:2], self.stand, self.thing))
+        return distance < self.reach and (
+            distance < 0.6 or self.ground.free(moment.root[:2], self.stand, self.thing)
+        )
 
     def _lead(self, moment: Moment) -> Command:
         try:
@@ -177,7 +194,9 @@ class Approach:
         return Command(gait.action, course=course, thing=self.thing)
 
     def _watch(self, moment: Moment, arrived: Callable[[Moment], bool]) -> None:
-        """Where the network has come to rest short of its goal, lead it on to the standing place, then ask again."""
+        """Where the network has come to rest short of its goal, lead it on to the standing place, then ask
+        again.
+        """
         stalled = moment.speed < 0.05 and float(moment.style[SIT]) < 0.1 and not arrived(moment)
         self._stall = self._stall + 1 if stalled else 0
         distance = float(np.linalg.norm(self.stand - moment.root[:2]))
@@ -185,4 +204,6 @@ class Approach:
             self._stall, self._led = 0, LED
             path = np.stack((moment.root[:2], self.stand)).astype(np.float64)
             action = (WALKING if self.gait is RUNNING else self.gait).action
-            self.command = Command(action, course=Course(path, self.heading, speed=1.0, turn_distance=0.4), thing=self.thing)
+            self.command = Command(
+                action, course=Course(path, self.heading, speed=1.0, turn_distance=0.4), thing=self.thing
+            )

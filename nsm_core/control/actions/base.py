@@ -39,7 +39,9 @@ class Stage:
         raise NotImplementedError
 
     def target(self) -> tuple[Array | None, float, int]:
-        """Place (None: any) and heading that the hips, or the box, should have in the end, and over how many axes that counts."""
+        """Place (None: any) and heading that the hips, or the box, should have in the end, and over how many
+        axes that counts.
+        """
         return self.goal.position, self.goal.heading, 2
 
     def seat(self) -> SeatTarget | None:
@@ -82,9 +84,11 @@ class Grasp(Protocol):
 
 @dataclass(frozen=True)
 class Start:
-    """What a stage begins with: the character's ``moment``, the ``ground`` it goes on, and the ``grasps`` that are still at work.
+    """What a stage begins with: the character's ``moment``, the ``ground`` it goes on, and the ``grasps``
+    that are still at work.
 
-    ``scene`` is what a box may rest on and a leaf may meet; without ``ik`` the body is left as the network has it.
+    ``scene`` is what a box may rest on and a leaf may meet; without ``ik`` the body is left as the network
+    has it.
     """
 
     ground: Ground
@@ -113,7 +117,9 @@ def _its_place(goal: Goal, way: Way) -> list[Array | None]:
 
 @dataclass(frozen=True)
 class Performer:
-    """How an action is performed: ``begin`` makes the stage of a goal; ``places`` are as ``registry.standing_places`` says."""
+    """How an action is performed: ``begin`` makes the stage of a goal; ``places`` are as
+    ``registry.standing_places`` says.
+    """
 
     begin: Callable[[Goal, Start], Stage]
     places: Callable[[Goal, Way], list[Array | None]] = _its_place

@@ -17,16 +17,18 @@ from nsm_core.world.geometry.distance import DistanceQuery, Union
 from nsm_core.world.planning.berth import Berth, kept_out
 from nsm_core.world.scene.props import Box
 
-# Seconds at least in which the box leaves its resting pose for the one that the hands give it; metres a second at most.
+# Seconds at least in which the box leaves its resting pose for the one that the hands give it; metres a
+# second at most.
 SETTLING, SETTLE_SPEED = 0.5, 0.45
-# Setting down: from how near and how slow the box is drawn onto its place (metres, m/s), how long that takes at least and how
-# fast it is on the mean (seconds, m/s), how near it then is, how long hands that do not let go are waited for.
+# Setting down: from how near and how slow the box is drawn onto its place (metres, m/s), how long that takes
+# at least and how fast it is on the mean (seconds, m/s), how near it then is, how long hands that do not let
+# go are waited for.
 DRAW_FROM, SLOW, DRAW_TIME, DRAW_SPEED, PLACED, PATIENCE = 0.2, 0.4, 0.4, 0.45, 0.01, 1.0
-# A body that has come to stand and bends no further (its hands go no faster than that, m/s, for so many seconds) is drawn from
-# further off (metres): a box is not held over its place for long.
+# A body that has come to stand and bends no further (its hands go no faster than that, m/s, for so many
+# seconds) is drawn from further off (metres): a box is not held over its place for long.
 BENDS, BENT, DRAW_FURTHER, LEAST_HELD = 0.15, 0.2, 0.4, 0.8
-# Hands have let go where their labels are lower and the place is this near (metres); or where they are further apart than the
-# box is wide by so much: for more than so many frames.
+# Hands have let go where their labels are lower and the place is this near (metres); or where they are
+# further apart than the box is wide by so much: for more than so many frames.
 LOOSE, LOOSE_FROM, APART, LOOSE_FRAMES = 0.3, 0.5, 0.5, 6
 HELD_OFF = 0.23  # metres from the root to the near face of a box that is carried, at least
 LOW = 0.65  # metres over the floor of the underside of a box at which knees may meet it
@@ -34,16 +36,27 @@ _AVERAGED = 3  # frames over which the box's place in the hands is smoothed
 _RISE, _SINK = 1.5, 1.0  # m/s by which a box gives way to what is under it
 _GRAVITY = 9.81
 _LEAST_STEP = 0.01  # metres that a probe goes down at least: nothing is thinner
-_UNDER = np.array([(x, y) for x in (-0.45, 0, 0.45) for y in (-0.45, 0, 0.45)])  # shares of the box's size that are held up
+_UNDER = np.array(
+    [(x, y) for x in (-0.45, 0, 0.45) for y in (-0.45, 0, 0.45)]
+)  # shares of the box's size that are held up
 
 
 class Carrying:
-    """One box and the two hands of one character, from the reach for it to when it stands again; one call a frame.
+    """One box and the two hands of one character, from the reach for it to when it stands again; one call a
+    frame.
 
     ``state`` is "reach", "held", "placed" (hands still return), "falling" (let go in the air) or "free".
     """
 
-    def __init__(self, box: Box, facing: float, goal: Array, solids: DistanceQuery, ik: bool = True, further: float = 0.0) -> None:
+    def __init__(
+        self,
+        box: Box,
+        facing: float,
+        goal: Array,
+        solids: DistanceQuery,
+        ik: bool = True,
+        further: float = 0.0,
+    ) -> None:
         """Prepare to carry.
 
         Args:
@@ -52,9 +65,16 @@ class Carrying:
             goal: pose (4,) at which the box is set down.
             solids: what the box may rest on, but itself and the floor.
             ik: False leaves the body as the network has it; the box then follows the hands alone.
-            further: metres by which the carrier stands further from the box than the network would, see ``standing``.
+            further: metres by which the carrier stands further from the box than the network would, see
+            ``standing``.
         """
-        self.prop, self.facing, self.goal, self.solids, self.ik = box, float(facing), np.array(goal, dtype=np.float64), solids, ik
+        self.prop, self.facing, self.goal, self.solids, self.ik = (
+            box,
+            float(facing),
+            np.array(goal, dtype=np.float64),
+            solids,
+            ik,
+        )
         self.state = "reach"
         self.hold, self._elbows = Hold([0, 1], further), Elbows()
         self.errors: dict[str, Any] = {}  # of the hands and of the place, in the names of GoalResult
@@ -65,7 +85,8 @@ class Carrying:
         self._loose = self._apart = 0
         self._lifted, self._fall = 0.0, 0.0
         self._raw = box.pose.copy()
-        # What the network's hands lack to the box where it is taken, and to its place where it is put, metres.
+        # What the network's hands lack to the box where it is taken, and to its place where it is put,
+        # metres.
         self._from = further * heading_to_direction(np.array(box.pose[3] + self.facing))
         self._to = np.zeros(2)
         self._taken, self._put = Berth(box, box.pose, solids), Berth(box, self.goal, solids)
@@ -92,7 +113,9 @@ class Carrying:
         return self.hold.weight if self.state in ("reach", "held") else 0.0
 
     def touches(self, hand: int) -> bool:
-        """Whether a hand is meant to touch the prop, and so is not kept off it: one that is not yet led to it is."""
+        """Whether a hand is meant to touch the prop, and so is not kept off it: one that is not yet led to it
+        is.
+        """
         return self.state != "reach" or self.hold.weight > 0
 
     def _show(self, lean: Array) -> None:
@@ -125,7 +148,9 @@ class Carrying:
         self.let_go()
 
     def apply(self, pose: Pose, root: Array, contacts: Array) -> None:
-        """Move the box by one frame and correct ``pose`` in place; ``root`` (3,), network ``contacts`` (5,)."""
+        """Move the box by one frame and correct ``pose`` in place; ``root`` (3,), network
+        ``contacts`` (5,).
+        """
         grasping = False
         if self.state == "reach":
             self._show(self._from)
@@ -148,28 +173,47 @@ class Carrying:
         if grasping:
             self._measure_grasp(pose)
 
-    # --- held ------------------------------------------------------------------------------------------------------
+    # --- held
+    # ------------------------------------------------------------------------------------------------------
 
     def _pose_of(self, wrists: Array) -> Array:
         """Pose (4,) of the box between two wrists (2, 3)."""
         axis = wrists[1] - wrists[0]
-        heading = float(np.arctan2(axis[1], axis[0])) if np.hypot(axis[0], axis[1]) > 0.05 else float(self.prop.pose[3] + self.facing)
-        centre = wrists.mean(0) - rotate_planar(np.array((0.0, WRIST_BEHIND, self.prop.grip_height)), np.float64(heading))
+        heading = (
+            float(np.arctan2(axis[1], axis[0]))
+            if np.hypot(axis[0], axis[1]) > 0.05
+            else float(self.prop.pose[3] + self.facing)
+        )
+        centre = wrists.mean(0) - rotate_planar(
+            np.array((0.0, WRIST_BEHIND, self.prop.grip_height)), np.float64(heading)
+        )
         return np.append(centre, heading - self.facing)
 
     def _in_hands(self, wrists: Array, root: Array) -> Array:
-        """The pose (4,) that the hands give the box, smoothed as seen from the body, so that it does not lag behind it."""
+        """The pose (4,) that the hands give the box, smoothed as seen from the body, so that it does not lag
+        behind it.
+        """
         self._raw = self._pose_of(wrists)
         place = np.asarray(root, dtype=np.float64)
-        seen = np.concatenate((rotate_planar(self._raw[:2] - place[:2], -place[2]), self._raw[2:3], [wrap_angle(self._raw[3] - place[2])]))
+        seen = np.concatenate(
+            (
+                rotate_planar(self._raw[:2] - place[:2], -place[2]),
+                self._raw[2:3],
+                [wrap_angle(self._raw[3] - place[2])],
+            )
+        )
         if self._recent:
             seen[3] = self._recent[-1][3] + wrap_angle(seen[3] - self._recent[-1][3])
         self._recent = [*self._recent[1 - _AVERAGED :], seen]
         mean = np.mean(self._recent, axis=0)
         # Bodies of the data held smaller boxes: what the network would press to itself is held off.
         ahead = heading_to_direction(np.float64(mean[3] + self.facing))
-        mean[:2] += max(0.0, self.prop.across(self.facing)[1] / 2 + HELD_OFF - float(mean[:2] @ ahead)) * ahead
-        return np.concatenate((rotate_planar(mean[:2], place[2]) + place[:2], mean[2:3], [mean[3] + place[2]]))
+        mean[:2] += (
+            max(0.0, self.prop.across(self.facing)[1] / 2 + HELD_OFF - float(mean[:2] @ ahead)) * ahead
+        )
+        return np.concatenate(
+            (rotate_planar(mean[:2], place[2]) + place[:2], mean[2:3], [mean[3] + place[2]])
+        )
 
     def _follow(self, wrists: Array, root: Array, labels: Array) -> None:
         self._since += 1
@@ -177,13 +221,16 @@ class Carrying:
         rest = 1 - float(smooth_step(self._since * DT / self._settling))
         hands = self._in_hands(wrists, root)
         carried = hands + rest * self._offset
-        # What the network has in its hands goes to the place that it is shown; the box itself as much further as one leans.
+        # What the network has in its hands goes to the place that it is shown; the box itself as much further
+        # as one leans.
         gap = self.goal - (*self._to, 0.0, 0.0) - carried
         gap[3] = wrap_angle(gap[3])
         far = float(np.linalg.norm(gap[:3]))
         speed = float(np.linalg.norm(carried[:2] - self._seen[:2])) / DT if not self._draw else 0.0
         self._seen = carried.copy()
-        self._waited = self._waited + 1 if speed < SLOW and abs(carried[2] - self._carried) < BENDS * DT else 0
+        self._waited = (
+            self._waited + 1 if speed < SLOW and abs(carried[2] - self._carried) < BENDS * DT else 0
+        )
         self._carried = float(carried[2])
         start = DRAW_FURTHER if self._waited * DT > BENT else DRAW_FROM
         # Hands that say they have let go near the place have missed it: the box is set down all the same.
@@ -214,7 +261,9 @@ class Carrying:
                 self._put_down(wrists)
 
     def _stay_above(self, pose: Array) -> None:
-        """Raise (or lower) the box ``pose`` (4,) in place, not faster than a hand would, to where its way is free."""
+        """Raise (or lower) the box ``pose`` (4,) in place, not faster than a hand would, to where its way is
+        free.
+        """
         half = float(self.prop.size[2]) / 2
         berth = self._taken if self._leaving else self._put
         low, high = berth.bounds(pose, berth.free(self.prop, pose, self.solids))
@@ -227,23 +276,33 @@ class Carrying:
             self._leaving = not berth.left(self.prop, pose, self.solids)
 
     def _support(self, pose: Array, bottom: float, deepest: float) -> float:
-        """Height of what is under the box at ``pose`` (4,) whose underside is at ``bottom``; 0 where that is lower than ``deepest``."""
+        """Height of what is under the box at ``pose`` (4,) whose underside is at ``bottom``; 0 where that is
+        lower than ``deepest``.
+        """
         under = rotate_planar(_UNDER * self.prop.size[:2], np.float64(pose[3])) + pose[:2]
         z = np.full(len(under), bottom + 0.12)
         falling = np.arange(len(under))
         while len(falling):
-            distance = self.solids.signed_distance(np.column_stack((under[falling], z[falling])).astype(np.float32), 1.0)
+            distance = self.solids.signed_distance(
+                np.column_stack((under[falling], z[falling])).astype(np.float32), 1.0
+            )
             step = distance.astype(np.float64)
             moving = step > 0.002
-            z[falling[moving]] -= np.maximum(step[moving], _LEAST_STEP)  # beside a wall the nearest thing is always near
+            z[falling[moving]] -= np.maximum(
+                step[moving], _LEAST_STEP
+            )  # beside a wall the nearest thing is always near
             falling = falling[moving & (z[falling] > deepest)]
         # A place whose probe began inside a solid has nothing to say: that is a wall beside the box.
         z[(z >= bottom + 0.12 - 1e-9) | (z <= deepest)] = 0
         return max(0.0, float(z.max()))
 
     def _put_down(self, wrists: Array) -> None:
-        error = lambda pose: 100 * float(np.linalg.norm(pose[:3] - self.goal[:3]))  # noqa: E731
-        turn = lambda pose: float(np.degrees(abs(wrap_angle(pose[3] - self.goal[3]))))  # noqa: E731
+        def error(pose: Array) -> float:
+            return 100 * float(np.linalg.norm(pose[:3] - self.goal[:3]))
+
+        def turn(pose: Array) -> float:
+            return float(np.degrees(abs(wrap_angle(pose[3] - self.goal[3]))))
+
         raw = self._pose_of(wrists)
         self.errors |= {
             "position_error_cm": error(self.prop.pose),
@@ -267,5 +326,10 @@ class Carrying:
 
     def _measure_grasp(self, pose: Pose) -> None:
         taken = self.errors["taken"] = Taken([0, 1], self.prop.to_local(self.grasps()))
-        for name, wrists in (("hand", pose.arms()[1]), ("network_hand", pose.wrists + np.append(self._from, 0.0))):
-            self.errors[f"{name}_error_cm"], self.errors[f"{name}_rotation_deg"] = taken.errors(wrists, self.prop.pose)
+        for name, wrists in (
+            ("hand", pose.arms()[1]),
+            ("network_hand", pose.wrists + np.append(self._from, 0.0)),
+        ):
+            self.errors[f"{name}_error_cm"], self.errors[f"{name}_rotation_deg"] = taken.errors(
+                wrists, self.prop.pose
+            )

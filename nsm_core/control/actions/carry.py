@@ -7,7 +7,13 @@ import numpy as np
 from nsm_core.control.goals import Goal, Moment
 from nsm_core.conventions import IDLE
 from nsm_core.rotations import Array, heading_to_direction, wrap_angle
-from nsm_core.world.affordances.standing import TOES_CLEAR, choose_side, further_off, require_room, standing_place
+from nsm_core.world.affordances.standing import (
+    TOES_CLEAR,
+    choose_side,
+    further_off,
+    require_room,
+    standing_place,
+)
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.props import Box
 
@@ -16,14 +22,25 @@ from .base import EXECUTED, Performer, Stage, Start, Way
 from .box_grasp import Carrying
 
 FETCH, BRING = 2.5, 2.2  # metres from which the box, and its place, are commanded themselves
-PLACED, TRIES = 0.05, 2  # metres from its place at which a box counts as placed; how often one that slipped is fetched
+PLACED, TRIES = (
+    0.05,
+    2,
+)  # metres from its place at which a box counts as placed; how often one that slipped is fetched
 
 
 class Carry(Stage):
-    """Fetch, bring, release: each part is commanded as in the training data and begins by what the hands report."""
+    """Fetch, bring, release: each part is commanded as in the training data and begins by what the hands
+    report.
+    """
 
     def __init__(
-        self, goal: Goal, ground: Ground, moment: Moment, solids: DistanceQuery, held: Carrying | None = None, ik: bool = True
+        self,
+        goal: Goal,
+        ground: Ground,
+        moment: Moment,
+        solids: DistanceQuery,
+        held: Carrying | None = None,
+        ik: bool = True,
     ) -> None:
         """``solids``: what a box may rest on; ``held``: the hands that hold the same box already."""
         super().__init__(goal)
@@ -38,7 +55,9 @@ class Carry(Stage):
         box = self.goal.prop
         self.part, self._count = 3 * self._tries, self.ground.pause()
         self._tries += 1
-        facing, stand, further = choose_side(box, self.ground.plan, moment.root[:2].astype(np.float64), solids=self.solids)
+        facing, stand, further = choose_side(
+            box, self.ground.plan, moment.root[:2].astype(np.float64), solids=self.solids
+        )
         heading = float(box.pose[3] + facing)
         self.grasp = Carrying(box, facing, self._goal_pose(facing), self.solids, self.ik, further)
         final = Command("carry", self._box_as_shown(), heading, thing=box)
@@ -58,9 +77,15 @@ class Carry(Stage):
         further = further_off(box, self.grasp.facing, self.goal.position, heading, self.solids)  # type: ignore[arg-type]
         self.grasp.send(self._goal_pose(self.grasp.facing), further)
         stand = standing_place(box, self.grasp.facing, self.goal.position, heading, further)
-        # Told to set it down a little nearer, the body stands a little further off: toes stay out of a box on the floor.
+        # Told to set it down a little nearer, the body stands a little further off: toes stay out of a box on
+        # the floor.
         nearer = self.goal.position[:2] - max(TOES_CLEAR, further) * heading_to_direction(np.array(heading))
-        final = Command("idle+carry", np.append(nearer, self.goal.position[2] + box.raised[2]).astype(np.float32), heading, thing=box)
+        final = Command(
+            "idle+carry",
+            np.append(nearer, self.goal.position[2] + box.raised[2]).astype(np.float32),
+            heading,
+            thing=box,
+        )
         self.approach = Approach(self.ground, stand, heading, final, BRING, CARRYING, thing=box, anyway=True)
 
     def update(self, moment: Moment) -> Command:
@@ -81,13 +106,20 @@ class Carry(Stage):
             self._fetch(moment)  # it slipped out of the hands on the way
         else:
             self.part += 1
-            self._rest = Command("idle", np.append(moment.root[:2], 0).astype(np.float32), float(moment.heading))
+            self._rest = Command(
+                "idle", np.append(moment.root[:2], 0).astype(np.float32), float(moment.heading)
+            )
 
     def _stands(self) -> bool:
         return float(np.linalg.norm(self.goal.prop.pose[:3] - self.grasp.goal[:3])) < PLACED
 
     def arrived(self, moment: Moment) -> bool:
-        return self.part % 3 == 2 and self._stands() and float(moment.style[IDLE]) > EXECUTED and moment.speed < 0.15
+        return (
+            self.part % 3 == 2
+            and self._stands()
+            and float(moment.style[IDLE]) > EXECUTED
+            and moment.speed < 0.15
+        )
 
     def target(self) -> tuple[Array | None, float, int]:
         return self.grasp.goal[:3], float(self.grasp.goal[3]), 3
@@ -99,7 +131,10 @@ class Carry(Stage):
 
 def _begin(goal: Goal, start: Start) -> Carry:
     """Fetch the box, or bring it where hands that are still at work hold it."""
-    held = next((g for g in start.grasps if isinstance(g, Carrying) and g.prop is goal.prop and g.state == "held"), None)
+    held = next(
+        (g for g in start.grasps if isinstance(g, Carrying) and g.prop is goal.prop and g.state == "held"),
+        None,
+    )
     return Carry(goal, start.ground, start.moment, start.scene.but(goal.prop), held, start.ik)
 
 

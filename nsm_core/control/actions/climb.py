@@ -14,7 +14,11 @@ from .base import Performer, Stage
 
 BEFORE = 0.6  # metres from the near edge of the object to where one stands before it
 UNKNOWN = 0.3  # metres from the goal to the edge where the object is not known
-NEAR, ASIDE, ASKEW = 1.6, 0.2, np.radians(40)  # from where on the climb is commanded: along and across the way, and facing it
+NEAR, ASIDE, ASKEW = (
+    1.6,
+    0.2,
+    np.radians(40),
+)  # from where on the climb is commanded: along and across the way, and facing it
 AWAY_FROM_EDGE = 0.1  # metres in from the sides of what is climbed where one is on it
 UPRIGHT = 0.7  # metres that the hips are over the place where one stands
 
@@ -36,7 +40,12 @@ class Climb(Stage):
         if self._up_there(moment) or float(np.hypot(along, across)) < 0.3 or float(moment.style[CLIMB]) > 0.5:
             return True
         facing = abs(float(wrap_angle(moment.heading - self.goal.heading))) < ASKEW
-        return -0.3 < along < NEAR and across < ASIDE and facing and self.ground.free(moment.root[:2].astype(np.float64), self.stand)
+        return (
+            -0.3 < along < NEAR
+            and across < ASIDE
+            and facing
+            and self.ground.free(moment.root[:2].astype(np.float64), self.stand)
+        )
 
     def update(self, moment: Moment) -> Command:
         ahead = heading_to_direction(np.array(self.goal.heading))
@@ -50,7 +59,9 @@ class Climb(Stage):
         thing, goal = self.goal.interaction, self.goal.position
         if thing is None or float(goal[2]) <= 0 or float(moment.hips[2]) < float(goal[2]) + UPRIGHT:
             return False
-        places = rotate_planar(np.stack((moment.root[:2], goal[:2])) - thing.centre[:2], np.float64(-thing.heading))
+        places = rotate_planar(
+            np.stack((moment.root[:2], goal[:2])) - thing.centre[:2], np.float64(-thing.heading)
+        )
         return bool((np.abs(places) < np.asarray(thing.size[:2]) / 2 - AWAY_FROM_EDGE).all())
 
     def arrived(self, moment: Moment) -> bool:
@@ -61,10 +72,17 @@ class Climb(Stage):
 
 def foot_of(goal: Goal) -> Array:
     """Where (2,) one stands before the object of a climb."""
-    back = UNKNOWN if goal.interaction is None else edge_before(goal.interaction, goal.position[:2], goal.heading)
-    return goal.position[:2].astype(np.float64) - (back + BEFORE) * heading_to_direction(np.array(goal.heading))
+    back = (
+        UNKNOWN
+        if goal.interaction is None
+        else edge_before(goal.interaction, goal.position[:2], goal.heading)
+    )
+    return goal.position[:2].astype(np.float64) - (back + BEFORE) * heading_to_direction(
+        np.array(goal.heading)
+    )
 
 
 PERFORMER = Performer(
-    lambda goal, start: Climb(goal, start.ground), lambda goal, way: [foot_of(goal), None, goal.position[:2].astype(np.float64)]
+    lambda goal, start: Climb(goal, start.ground),
+    lambda goal, way: [foot_of(goal), None, goal.position[:2].astype(np.float64)],
 )

@@ -20,22 +20,42 @@ from .leaf_room import NEARLY, LeafRoom, Spheres, leaf_spheres
 
 LET_GO_PUSH, LET_GO_PULL = np.radians(70), np.radians(72)  # angles of the leaf at which the hand lets go
 FASTEST, EASE = 2.5, 0.5  # radians a second of the leaf; share of the way to the hand's angle in a frame
-OUT_OF_REACH, OUT_FRAMES = 0.03, 2  # metres that arm and trunk lack to the grip, and for how many frames, until the hand lets go
-SETTLING = 0.5  # seconds in which the leaf takes up the difference between the handle and the hand that took it
-BODY, AHEAD = 0.25, 0.34  # metres about the root that a leaf in motion meets, and that it keeps off: feet reach ahead of the body
+OUT_OF_REACH, OUT_FRAMES = (
+    0.03,
+    2,
+)  # metres that arm and trunk lack to the grip, and for how many frames, until the hand lets go
+SETTLING = (
+    0.5  # seconds in which the leaf takes up the difference between the handle and the hand that took it
+)
+BODY, AHEAD = (
+    0.25,
+    0.34,
+)  # metres about the root that a leaf in motion meets, and that it keeps off: feet reach ahead of the body
 PASSED = 0.25  # metres beyond the opening at which a leaf is passed
-# Radians a second squared: hinges slow a leaf that nobody moves, a stop the one that comes to it; and the most that speed changes by.
+# Radians a second squared: hinges slow a leaf that nobody moves, a stop the one that comes to it; and the
+# most that speed changes by.
 FRICTION, SWING_SLOWS, SWING_GAINS, SWING_BRAKES = 1.2, 3.0, 4.0, 8.0
-SLIP_FRAMES, PAST_EDGE = 5, 0.08  # in which a hand slides off a pulled leaf, and metres beyond its free edge where it is off
-# Who pulls a leaf by a handle that goes out of reach goes on by its free edge: metres from the edge, height, and frames to get there.
+SLIP_FRAMES, PAST_EDGE = (
+    5,
+    0.08,
+)  # in which a hand slides off a pulled leaf, and metres beyond its free edge where it is off
+# Who pulls a leaf by a handle that goes out of reach goes on by its free edge: metres from the edge, height,
+# and frames to get there.
 EDGE_IN, EDGE_HEIGHT, EDGE_FRAMES = 0.03, 1.1, 12
 WIDE_OPEN = np.radians(95)  # where a leaf comes to rest
 WIDEST = np.radians(125)
-SHOVED, SHOVED_BACK = 5.0, 2.0  # radians a second at which a body shoves a leaf that it would else go through, open or back
+SHOVED, SHOVED_BACK = (
+    5.0,
+    2.0,
+)  # radians a second at which a body shoves a leaf that it would else go through, open or back
 NARROW = 0.2  # metres: half a body that faces the edge of a leaf swinging past it
 LEAST_WIDE = np.radians(55)  # a leaf that cannot open so far lets nobody pass
-PULLING, AT_PLACE = 0.6, 0.3  # radians a second at which a leaf comes at least once the body stands back, within so many metres
-# Height of a handle that is held upright, metres, and how far hips sink at most for a lower one, before the trunk leans to the leaf.
+PULLING, AT_PLACE = (
+    0.6,
+    0.3,
+)  # radians a second at which a leaf comes at least once the body stands back, within so many metres
+# Height of a handle that is held upright, metres, and how far hips sink at most for a lower one, before the
+# trunk leans to the leaf.
 UPRIGHT, CROUCH = 0.9, 0.25
 STILL = np.radians(0.2)  # radians a second below which a leaf rests
 _CLEAR = 0.02  # metres between an open leaf and what stands behind it
@@ -48,7 +68,9 @@ class Opening:
     """
 
     def __init__(self, leaf: Leaf, way: Passage, solids: DistanceQuery, ik: bool = True) -> None:
-        """Prepare to open ``leaf``, which is moved in place, among ``solids`` (its own wall may be part of them)."""
+        """Prepare to open ``leaf``, which is moved in place, among ``solids`` (its own wall may be part of
+        them).
+        """
         self.prop, self.way, self.ik = leaf, way, ik
         self.state = "reach"
         self.hold = Hold([way.hand], crouch=float(np.clip(UPRIGHT - leaf.handle[2], 0.0, CROUCH)))
@@ -56,8 +78,14 @@ class Opening:
         self.widest = _widest(leaf, solids)
         self._slip, self._along = 0, 0
         self._room = LeafRoom(leaf)
-        self._last: tuple[Spheres, Spheres] | None = None  # the body and its trunk in the last frame, as they were kept
-        self._least, self._soft, self._most = -np.inf, -np.inf, np.inf  # angles that the body leaves to the leaf
+        self._last: tuple[Spheres, Spheres] | None = (
+            None  # the body and its trunk in the last frame, as they were kept
+        )
+        self._least, self._soft, self._most = (
+            -np.inf,
+            -np.inf,
+            np.inf,
+        )  # angles that the body leaves to the leaf
         self._speed, self._pace, self._since, self._offset, self._out = 0.0, 0.0, 0, 0.0, 0
         handle = np.asarray(leaf.handle, dtype=np.float64)
         self._grip_angle = float(np.arctan2(handle[1] + way.side * leaf.thickness / 2, handle[0]))
@@ -103,13 +131,17 @@ class Opening:
         self.state = "free"
 
     def apply(self, pose: Pose, root: Array, contacts: Array) -> None:
-        """Turn the leaf by one frame and correct ``pose`` in place; ``root`` (3,), network ``contacts`` (5,)."""
+        """Turn the leaf by one frame and correct ``pose`` in place; ``root`` (3,), network
+        ``contacts`` (5,).
+        """
         hand = self.way.hand
         wrist = pose.wrists[hand]
         grasping = False
         self._feel(pose)
         if self.state == "reach":
-            self.hold.approach(np.array([np.linalg.norm(wrist - self.grip())]), contacts[[HAND_CONTACTS[hand]]])
+            self.hold.approach(
+                np.array([np.linalg.norm(wrist - self.grip())]), contacts[[HAND_CONTACTS[hand]]]
+            )
             if self.hold.complete(self.ik):
                 grasping, self.state, self._since = True, "held", 0
                 self._offset = self.angle - self._angle_of(wrist)
@@ -125,7 +157,11 @@ class Opening:
                 self._along = min(self._along + 1, EDGE_FRAMES)
             changing = 0 < self._along < EDGE_FRAMES
             self._out = self._out + 1 if self.hold.lacking > OUT_OF_REACH and not changing else 0
-            enough = self.angle > LET_GO_PUSH if self.way.push else self.angle > LET_GO_PULL and not self.in_way(root)
+            enough = (
+                self.angle > LET_GO_PUSH
+                if self.way.push
+                else self.angle > LET_GO_PULL and not self.in_way(root)
+            )
             if enough or self._out >= OUT_FRAMES or self.passed(root):
                 self._free_leaf()
         elif self.state == "released":
@@ -146,7 +182,9 @@ class Opening:
         return self.way.hand if self.state in ("reach", "held") or self.hold.busy else None
 
     def _feel(self, pose: Pose) -> None:
-        """See how far the body, as it is and as it was last when it had leant to the handle, lets the leaf turn."""
+        """See how far the body, as it is and as it was last when it had leant to the handle, lets the leaf
+        turn.
+        """
         whole, trunk = leaf_spheres(pose, self._arm)
         bodies = [whole, self._last[0]] if self._last is not None else [whole]
         self.hold.lean_share = self._room.share_to_lean(self._last[1] if self._last is not None else trunk)
@@ -157,10 +195,15 @@ class Opening:
 
     def passed(self, root: Array) -> bool:
         """Whether the body is through the opening."""
-        return float((np.asarray(root[:2]) - self.way.middle) @ heading_to_direction(np.array(self.way.heading))) > PASSED
+        return (
+            float((np.asarray(root[:2]) - self.way.middle) @ heading_to_direction(np.array(self.way.heading)))
+            > PASSED
+        )
 
     def in_way(self, root: Array) -> bool:
-        """Whether the body stands on the side to which the leaf opens, so that it has to go round the free edge first."""
+        """Whether the body stands on the side to which the leaf opens, so that it has to go round the free
+        edge first.
+        """
         return np.isfinite(self._most) or self._body(root)[1] > self.angle
 
     def _free_leaf(self) -> None:
@@ -182,29 +225,43 @@ class Opening:
     def _held_at(self) -> Array:
         """World place (3,) of the hand on the leaf: its handle, or on the way from there to its free edge."""
         leaf, handle = self.prop, self.prop.handle
-        to_edge = np.array((leaf.width - EDGE_IN - float(handle[0]), 0.0, max(EDGE_HEIGHT - float(handle[2]), 0.0)))
+        to_edge = np.array(
+            (leaf.width - EDGE_IN - float(handle[0]), 0.0, max(EDGE_HEIGHT - float(handle[2]), 0.0))
+        )
         share = float(smooth_step(self._along / EDGE_FRAMES))
         return leaf.to_world(leaf.to_local(self.grip()) + share * to_edge)
 
-    # --- the leaf --------------------------------------------------------------------------------------------------
+    # --- the leaf
+    # --------------------------------------------------------------------------------------------------
 
     def _angle_of(self, point: Array) -> float:
-        """How far the leaf is open when its handle is where a ray from the hinge through ``point`` (3,) leads, radians."""
+        """How far the leaf is open when its handle is where a ray from the hinge through ``point`` (3,)
+        leads, radians.
+        """
         leaf = self.prop
         local = leaf.to_local(point, leaf.pose_at(0.0))
         return float(leaf.swing * wrap_angle(np.arctan2(local[1], local[0]) - self._grip_angle))
 
     def _turn(self, wanted: float) -> None:
         """Turn the leaf towards an angle: not back, and never too fast."""
-        fastest = FASTEST if self.way.push else min(FASTEST, self._speed + SWING_BRAKES * DT)  # who pulls does not run into it
-        step = float(np.clip(EASE * (min(max(wanted, self._soft), self.widest) - self.angle), 0, fastest * DT))
+        fastest = (
+            FASTEST if self.way.push else min(FASTEST, self._speed + SWING_BRAKES * DT)
+        )  # who pulls does not run into it
+        step = float(
+            np.clip(EASE * (min(max(wanted, self._soft), self.widest) - self.angle), 0, fastest * DT)
+        )
         self._move(step)
 
     def _swing(self, root: Array) -> None:
-        """Let the leaf coast, ever slower, until it is wide open or a body is in its way; only a body that passes moves it further."""
+        """Let the leaf coast, ever slower, until it is wide open or a body is in its way; only a body that
+        passes moves it further.
+        """
         pushed = min(self._pushed(root), self.widest)
         stop = min(max(WIDE_OPEN, pushed), self.widest, self._blocked(root))
-        coasting = min(max(self._speed - FRICTION * DT, 0.0), float(np.sqrt(2 * SWING_SLOWS * max(stop - self.angle, 0.0))))
+        coasting = min(
+            max(self._speed - FRICTION * DT, 0.0),
+            float(np.sqrt(2 * SWING_SLOWS * max(stop - self.angle, 0.0))),
+        )
         given = min(float(np.sqrt(2 * SWING_SLOWS * max(pushed - self.angle, 0.0))), FASTEST)
         wanted = max(coasting, given)
         self._speed += float(np.clip(wanted - self._speed, -SWING_BRAKES * DT, SWING_GAINS * DT))
@@ -215,16 +272,24 @@ class Opening:
                 self.state = "free"
 
     def _move(self, step: float) -> None:
-        """Turn the leaf by ``step`` radians: less, or back, where the body is in its way, and more where the body shoves it."""
+        """Turn the leaf by ``step`` radians: less, or back, where the body is in its way, and more where the
+        body shoves it.
+        """
         angle = self.angle
         if self._most < angle + step:
-            step = max(self._most - angle, -SHOVED_BACK * DT, -angle) if self._least < self._most else min(step, 0.0)
+            step = (
+                max(self._most - angle, -SHOVED_BACK * DT, -angle)
+                if self._least < self._most
+                else min(step, 0.0)
+            )
         step = max(step, min(self._least - angle, SHOVED * DT, self.widest - angle))
         self._speed = max(step, 0.0) / DT
         self._set(angle + step)
 
     def _stands_back(self, root: Array) -> bool:
-        """Whether a leaf is pulled and the body has come to where it waits for it: what lacks is the arm's to do."""
+        """Whether a leaf is pulled and the body has come to where it waits for it: what lacks is the arm's to
+        do.
+        """
         return not self.way.push and float(np.linalg.norm(np.asarray(root[:2]) - self.way.back)) < AT_PLACE
 
     def _set(self, angle: float) -> None:
@@ -232,11 +297,17 @@ class Opening:
 
     def _body(self, root: Array) -> tuple[float, float]:
         """Distance of the root from the hinge and the angle of the leaf at which it would lie on it."""
-        local = self.prop.to_local(np.append(np.asarray(root[:2], dtype=np.float64), 0.0), self.prop.pose_at(0.0))
-        return float(np.hypot(local[0], local[1])), float(self.prop.swing * wrap_angle(np.arctan2(local[1], local[0])))
+        local = self.prop.to_local(
+            np.append(np.asarray(root[:2], dtype=np.float64), 0.0), self.prop.pose_at(0.0)
+        )
+        return float(np.hypot(local[0], local[1])), float(
+            self.prop.swing * wrap_angle(np.arctan2(local[1], local[0]))
+        )
 
     def _pushed(self, root: Array) -> float:
-        """How far the leaf is open so that a body on its closing side has room; 0 where that asks for nothing."""
+        """How far the leaf is open so that a body on its closing side has room; 0 where that asks for
+        nothing.
+        """
         away, beside = self._body(root)
         if away > self.prop.width + BODY or away < 1e-3 or beside > self.angle:
             return max(self._soft, 0.0)
@@ -255,8 +326,10 @@ def require_room(leaf: Leaf, solids: DistanceQuery) -> None:
     widest = _widest(leaf, solids)
     if widest < LEAST_WIDE:
         raise GoalError(
-            f"{leaf.name} opens by only {np.degrees(widest):.0f} degrees before it meets what stands about it, too little to pass; "
-            "make room for it, turn its swing round on its hinge point, or cut its opening in the wall wider."
+            f"{leaf.name} opens by only {np.degrees(widest):.0f} degrees before it meets what stands about "
+            "it, too little to pass; "
+            "make room for it, turn its swing round on its hinge point, or cut its opening in the wall "
+            "wider."
         )
 
 

@@ -15,9 +15,12 @@ from .base import Performer, Stage, Way
 from .door_grasp import Opening
 
 HANDLE = 2.5  # metres from which the handle itself is commanded
-# A leaf half open that turns by less than this a frame, before a body that stands, is let go after so many frames.
+# A leaf half open that turns by less than this a frame, before a body that stands, is let go after so many
+# frames.
 STILL, STUCK = np.radians(0.3), 30
-SHORT = np.radians(8)  # a leaf let go that has come to within this of what lets one pass is moved on by who passes
+SHORT = np.radians(
+    8
+)  # a leaf let go that has come to within this of what lets one pass is moved on by who passes
 AGAIN = 2  # times that one takes a leaf anew that was let go too soon
 FURTHER = 0.3  # metres that one steps back from a leaf that does not clear the body
 PUSHED_ON = np.radians(40)  # a leaf that stands open by more, away from one, is pushed on in walking through
@@ -25,9 +28,13 @@ ARRIVED = 0.35  # metres to the place beyond that count as there
 
 
 class Pass(Stage):
-    """Reach, pull (only where the leaf comes towards one), pass; an open door is walked through and gives way where it is touched."""
+    """Reach, pull (only where the leaf comes towards one), pass; an open door is walked through and gives way
+    where it is touched.
+    """
 
-    def __init__(self, goal: Goal, ground: Ground, moment: Moment, solids: DistanceQuery, ik: bool = True) -> None:
+    def __init__(
+        self, goal: Goal, ground: Ground, moment: Moment, solids: DistanceQuery, ik: bool = True
+    ) -> None:
         super().__init__(goal)
         leaf = goal.prop
         self.ground, self._count = ground, ground.pause()
@@ -40,15 +47,27 @@ class Pass(Stage):
         if leaf.angle > (PUSHED_ON if self.way.push else OPENED - 0.2):
             self.grasp.yield_only()
             self.part = 2
-            aside = leaf if self.way.push and leaf.angle < OPENED else None  # it gives way: no way round it, close past the jamb
-            self.approach = Approach(ground, self.way.beyond, heading, Command("idle", beyond, heading), REACH, thing=aside, anyway=True)
+            aside = (
+                leaf if self.way.push and leaf.angle < OPENED else None
+            )  # it gives way: no way round it, close past the jamb
+            self.approach = Approach(
+                ground,
+                self.way.beyond,
+                heading,
+                Command("idle", beyond, heading),
+                REACH,
+                thing=aside,
+                anyway=True,
+            )
             return
         self._reach()
 
     def _reach(self) -> None:
         """Go to where the handle is taken."""
         facing, place = self.way.facing, self.grasp.grip().astype(np.float32)
-        self.approach = Approach(self.ground, self.way.reach, facing, Command("open", place, facing, thing=self.goal.prop), HANDLE)
+        self.approach = Approach(
+            self.ground, self.way.reach, facing, Command("open", place, facing, thing=self.goal.prop), HANDLE
+        )
 
     def update(self, moment: Moment) -> Command:
         leaf, way, grasp = self.goal.prop, self.way, self.grasp
@@ -61,12 +80,16 @@ class Pass(Stage):
         return self.approach.update(moment, self.arrived)
 
     def _pull(self, moment: Moment) -> None:
-        """Stand back until the leaf lets one pass: further where one stands in its way, and take it anew where it was let go too soon."""
+        """Stand back until the leaf lets one pass: further where one stands in its way, and take it anew
+        where it was let go too soon.
+        """
         leaf, grasp = self.goal.prop, self.grasp
         turned, self._angle = leaf.angle - self._angle, leaf.angle
         self._stuck = self._stuck + 1 if moment.speed < 0.1 and turned < STILL else 0
         root = moment.root.astype(np.float64)
-        if leaf.angle >= OPENED - (0 if grasp.state == "held" else SHORT) and (not grasp.in_way(root) or self._stuck > STUCK):
+        if leaf.angle >= OPENED - (0 if grasp.state == "held" else SHORT) and (
+            not grasp.in_way(root) or self._stuck > STUCK
+        ):
             self._next(2)
         elif self._stuck > STUCK or grasp.state == "free":
             self._stuck = 0
@@ -87,7 +110,9 @@ class Pass(Stage):
         back = way.back - self._stepped * FURTHER * heading_to_direction(np.array(way.heading))
         action, place = ("idle+open", back) if part == 1 else ("walk+open", way.beyond)
         final = Command(action, np.append(place, 0).astype(np.float32), way.heading, thing=self.goal.prop)
-        self.approach = Approach(self.ground, place, way.heading, final, ready=lambda moment: True, anyway=True)
+        self.approach = Approach(
+            self.ground, place, way.heading, final, ready=lambda moment: True, anyway=True
+        )
 
     def arrived(self, moment: Moment) -> bool:
         far = float(np.linalg.norm(moment.root[:2] - self.way.beyond))
@@ -107,4 +132,6 @@ def _places(goal: Goal, way: Way) -> list[Array | None]:
     return [through.reach, None, through.beyond]
 
 
-PERFORMER = Performer(lambda goal, start: Pass(goal, start.ground, start.moment, start.scene.environment, start.ik), _places)
+PERFORMER = Performer(
+    lambda goal, start: Pass(goal, start.ground, start.moment, start.scene.environment, start.ik), _places
+)

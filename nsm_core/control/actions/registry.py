@@ -1,4 +1,6 @@
-"""How each action is performed, by its key (see ``nsm_core.world.actions``), and whether a way leads to all of a queue's goals."""
+"""How each action is performed, by its key (see ``nsm_core.world.actions``), and whether a way leads to all
+of a queue's goals.
+"""
 
 from __future__ import annotations
 
@@ -31,9 +33,17 @@ PERFORMERS: dict[str, Performer] = {
 
 
 def begin(
-    goal: Goal, ground: Ground, moment: Moment, grasps: Sequence[Grasp], scene: Scene, ik: bool = True, before: Stage | None = None
+    goal: Goal,
+    ground: Ground,
+    moment: Moment,
+    grasps: Sequence[Grasp],
+    scene: Scene,
+    ik: bool = True,
+    before: Stage | None = None,
 ) -> Stage:
-    """Make the stage of a goal for a character as it is now; see ``Start``.  ``before`` is the stage that it leaves."""
+    """Make the stage of a goal for a character as it is now; see ``Start``.  ``before`` is the stage that it
+    leaves.
+    """
     back = before.leave(goal) if before is not None else None
     if back is not None:
         return TurnBack(goal, back, lambda then: begin(goal, ground, then, grasps, scene, ik))
@@ -41,18 +51,26 @@ def begin(
 
 
 def standing_places(
-    goal: Goal, here: Array, plan: FloorPlan | None, poses: dict[str, Array], solids: DistanceQuery | None = None
+    goal: Goal,
+    here: Array,
+    plan: FloorPlan | None,
+    poses: dict[str, Array],
+    solids: DistanceQuery | None = None,
 ) -> list[Array | None]:
     """Floor places (2,) between which ways must lead to perform a goal from ``here`` (2,), in order.
 
-    An empty list: it is done on the spot.  After a None no way is asked for, as through a door or up a step.  ``poses`` (4,)
-    of boxes that earlier goals have moved, by name, are read and kept up to date; ``solids`` are what stands still.
+    An empty list: it is done on the spot.  After a None no way is asked for, as through a door or up a step.
+    ``poses`` (4,) of boxes that earlier goals have moved, by name, are read and kept up to date; ``solids``
+    are what stands still.
     """
     return PERFORMERS[goal.action].places(goal, Way(here, plan, poses, solids))
 
 
-def check_reachable(goals: list[Goal], plan: FloorPlan, start: Array, solids: DistanceQuery | None = None) -> None:
-    """Raise GoalError that names the first goal to which no way leads, or no hand, from the place before it; ``start`` (2,).
+def check_reachable(
+    goals: list[Goal], plan: FloorPlan, start: Array, solids: DistanceQuery | None = None
+) -> None:
+    """Raise GoalError that names the first goal to which no way leads, or no hand, from the place before it;
+    ``start`` (2,).
 
     ``solids`` are what stands still.
     """

@@ -1,4 +1,6 @@
-"""Leaving a seat that was taken from the side: the body turns back on it before it rises, as what stands before the seat asks."""
+"""Leaving a seat that was taken from the side: the body turns back on it before it rises, as what stands
+before the seat asks.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +18,18 @@ from nsm_core.rotations import Array, heading_to_direction, wrap_angle
 from .approach import Command
 from .base import Stage
 
-TURNED, UP, BESIDE = np.radians(12), 0.3, 0.2  # from here on one may rise; sit label and metres from where one is up beside the seat
+TURNED, UP, BESIDE = (
+    np.radians(12),
+    0.3,
+    0.2,
+)  # from here on one may rise; sit label and metres from where one is up beside the seat
 PATIENCE = 75  # frames after which one rises, and after which one goes on, all the same
 
 
 class TurnBack(Stage):
-    """Turn on the seat as ``back`` commands, rise to stand beside it, and then do what ``following`` makes of the goal."""
+    """Turn on the seat as ``back`` commands, rise to stand beside it, and then do what ``following`` makes of
+    the goal.
+    """
 
     def __init__(self, goal: Goal, back: Command, following: Callable[[Moment], Stage]) -> None:
         super().__init__(goal)
@@ -43,10 +51,16 @@ class TurnBack(Stage):
         return self.command if self.stage is None else self.stage.update(moment)
 
     def _turned(self, moment: Moment) -> bool:
-        return abs(float(wrap_angle(moment.heading - self.back.heading))) < TURNED or float(moment.style[SIT]) < 0.5
+        return (
+            abs(float(wrap_angle(moment.heading - self.back.heading))) < TURNED
+            or float(moment.style[SIT]) < 0.5
+        )
 
     def _up(self, moment: Moment) -> bool:
-        return float(moment.style[SIT]) < UP and float(np.linalg.norm(moment.root[:2] - self._stand[:2])) < BESIDE
+        return (
+            float(moment.style[SIT]) < UP
+            and float(np.linalg.norm(moment.root[:2] - self._stand[:2])) < BESIDE
+        )
 
     def arrived(self, moment: Moment) -> bool:
         return self.stage is not None and self.stage.arrived(moment)

@@ -1,4 +1,6 @@
-"""Sit: walk to where one sits down, before the seat or at its side where something stands before it, and sit."""
+"""Sit: walk to where one sits down, before the seat or at its side where something stands before it,
+and sit.
+"""
 
 from __future__ import annotations
 
@@ -14,18 +16,23 @@ from nsm_core.world.planning.floor_plan import FloorPlan
 from .approach import Approach, Command, Ground
 from .base import EXECUTED, Performer, Stage
 
-BLOCKED = 0.14  # metres of room: an open front has 0.17, and a thin board between two looked at heights seems this far off
+# metres of room: an open front has 0.17, and a thin board between two looked at heights seems this far off
+BLOCKED = 0.14
 BESIDE = 0.1  # metres of room that standing beside a seat needs
 SIDES = (np.pi / 2, -np.pi / 2)
 _ARM = (0.0, 0.25)  # metres over the seated hips between which an arm rest stands in the way
-_LANE, _SOLID = 0.12, 0.6  # half the width of the way from the side to the seat, metres; occupancy that counts as solid
+_LANE, _SOLID = (
+    0.12,
+    0.6,
+)  # half the width of the way from the side to the seat, metres; occupancy that counts as solid
 
 
 def before_seat(goal: Goal, plan: FloorPlan | None = None, here: Array | None = None) -> tuple[Array, float]:
     """Where on the floor (2,) one stands before sitting down, and the heading there.
 
-    Before the seat, as a rule.  Where a desk stands there and a side of the seat is open and free of an arm rest, at that
-    side, with the back to the seat: the body turns on the seat then.  ``here`` (2,): from where one comes.
+    Before the seat, as a rule.  Where a desk stands there and a side of the seat is open and free of an arm
+    rest, at that side, with the back to the seat: the body turns on the seat then.  ``here`` (2,): from where
+    one comes.
     """
     seat = goal.position[:2].astype(np.float64)
     front = seat + STAND_AHEAD * heading_to_direction(np.array(goal.heading))
@@ -44,7 +51,9 @@ def before_seat(goal: Goal, plan: FloorPlan | None = None, here: Array | None = 
 
 
 def _arm_between(goal: Goal, seat: Array, stand: Array) -> bool:
-    """Whether the sensed seat has something solid beside the hips, on the way from ``stand`` to ``seat`` (2,)."""
+    """Whether the sensed seat has something solid beside the hips, on the way from ``stand`` to ``seat``
+    (2,).
+    """
     if goal.interaction is None:
         return False
     cells = goal.interaction.cells_world().astype(np.float64)
@@ -52,7 +61,9 @@ def _arm_between(goal: Goal, seat: Array, stand: Array) -> bool:
     offset = cells[:, :2] - seat
     along, across = offset @ way, np.abs(offset @ np.array((-way[1], way[0])))
     height = cells[:, 2] - float(goal.position[2])
-    between = (along > 0.1) & (along < STAND_AHEAD) & (across < _LANE) & (height > _ARM[0]) & (height < _ARM[1])
+    between = (
+        (along > 0.1) & (along < STAND_AHEAD) & (across < _LANE) & (height > _ARM[0]) & (height < _ARM[1])
+    )
     return bool((goal.interaction.occupancy[between] > _SOLID).any())
 
 
@@ -62,7 +73,9 @@ SLOW = 0.3  # m/s below which one who sits down from the side turns
 
 
 class Sit(Stage):
-    """Walk to where one sits down, before the seat or beside it, and sit; from the side one turns once one is seated."""
+    """Walk to where one sits down, before the seat or beside it, and sit; from the side one turns once one is
+    seated.
+    """
 
     def __init__(self, goal: Goal, ground: Ground, moment: Moment) -> None:
         super().__init__(goal)
@@ -70,8 +83,11 @@ class Sit(Stage):
         self._side = abs(float(wrap_angle(heading - goal.heading))) > 0.1
         self._seated = self._on_it(moment)  # whether the seat has been reached
         self._there = Command("sit", goal.position, goal.heading, thing=goal.interaction)
-        # One who is sent from the side to sit in another direction would walk round to the front, through what stands there.
-        self._back = Command("sit", goal.position, heading, thing=goal.interaction) if self._side else self._there
+        # One who is sent from the side to sit in another direction would walk round to the front, through
+        # what stands there.
+        self._back = (
+            Command("sit", goal.position, heading, thing=goal.interaction) if self._side else self._there
+        )
         ready = self._beside if self._side else None
         self.approach = Approach(ground, stand, heading, self._back, ready=ready, anyway=self._side)
 
@@ -101,10 +117,14 @@ class Sit(Stage):
         return self.goal.position, None if self._side and not self._seated else self.goal.heading
 
     def leave(self, following: Goal) -> Command | None:
-        stays = following.action == self.goal.action and float(np.linalg.norm(following.position - self.goal.position)) < SEATED_WITHIN
+        stays = (
+            following.action == self.goal.action
+            and float(np.linalg.norm(following.position - self.goal.position)) < SEATED_WITHIN
+        )
         return self._back if self._side and self._seated and not stays else None
 
 
 PERFORMER = Performer(
-    lambda goal, start: Sit(goal, start.ground, start.moment), lambda goal, way: [before_seat(goal, way.plan, way.here)[0]]
+    lambda goal, start: Sit(goal, start.ground, start.moment),
+    lambda goal, way: [before_seat(goal, way.plan, way.here)[0]],
 )

@@ -1,6 +1,7 @@
 """Touch: walk to where a hand reaches a point, put its fingers there, and stand.
 
-The network is told to walk and to stand, and no more: the hand is led by the reach that other actions end with.
+The network is told to walk and to stand, and no more: the hand is led by the reach that other actions end
+with.
 """
 
 from __future__ import annotations
@@ -25,7 +26,11 @@ from .base import Performer, Stage
 AWAY, TURNS = (0.5, 0.45, 0.55, 0.6), np.radians((0.0, 25.0, -25.0, 50.0, -50.0))
 ASIDE = 0.15  # metres of the point beside the middle of the body: it lies before the shoulder
 ROOM = 0.03  # metres of room beyond a body that a standing place needs
-NEAR, FACING, SLOW = 0.25, np.radians(25), 0.2  # metres, radians and m/s within which one has come to stand there
+NEAR, FACING, SLOW = (
+    0.25,
+    np.radians(25),
+    0.2,
+)  # metres, radians and m/s within which one has come to stand there
 SKIN = 0.02  # metres from the tip of the bones to the thing: fingers are as thick
 LED = 0.5  # metres that a hand is led beyond where the network has it, which tells how long it takes
 TOUCHES = 0.03  # metres between fingers and point that count as touching
@@ -35,14 +40,20 @@ _TIPS = np.array([END_SITES[JOINTS[arm[2]]] for arm in ARMS], dtype=np.float64)
 
 
 def stand_of(goal: Goal, plan: FloorPlan | None = None) -> tuple[Array, float]:
-    """Where on the floor (2,) one stands to touch a point, and the heading there; the one with most room where none is free."""
+    """Where on the floor (2,) one stands to touch a point, and the heading there; the one with most room
+    where none is free.
+    """
     places = []
     for turn in TURNS:
         heading = goal.heading + float(turn)
         for away in AWAY:
-            point = rotate_planar(np.array((-ASIDE, -away)), np.float64(heading))  # from the stand; heading 0 faces -Y, its right is -X
+            point = rotate_planar(
+                np.array((-ASIDE, -away)), np.float64(heading)
+            )  # from the stand; heading 0 faces -Y, its right is -X
             places.append((goal.position[:2].astype(np.float64) - point, heading))
-    room = np.ones(len(places)) if plan is None else np.asarray(plan.clearance(np.array([p for p, _ in places])))
+    room = (
+        np.ones(len(places)) if plan is None else np.asarray(plan.clearance(np.array([p for p, _ in places])))
+    )
     free = np.flatnonzero(room > ROOM)
     return places[int(free[0]) if len(free) else int(room.argmax())]
 
@@ -51,7 +62,9 @@ class Touching:
     """One hand and the point that it touches; one call a frame from its creation until it has come back."""
 
     def __init__(self, point: Array, hand: int, solids: DistanceQuery, ik: bool = True) -> None:
-        """``point`` (3,) is where the tips of the fingers come to rest, world; on the way the hand goes round ``solids``."""
+        """``point`` (3,) is where the tips of the fingers come to rest, world; on the way the hand goes round
+        ``solids``.
+        """
         self.prop = None
         self.point, self.hand, self.solids, self.ik = np.asarray(point, dtype=np.float64), hand, solids, ik
         self.state = "reach"  # then "held", or "free" once it returns
@@ -91,7 +104,9 @@ class Touching:
         """Lead the hand by one frame, in place of ``pose``; ``root`` (3,), network ``contacts`` (5,)."""
         if self._fingers is None:  # as they will point with the arm held out
             way = self.point - pose.arms()[0][self.hand]
-            self._fingers = way * (float(np.linalg.norm(_TIPS[self.hand])) / max(float(np.linalg.norm(way)), 1e-9))
+            self._fingers = way * (
+                float(np.linalg.norm(_TIPS[self.hand])) / max(float(np.linalg.norm(way)), 1e-9)
+            )
         place = self.point - self._fingers
         if self.state == "reach":
             # Nothing is asked of the network, whose hand hangs at its side: it is drawn wherever it is.
@@ -131,7 +146,9 @@ class Touch(Stage):
     def update(self, moment: Moment) -> Command:
         if self.grasp is None and self._there(moment):
             self.part = 1
-            point = self.goal.position - SKIN * np.append(heading_to_direction(np.array(self.goal.heading)), 0.0)
+            point = self.goal.position - SKIN * np.append(
+                heading_to_direction(np.array(self.goal.heading)), 0.0
+            )
             beside = rotate_planar(point[:2] - moment.root[:2], np.float64(-moment.heading))
             self.grasp = Touching(point, int(beside[0] > ACROSS), self.solids, self.ik)
         return self.approach.update(moment, self._there)
@@ -148,7 +165,8 @@ class Touch(Stage):
 
 
 PERFORMER = Performer(
-    lambda goal, start: Touch(goal, start.ground, start.scene.environment, start.ik), lambda goal, way: [stand_of(goal, way.plan)[0]]
+    lambda goal, start: Touch(goal, start.ground, start.scene.environment, start.ik),
+    lambda goal, way: [stand_of(goal, way.plan)[0]],
 )
 
 __all__ = ["PERFORMER", "Touch", "Touching", "stand_of"]

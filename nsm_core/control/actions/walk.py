@@ -21,7 +21,9 @@ class Stay(Stage):
     def __init__(self, goal: Goal, moment: Moment) -> None:
         super().__init__(goal)
         seated = float(moment.style[SIT]) > 0.5
-        at = moment.root[:2] + (STAND_AHEAD if seated else 0.0) * heading_to_direction(np.array(moment.heading))
+        at = moment.root[:2] + (STAND_AHEAD if seated else 0.0) * heading_to_direction(
+            np.array(moment.heading)
+        )
         self.command = Command("idle", np.append(at, 0).astype(np.float32), float(moment.heading))
 
     def update(self, moment: Moment) -> Command:
@@ -41,7 +43,9 @@ class Go(Stage):
         """``reach``: metres from the place at which it is commanded itself."""
         super().__init__(goal)
         final = Command("idle", goal.position, goal.heading)
-        self.approach = Approach(ground, goal.position[:2].astype(np.float64), goal.heading, final, reach, gait)
+        self.approach = Approach(
+            ground, goal.position[:2].astype(np.float64), goal.heading, final, reach, gait
+        )
 
     def update(self, moment: Moment) -> Command:
         return self.approach.update(moment, self.arrived)

@@ -1,4 +1,6 @@
-"""Rules that propose what a clip shows: actions with ramps and contacts, from speeds, heights and balance alone."""
+"""Rules that propose what a clip shows: actions with ramps and contacts, from speeds, heights and balance
+alone.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ Key = tuple[int, float]
 
 
 def propose_actions(motion: MeasuredMotion) -> tuple[dict[str, list[Key]], list[Span], Array]:
-    """Labels by rule: key frames of every style, the spans of actions with objects, and contacts (T, 5) bool."""
+    """Labels by rule: key frames of every style, the spans of actions with objects, and contacts (T,
+    5) bool.
+    """
     count = len(motion)
     actions: dict[str, list[Key]] = {name: [] for name in STYLES}
     contacts = np.zeros((count, len(CONTACTS)), bool)
@@ -74,7 +78,8 @@ def tidy(keys: list[Key]) -> list[Key]:
 
 
 def _paces(speed: Array, planted: Array) -> dict[str, list[Key]]:
-    """Keys of idle, walk and run: states by speed with short ones taken back, and ramps where the speed changes.
+    """Keys of idle, walk and run: states by speed with short ones taken back, and ramps where the speed
+    changes.
 
     A ramp between two paces lies between the two speeds of its change; the state changes in their middle.
     A body that moves while both feet stay where they are (``planted`` (T,)) does not walk.
@@ -119,8 +124,13 @@ def _balance(motion: MeasuredMotion) -> Array:
     centre = sum(share * ((1 - at) * p[:, INDEX[a]] + at * p[:, INDEX[b]]) for a, b, at, share in _MASSES)
     centre = centre / sum(m[-1] for m in _MASSES)
     ankles = [foot[2] for foot in FEET]
-    heels = p[:, ankles] + quat_rotate(motion.rotations[:, ankles], np.broadcast_to(HEEL_FROM_ANKLE, (len(p), 2, 3)))
-    ahead = [rotate_planar(v[..., :2] - motion.root, -motion.heading)[..., 1] for v in (centre, heels[:, 0], heels[:, 1])]
+    heels = p[:, ankles] + quat_rotate(
+        motion.rotations[:, ankles], np.broadcast_to(HEEL_FROM_ANKLE, (len(p), 2, 3))
+    )
+    ahead = [
+        rotate_planar(v[..., :2] - motion.root, -motion.heading)[..., 1]
+        for v in (centre, heels[:, 0], heels[:, 1])
+    ]
     return ahead[0] - np.maximum(ahead[1], ahead[2])  # heading 0 faces -Y, so behind is +Y
 
 
@@ -136,7 +146,8 @@ def _sits(motion: MeasuredMotion) -> list[Span]:
             continue
         seat = float(np.median(height[a:b]))
         down, up = hold_while(height < seat + 0.03, a, -1), hold_while(height < seat + 0.03, b - 1, 1)
-        # Up to where the hips begin to come down: the nearest higher place that is level, or the end of the way up.
+        # Up to where the hips begin to come down: the nearest higher place that is level, or the end of the
+        # way up.
         start, end = _up_to_standing(height, down, -1), _up_to_standing(height, up, 1)
         if spans and start < spans[-1].end:
             start = spans[-1].end
@@ -145,9 +156,15 @@ def _sits(motion: MeasuredMotion) -> list[Span]:
 
 
 def _up_to_standing(height: Array, frame: int, step: int) -> int:
-    """Frame at which the hips, followed from a seat, are within 3 cm of the height they come to, in at most 3 s."""
+    """Frame at which the hips, followed from a seat, are within 3 cm of the height they come to, in at most 3
+    s.
+    """
     reach = height[frame::step][: 3 * FPS]
-    top = float(reach[: first_of(np.diff(reach) < -0.004, len(reach))].max()) if len(reach) > 1 else float(height[frame])
+    top = (
+        float(reach[: first_of(np.diff(reach) < -0.004, len(reach))].max())
+        if len(reach) > 1
+        else float(height[frame])
+    )
     return frame + step * first_of(reach > top - 0.03, len(reach) - 1)
 
 
@@ -164,7 +181,9 @@ def _supports(motion: MeasuredMotion) -> list[tuple[int, int, int, float]]:
 
 
 def _climbs(motion: MeasuredMotion, step: float = 0.1) -> list[Span]:
-    """From where a foot leaves for ground that is higher or lower until both stand there, hips raised or lowered too."""
+    """From where a foot leaves for ground that is higher or lower until both stand there, hips raised or
+    lowered too.
+    """
     supports = _supports(motion)
     hips = gaussian_smooth(motion.positions[:, HIPS, 2], 3.0)
     spans: list[Span] = []
@@ -177,7 +196,10 @@ def _climbs(motion: MeasuredMotion, step: float = 0.1) -> list[Span]:
             left = last[side][1] if side in last else max(0, a - 15)
             before, after = hips[max(0, left - 5)], hips[min(len(hips) - 1, a + 20)]
             if (after - before) * np.sign(height - ground) > 0.5 * abs(height - ground):
-                arrived = next((s[0] for s in supports if s[0] > a and s[2] != side and abs(s[3] - height) < step), a + 15)
+                arrived = next(
+                    (s[0] for s in supports if s[0] > a and s[2] != side and abs(s[3] - height) < step),
+                    a + 15,
+                )
                 if arrived - a < 3 * FPS:
                     spans.append(Span("climb", left - 6, left + 4, max(arrived, left + 5), arrived + 10))
                 ground = height

@@ -14,7 +14,9 @@ from nsm_core.signals import gaussian_smooth, intervals
 
 @dataclass(frozen=True)
 class Span:
-    """An action with an object: the label rises over ``start``..``full`` and falls over ``leave``..``end`` (frames)."""
+    """An action with an object: the label rises over ``start``..``full`` and falls over ``leave``..``end``
+    (frames).
+    """
 
     action: str
     start: int
@@ -25,7 +27,9 @@ class Span:
 
 @dataclass(frozen=True)
 class MeasuredMotion:
-    """What the rules look at: ``positions`` and ``rotations`` in the world, root, and ``speed`` (T,), metres a second."""
+    """What the rules look at: ``positions`` and ``rotations`` in the world, root, and ``speed`` (T,), metres
+    a second.
+    """
 
     positions: Array
     rotations: Array

@@ -1,4 +1,6 @@
-"""Rule for what is none of the actions: hops, crouches, bows and gestures that no walk should be stitched from."""
+"""Rule for what is none of the actions: hops, crouches, bows and gestures that no walk should be stitched
+from.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +14,26 @@ from nsm_core.signals import intervals
 from .measures import MeasuredMotion, Span, closed
 
 _CHEST = INDEX["Chest4"]
-_SHOULDERS, _WRISTS = [INDEX[s + "Shoulder"] for s in ("Right", "Left")], [INDEX[s + "Wrist"] for s in ("Right", "Left")]
-_AIRBORNE = 0.048  # metres over the ground of the lower toe joint: captured walks stay under 4.7 cm, skips do not
+_SHOULDERS, _WRISTS = (
+    [INDEX[s + "Shoulder"] for s in ("Right", "Left")],
+    [INDEX[s + "Wrist"] for s in ("Right", "Left")],
+)
+_AIRBORNE = (
+    0.048  # metres over the ground of the lower toe joint: captured walks stay under 4.7 cm, skips do not
+)
 _SLOWER = 1.9  # m/s: below it no step leaves the floor, and turns do not lean
 _LEAPT = 1.0  # metres of the hips over the ground that neither walks nor runs reach
-_CROUCHED, _TILT = (0.8, 0.65), np.radians((35, 55))  # metres of the hips over the ground, lean of the trunk; slower and faster
+_CROUCHED, _TILT = (
+    (0.8, 0.65),
+    np.radians((35, 55)),
+)  # metres of the hips over the ground, lean of the trunk; slower and faster
 _APART = round(0.7 * FPS)  # frames between two such moments that belong to them
 
 
 def others(motion: MeasuredMotion, spans: list[Span]) -> list[tuple[int, float]]:
-    """Key frames of "other" where a body neither sits, carries, opens nor climbs (``spans``), and does not just walk or run."""
+    """Key frames of "other" where a body neither sits, carries, opens nor climbs (``spans``), and does not
+    just walk or run.
+    """
     p = motion.positions
     lower = p[:, TOES, 2].min(1)
     nearby = np.pad(lower, 15, mode="edge")

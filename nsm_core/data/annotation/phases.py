@@ -1,7 +1,8 @@
 """Phase by rule (papers/000 section 5.1): keys where a cycle ends, and the phase between them.
 
-A key is (frame, value) with a value over 0 up to 1; 1 is the end of a cycle and the begin of the next.  Between two keys the phase
-grows evenly, by less than one cycle, or by exactly one where both have the same value.
+A key is (frame, value) with a value over 0 up to 1; 1 is the end of a cycle and the begin of the next.
+Between two keys the phase grows evenly, by less than one cycle, or by exactly one where both have the same
+value.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ _SHORTEST = 10  # frames between two landings of one foot; less is a stumble of 
 def rule_keys(landing_foot: Array, moving: Array, transitions: list[tuple[int, int]]) -> list[Key]:
     """Keys of a clip: landings while it moves, ends of transitions, and 1 Hz elsewhere.
 
-    ``landing_foot`` (T,) contacts of the foot whose landing ends a cycle (the left; the right for the mirrored clip);
-    ``moving`` (T,) bool, where walk or run is on; ``transitions``: (first, last) frames of acyclic motion, one cycle each.
+    ``landing_foot`` (T,) contacts of the foot whose landing ends a cycle (the left; the right for the
+    mirrored clip); ``moving`` (T,) bool, where walk or run is on; ``transitions``: (first, last) frames of
+    acyclic motion, one cycle each.
     """
     count = len(landing_foot)
     on = np.asarray(landing_foot) > 0.5
@@ -33,7 +35,9 @@ def rule_keys(landing_foot: Array, moving: Array, transitions: list[tuple[int, i
             acyclic[a + 1 : b] = True
             fixed |= {a, b}
     for a, b in intervals(moving):
-        steps = [int(f) + 1 for f in np.flatnonzero(~on[:-1] & on[1:]) if a <= f + 1 < b and not acyclic[f + 1]]
+        steps = [
+            int(f) + 1 for f in np.flatnonzero(~on[:-1] & on[1:]) if a <= f + 1 < b and not acyclic[f + 1]
+        ]
         landings = [f for k, f in enumerate(steps) if k == 0 or f - steps[k - 1] >= _SHORTEST]
         fixed |= {f for f in landings if all(abs(f - k) >= _SHORTEST // 2 for k in fixed)}
         fixed |= _missed(landings)
@@ -69,7 +73,11 @@ def _filled(keys: list[int], moving: Array, count: int) -> list[Key]:
     first = filled[1] - filled[0] if len(filled) > 1 and moving[: filled[0] + 1].mean() > 0.5 else period
     last = filled[-1] - filled[-2] if len(filled) > 1 and moving[filled[-1] :].mean() > 0.5 else period
     before, after = _outside(filled[0], first), _outside(count - 1 - filled[-1], last)
-    head = [(0, before[1])] + [(filled[0] - round(first * k), 1.0) for k in range(before[0], 0, -1)] if filled[0] > 0 else []
+    head = (
+        [(0, before[1])] + [(filled[0] - round(first * k), 1.0) for k in range(before[0], 0, -1)]
+        if filled[0] > 0
+        else []
+    )
     tail = [(filled[-1] + round(last * k), 1.0) for k in range(1, after[0] + 1)]
     if filled[-1] < count - 1:
         tail = [k for k in tail if k[0] < count - 1] + [(count - 1, after[2] or 1.0)]
@@ -77,7 +85,9 @@ def _filled(keys: list[int], moving: Array, count: int) -> list[Key]:
 
 
 def _outside(frames: int, period: float) -> tuple[int, float, float]:
-    """Whole cycles in ``frames``, the phase that far before the end of a cycle, and the phase that far after its begin."""
+    """Whole cycles in ``frames``, the phase that far before the end of a cycle, and the phase that far after
+    its begin.
+    """
     cycles = frames / period
     whole = int(np.ceil(cycles - 1e-6)) - 1 if cycles > 0 else 0
     rest = round(float(cycles % 1.0), 3)
@@ -93,7 +103,9 @@ def _unique(keys: list[Key]) -> list[Key]:
 
 
 def phase_of_keys(keys: list[Key], count: int) -> Array:
-    """Unwrapped phase (count,) in cycles, float32, from keys; before the first and behind the last the period goes on."""
+    """Unwrapped phase (count,) in cycles, float32, from keys; before the first and behind the last the period
+    goes on.
+    """
     if not keys:
         return (np.arange(count) / (IDLE_PERIOD * FPS)).astype(np.float32)
     frames, values = np.array([k for k, _ in keys]), np.array([v for _, v in keys])
@@ -108,7 +120,9 @@ def phase_of_keys(keys: list[Key], count: int) -> Array:
 
 
 def keys_of_phase(phase: Array, every: int = 3) -> list[Key]:
-    """Keys of a measured phase (T,) in cycles that never runs backwards: the ends of cycles, and one at least ``every`` frames."""
+    """Keys of a measured phase (T,) in cycles that never runs backwards: the ends of cycles, and one at least
+    ``every`` frames.
+    """
     frames = np.unique(np.concatenate((np.arange(0, len(phase), every), (len(phase) - 1,))))
     keys: list[Key] = []
     for frame in frames:

@@ -1,4 +1,6 @@
-"""One picture of a clip's annotation: stick figures, label ramps, contacts, phase and goals over one axis of time."""
+"""One picture of a clip's annotation: stick figures, label ramps, contacts, phase and goals over one axis of
+time.
+"""
 
 from __future__ import annotations
 
@@ -16,19 +18,24 @@ from nsm_core.rotations import Array, rotate_planar
 
 from .proposal import Annotation
 
-COLOURS = dict(zip(STYLES, ("#9aa0a6", "#4c9f70", "#d1495b", "#8f5fbf", "#c98a2b", "#2b7bb9", "#a05a2c"), strict=True))
+COLOURS = dict(
+    zip(STYLES, ("#9aa0a6", "#4c9f70", "#d1495b", "#8f5fbf", "#c98a2b", "#2b7bb9", "#a05a2c"), strict=True)
+)
 _FIGURES = 18
 
 
 def draw(clip: Clip, annotation: Annotation, path: str | Path, measured: Array | None = None) -> Path:
-    """Write the picture of an annotated clip and return its path; ``measured`` (T,) is a second phase to compare, cycles.
+    """Write the picture of an annotated clip and return its path; ``measured`` (T,) is a second phase to
+    compare, cycles.
 
     Raises OutputError where matplotlib is absent or the file cannot be written.
     """
     try:
         import matplotlib
     except ImportError as error:
-        raise OutputError("Pictures need matplotlib; install it, or run the command with --no-pictures.") from error
+        raise OutputError(
+            "Pictures need matplotlib; install it, or run the command with --no-pictures."
+        ) from error
     matplotlib.use("Agg")
     from matplotlib.figure import Figure
 
@@ -42,7 +49,9 @@ def draw(clip: Clip, annotation: Annotation, path: str | Path, measured: Array |
     rows[1].legend(loc="center left", bbox_to_anchor=(1, 0.5), fontsize=8, frameon=False)
     rows[1].set_ylabel("actions")
     for k in range(len(CONTACTS)):
-        rows[2].fill_between(frames, k + 0.1, k + 0.1 + 0.8 * annotation.contact[:, k], step="mid", color="#444", lw=0)
+        rows[2].fill_between(
+            frames, k + 0.1, k + 0.1 + 0.8 * annotation.contact[:, k], step="mid", color="#444", lw=0
+        )
     rows[2].set_yticks(np.arange(len(CONTACTS)) + 0.5, CONTACTS, fontsize=8)
     rows[2].set_ylim(0, len(CONTACTS))
     rows[3].plot(frames, annotation.phase % 1, ".", ms=3, color="#222", label="phase")
@@ -80,7 +89,9 @@ def _stick_figures(row: Any, clip: Clip) -> None:
         x, z = f + ahead[f] * scale / 1.15, positions[f, :, 2]
         bones = [((x[p], z[p]), (x[j], z[j])) for j, p in enumerate(PARENTS) if p >= 0]
         hues = [
-            "#d1495b" if "Right" in JOINTS[j] else "#2b7bb9" if "Left" in JOINTS[j] else "#222" for j, p in enumerate(PARENTS) if p >= 0
+            "#d1495b" if "Right" in JOINTS[j] else "#2b7bb9" if "Left" in JOINTS[j] else "#222"
+            for j, p in enumerate(PARENTS)
+            if p >= 0
         ]
         row.add_collection(LineCollection(bones, colors=hues, linewidths=1.3))
         head, neck = (np.array((x[INDEX[n]], z[INDEX[n]])) for n in ("Head", "Neck"))
@@ -95,9 +106,26 @@ def _stick_figures(row: Any, clip: Clip) -> None:
 def _goals(row: Any, annotation: Annotation) -> None:
     """Bars of the goals in force, from their frame to the next one's, with their places."""
     goals = annotation.goals
-    for n, (goal, end) in enumerate(zip(goals, [*(g.frame for g in goals), len(annotation)][1:], strict=True)):
-        row.barh(0, end - goal.frame, left=goal.frame, height=0.8, color=COLOURS[goal.action.split("+")[-1]], alpha=0.45, edgecolor="white")
+    for n, (goal, end) in enumerate(
+        zip(goals, [*(g.frame for g in goals), len(annotation)][1:], strict=True)
+    ):
+        row.barh(
+            0,
+            end - goal.frame,
+            left=goal.frame,
+            height=0.8,
+            color=COLOURS[goal.action.split("+")[-1]],
+            alpha=0.45,
+            edgecolor="white",
+        )
         where = "" if goal.place is None else " ({:.1f}, {:.1f}, {:.2f})".format(*goal.place)
-        row.text(goal.frame + 1, 0.24 - 0.24 * (n % 3), goal.action + where, fontsize=7.5, va="center", clip_on=True)
+        row.text(
+            goal.frame + 1,
+            0.24 - 0.24 * (n % 3),
+            goal.action + where,
+            fontsize=7.5,
+            va="center",
+            clip_on=True,
+        )
     row.set_yticks([])
     row.set_ylabel("goal")

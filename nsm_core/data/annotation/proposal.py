@@ -24,8 +24,8 @@ _GAIT = [IDLE, WALK, RUN]
 class Annotation:
     """Per-frame arrays of a clip.
 
-    ``style`` (T, 7) and ``contact`` (T, 5) in the orders of ``conventions``; ``phase`` (T,) unwrapped, cycles, and
-    ``phase_mirrored`` (T,) of the mirror image; ``goals`` in the order of their frames.
+    ``style`` (T, 7) and ``contact`` (T, 5) in the orders of ``conventions``; ``phase`` (T,) unwrapped,
+    cycles, and ``phase_mirrored`` (T,) of the mirror image; ``goals`` in the order of their frames.
     """
 
     name: str
@@ -39,7 +39,9 @@ class Annotation:
         return len(self.phase)
 
     def mirrored(self) -> Annotation:
-        """Annotation of ``Clip.mirrored``: left and right exchanged, with the phase of its own left landings."""
+        """Annotation of ``Clip.mirrored``: left and right exchanged, with the phase of its own left
+        landings.
+        """
         swapped = [CONTACTS.index(_other(name)) for name in CONTACTS]
         return replace(
             self,
@@ -48,7 +50,12 @@ class Annotation:
             phase=self.phase_mirrored,
             phase_mirrored=self.phase,
             goals=tuple(
-                replace(g, facing=-g.facing, place=None if g.place is None else (-g.place[0], g.place[1], g.place[2])) for g in self.goals
+                replace(
+                    g,
+                    facing=-g.facing,
+                    place=None if g.place is None else (-g.place[0], g.place[1], g.place[2]),
+                )
+                for g in self.goals
             ),
         )
 
@@ -98,7 +105,8 @@ def _step_keys(on: Array) -> list[Key]:
 def propose(clip: Clip, kept: Sheet | None = None) -> tuple[Sheet, dict[int, str]]:
     """Propose a sheet for a clip, and remarks on its goals by index.
 
-    Sections of ``kept`` that a person has changed stay as they are, and phase and goals follow from the labels so kept.
+    Sections of ``kept`` that a person has changed stay as they are, and phase and goals follow from the
+    labels so kept.
     """
     motion = motion_of(clip)
     actions, spans, contacts = propose_actions(motion)
@@ -112,7 +120,12 @@ def propose(clip: Clip, kept: Sheet | None = None) -> tuple[Sheet, dict[int, str
     spans = _spans(sheet, spans, edited)
     arrays = arrays_of(sheet)
     moving = arrays.style[:, [WALK, RUN, CLIMB]].sum(1) > 0.3
-    transitions = [t for s in spans if s.action in ("sit", "carry", "open") for t in ((s.start, s.full), (s.leave, s.end))]
+    transitions = [
+        t
+        for s in spans
+        if s.action in ("sit", "carry", "open")
+        for t in ((s.start, s.full), (s.leave, s.end))
+    ]
     goals, remarks = propose_goals(motion, spans)
     feet = arrays.contact[:, FOOT_CONTACTS]
     found = {
@@ -144,7 +157,9 @@ def _spans(sheet: Sheet, spans: list[Span], edited: list[str]) -> list[Span]:
 
 
 def propose_goals(motion: MeasuredMotion, spans: list[Span]) -> tuple[list[GoalKey], dict[int, str]]:
-    """Goals that composing reads: where one sits and faces, asked for as the sit begins, and when one is asked to rise."""
+    """Goals that composing reads: where one sits and faces, asked for as the sit begins, and when one is
+    asked to rise.
+    """
     goals: list[GoalKey] = []
     remarks: dict[int, str] = {}
     for span in (s for s in spans if s.action == "sit"):

@@ -1,9 +1,10 @@
 """The five steps that make a captured interaction fit other objects (papers/000 section 5.2).
 
 1. ``fit_template`` puts a template object at one frame in which the body rests on it.
-2. ``embed`` finds where hips, hands and feet touch it, and keeps the joints as vectors from these contact points.
-3. ``switch`` draws another object by seed, ``align`` puts it where the template stood; the contact points move to its surface.
-4. and 5. ``transfer`` recomputes the trajectories of the key joints and then the whole pose, for a take or some of its frames.
+2. ``embed`` finds where hips, hands and feet touch it, and keeps the joints as vectors from these contact
+points. 3. ``switch`` draws another object by seed, ``align`` puts it where the template stood; the contact
+points move to its surface. 4. and 5. ``transfer`` recomputes the trajectories of the key joints and then the
+whole pose, for a take or some of its frames.
 
 Whoever samples frame pairs calls ``transfer`` on the frames of the pair, with one seed for both.
 """
@@ -27,11 +28,16 @@ from nsm_core.world.scene.furniture import Furniture, top_of
 
 # In the order of the contacts: hips, right and left wrist, right and left ankle.
 KEY_JOINTS = (HIPS, ARMS[0][2], ARMS[1][2], FEET[0][2], FEET[1][2])
-_BELOW = np.array((HIP_OVER_SEAT, 0, 0, ANKLE_HEIGHT, ANKLE_HEIGHT))  # metres from the joint down to the skin that touches
+_BELOW = np.array(
+    (HIP_OVER_SEAT, 0, 0, ANKLE_HEIGHT, ANKLE_HEIGHT)
+)  # metres from the joint down to the skin that touches
 NEAR = np.array((0.16, 0.12, 0.12, 0.07, 0.07))  # metres from the surface that still count as touching it
 _SMOOTH = round(0.1 * FPS)  # frames to either side over which corrections are smoothed while touching
 _BLEND = FPS  # frames over which corrections fade where nothing is touched
-_OVERHANG, _LOWEST_TOP = 0.06, 0.05  # metres that an ankle may stand over an edge; height of what is no floor any more
+_OVERHANG, _LOWEST_TOP = (
+    0.06,
+    0.05,
+)  # metres that an ankle may stand over an edge; height of what is no floor any more
 _UPRIGHT = 0.96  # of the greatest height of the hips, over which nobody has begun to sit down
 _FOOT_ROOM = 0.08  # metres that a foot keeps from the edges of what it stands on
 _SHIFTS = np.concatenate((np.arange(1, _SMOOTH + 1), -np.arange(1, _SMOOTH + 1)))
@@ -41,9 +47,9 @@ _SHIFTS = np.concatenate((np.arange(1, _SMOOTH + 1), -np.arange(1, _SMOOTH + 1))
 class Embedded:
     """A motion and where it touches an object.
 
-    ``hips`` (T, 3), ``rotations`` (T, J, 4); ``template`` at ``poses`` (T, 4): x, y, z and heading, world; ``touch`` (T, 5) bool:
-    the key joint touches the template; ``points`` (T, 5, 3) the contact points, object frame; ``floor`` (T, 2) bool: the right
-    and left foot stand on anything else, where they stay.
+    ``hips`` (T, 3), ``rotations`` (T, J, 4); ``template`` at ``poses`` (T, 4): x, y, z and heading, world;
+    ``touch`` (T, 5) bool: the key joint touches the template; ``points`` (T, 5, 3) the contact points, object
+    frame; ``floor`` (T, 2) bool: the right and left foot stand on anything else, where they stay.
     """
 
     hips: Array
@@ -64,7 +70,8 @@ class Embedded:
 
 
 def fit_template(hips: Array, rotations: Array, frame: int, piece: Furniture) -> tuple[Furniture, Array]:
-    """Step 1: scale a seat to the sitter of ``frame`` and put it under the hips; returns the piece and its pose (4,).
+    """Step 1: scale a seat to the sitter of ``frame`` and put it under the hips; returns the piece and its
+    pose (4,).
 
     ``hips`` (T, 3) world, ``rotations`` (T, J, 4).  Raises GeometryError on a piece without a seat.
     """
@@ -80,15 +87,16 @@ def fit_template(hips: Array, rotations: Array, frame: int, piece: Furniture) ->
 def embed(hips: Array, rotations: Array, contacts: Array, furniture: Furniture, pose: Array) -> Embedded:
     """Step 2: find the contact points of a motion on an object.
 
-    ``hips`` (T, 3), ``rotations`` (T, J, 4), ``contacts`` (T, 5) labels 0..1; ``pose`` (4,) or (T, 4) of the object.  A key joint
-    touches the object where its label is on and it is within ``NEAR`` of the surface.
+    ``hips`` (T, 3), ``rotations`` (T, J, 4), ``contacts`` (T, 5) labels 0..1; ``pose`` (4,) or (T, 4) of the
+    object.  A key joint touches the object where its label is on and it is within ``NEAR`` of the surface.
     """
     poses = np.broadcast_to(np.asarray(pose, dtype=np.float64), (len(hips), 4))
     joints = forward_kinematics(hips.astype(np.float64), rotations.astype(np.float64))[0][:, KEY_JOINTS]
     skin = _to_local(joints - _BELOW[:, None] * (0, 0, 1), poses)
     points, distance = _nearest(skin, furniture)
     if furniture.seat is not None:
-        # A sitter sinks into cushions and sits across their seams: straight down, not to whatever face is nearest.
+        # A sitter sinks into cushions and sits across their seams: straight down, not to whatever face is
+        # nearest.
         points[:, HIP_CONTACT] = skin[:, HIP_CONTACT]
         points[:, HIP_CONTACT, 2] = furniture.seat.height
     on = np.asarray(contacts) > 0.5
@@ -100,7 +108,9 @@ def embed(hips: Array, rotations: Array, contacts: Array, furniture: Furniture, 
         # A heel that comes up before the foot leaves does not take it off the object.
         for a, b in intervals(on[:, k]):
             touch[a:b, k] = touch[a:b, k].mean() > 0.5
-    return Embedded(hips, rotations, furniture, poses, touch, points, on[:, FOOT_CONTACTS] & ~touch[:, FOOT_CONTACTS])
+    return Embedded(
+        hips, rotations, furniture, poses, touch, points, on[:, FOOT_CONTACTS] & ~touch[:, FOOT_CONTACTS]
+    )
 
 
 def switch(pool: Pool, kind: str, seed: int) -> Furniture:
@@ -120,18 +130,27 @@ def align(template: Furniture, pose: Array, other: Furniture) -> Array:
     else:
         here, there = (np.array((0.0, f.mins[:, 1].min())) for f in (template, other))
         turn = 0.0
-    place = rotate_planar(np.broadcast_to(here.astype(np.float64), pose.shape[:-1] + (2,)), pose[..., 3]) + pose[..., :2]
+    place = (
+        rotate_planar(np.broadcast_to(here.astype(np.float64), pose.shape[:-1] + (2,)), pose[..., 3])
+        + pose[..., :2]
+    )
     pose[..., 3] += turn
-    pose[..., :2] = place - rotate_planar(np.broadcast_to(there.astype(np.float64), place.shape), pose[..., 3])
+    pose[..., :2] = place - rotate_planar(
+        np.broadcast_to(there.astype(np.float64), place.shape), pose[..., 3]
+    )
     return pose
 
 
-def transfer(embedded: Embedded, other: Furniture, pose: Array, frames: slice | None = None) -> tuple[Array, Array]:
-    """Steps 4 and 5: the motion on another object at ``pose`` (4,) or (T, 4): hips (N, 3) and rotations (N, J, 4).
+def transfer(
+    embedded: Embedded, other: Furniture, pose: Array, frames: slice | None = None
+) -> tuple[Array, Array]:
+    """Steps 4 and 5: the motion on another object at ``pose`` (4,) or (T, 4): hips (N, 3) and rotations (N,
+    J, 4).
 
-    ``frames`` chooses those to compute, such as the two of a pair; they come out as they do in the whole take.  Where the other
-    object has nothing for a hand to rest on, the hand moves with the body.  Raises GeometryError on a seat for someone who
-    sits, or a top for someone who stands on it, that the other object lacks.
+    ``frames`` chooses those to compute, such as the two of a pair; they come out as they do in the whole
+    take.  Where the other object has nothing for a hand to rest on, the hand moves with the body.  Raises
+    GeometryError on a seat for someone who sits, or a top for someone who stands on it, that the other object
+    lacks.
     """
     first, last, _ = (frames or slice(None)).indices(len(embedded))
     # Contacts further off than the blend and the smoothing do not matter.
@@ -155,12 +174,26 @@ def transfer(embedded: Embedded, other: Furniture, pose: Array, frames: slice | 
     # The hips follow what they sit on, else what the feet stand on.
     sits = bool(embedded.touch[:, HIP_CONTACT].any())
     lowered = _lowered(embedded)
-    feet = np.stack([_spread(goals[:, k] - joints[:, k], touch[:, k], e.floor[:, s]) for s, k in enumerate(FOOT_CONTACTS)], axis=1)
-    hips = hips + (_spread(goals[:, HIP_CONTACT] - hips, touch[:, HIP_CONTACT]) * lowered[near, None] if sits else feet.mean(axis=1))
-    rotations[:, HIPS] = quat_mul(heading_quat(_spread(turn[:, None], touch[:, HIP_CONTACT])[:, 0]), rotations[:, HIPS])
+    feet = np.stack(
+        [
+            _spread(goals[:, k] - joints[:, k], touch[:, k], e.floor[:, s])
+            for s, k in enumerate(FOOT_CONTACTS)
+        ],
+        axis=1,
+    )
+    hips = hips + (
+        _spread(goals[:, HIP_CONTACT] - hips, touch[:, HIP_CONTACT]) * lowered[near, None]
+        if sits
+        else feet.mean(axis=1)
+    )
+    rotations[:, HIPS] = quat_mul(
+        heading_quat(_spread(turn[:, None], touch[:, HIP_CONTACT])[:, 0]), rotations[:, HIPS]
+    )
     wrists, ankles = [arm[2] for arm in ARMS], [leg[2] for leg in FEET]
     carried = forward_kinematics(hips, rotations)[0][:, wrists]
-    hands = carried + np.stack([_spread(goals[:, k] - carried[:, s], touch[:, k]) for s, k in enumerate(HAND_CONTACTS)], axis=1)
+    hands = carried + np.stack(
+        [_spread(goals[:, k] - carried[:, s], touch[:, k]) for s, k in enumerate(HAND_CONTACTS)], axis=1
+    )
     used = [s for s, k in enumerate(HAND_CONTACTS) if touch[:, k].any()]
 
     asked = slice(first - near.start, last - near.start)
@@ -168,14 +201,18 @@ def transfer(embedded: Embedded, other: Furniture, pose: Array, frames: slice | 
     hands, feet = hands[asked][:, used], before[:, ankles] + feet[asked]
     feet[..., 2] += over[asked]
     hips, rotations = within_reach(hips, rotations, before, hands, used, feet, not sits)
-    ends = np.concatenate((world[:, ankles], forward_kinematics(hips, rotations)[1][:, [wrists[s] for s in used]]), axis=1)
+    ends = np.concatenate(
+        (world[:, ankles], forward_kinematics(hips, rotations)[1][:, [wrists[s] for s in used]]), axis=1
+    )
     chains = [leg[:3] for leg in FEET] + [ARMS[s] for s in used]
     rotations = place_limbs(hips, rotations, chains, np.concatenate((feet, hands), axis=1), ends)
     return hips.astype(e.hips.dtype), rotations.astype(e.rotations.dtype)
 
 
 def _lowered(embedded: Embedded) -> Array:
-    """How far (T,) 0..1 the hips are down towards a seat: who still stands has no bend in the legs to spare for a higher one."""
+    """How far (T,) 0..1 the hips are down towards a seat: who still stands has no bend in the legs to spare
+    for a higher one.
+    """
     on, height = embedded.touch[:, HIP_CONTACT], embedded.hips[:, 2].astype(np.float64)
     if not on.any():
         return on.astype(np.float64)
@@ -184,13 +221,18 @@ def _lowered(embedded: Embedded) -> Array:
 
 
 def _on_other(k: int, points: Array, template: Furniture, other: Furniture) -> Array | None:
-    """Contact points (N, 3) of key joint ``k`` on the other object, its frame; None where it offers this joint nothing."""
+    """Contact points (N, 3) of key joint ``k`` on the other object, its frame; None where it offers this
+    joint nothing.
+    """
     if k == HIP_CONTACT and template.seat is not None:
         if other.seat is None:
             raise GeometryError(f"Nobody sits on a {other.kind}; draw a piece with a seat.")
         a, b = template.seat, other.seat
         # Shares of the seat: in the sitter's frame, which aligned seats share.
-        share = rotate_planar(points[:, :2] - a.point[:2], np.full(len(points), -a.heading)) / (a.width, a.depth)
+        share = rotate_planar(points[:, :2] - a.point[:2], np.full(len(points), -a.heading)) / (
+            a.width,
+            a.depth,
+        )
         there = rotate_planar(share * (b.width, b.depth), np.full(len(points), b.heading)) + b.point[:2]
         return np.concatenate((there, np.full((len(points), 1), b.height)), axis=1)
     if k in HAND_CONTACTS and template.seat is not None:
@@ -205,12 +247,16 @@ def _on_other(k: int, points: Array, template: Furniture, other: Furniture) -> A
         along = np.abs(off[:, :2] / size[:2]).argmin(1)
         rows = np.arange(len(points))
         middle = other.centre[along]
-        there[rows, along] = np.clip(middle + off[rows, along], other.mins.min(0)[along], other.maxs.max(0)[along])
+        there[rows, along] = np.clip(
+            middle + off[rows, along], other.mins.min(0)[along], other.maxs.max(0)[along]
+        )
     result = _nearest(there, other)[0]
     if k in FOOT_CONTACTS:
         (height, corners), (new_height, others) = top_of(template), top_of(other)
         # On the top a foot keeps its distance from the front edge and the middle, as far as there is room.
-        room = np.clip(np.minimum(points[:, :2] - corners[0], corners[1] - points[:, :2]), -_OVERHANG, _FOOT_ROOM)
+        room = np.clip(
+            np.minimum(points[:, :2] - corners[0], corners[1] - points[:, :2]), -_OVERHANG, _FOOT_ROOM
+        )
         room = np.minimum(room, np.ptp(others, axis=0) / 2)
         there = points[:, :2] + (others.mean(0)[0] - corners.mean(0)[0], others[0, 1] - corners[0, 1])
         there = np.clip(there, others[0] + room, others[1] - room)
@@ -222,8 +268,8 @@ def _on_other(k: int, points: Array, template: Furniture, other: Furniture) -> A
 def _spread(values: Array, touch: Array, fixed: Array | None = None) -> Array:
     """Step 4: corrections (T, D), known where a joint touches and zero where it is ``fixed``, for all frames.
 
-    Smoothed over 0.1 s while touching, weights exp(-(i / (w / 2))^2); in between they go, without a jerk at either end, from one contact
-    to the next or, within a second, to nothing.
+    Smoothed over 0.1 s while touching, weights exp(-(i / (w / 2))^2); in between they go, without a jerk at
+    either end, from one contact to the next or, within a second, to nothing.
     """
     fixed = np.zeros(len(values), bool) if fixed is None else fixed
     known = touch | fixed
@@ -257,7 +303,9 @@ def _eased(x: Array) -> Array:
 
 
 def _over(e: Embedded, ankles: Array, other: Furniture) -> Array:
-    """How much higher (T, 2) feet swing over another object that, as the template, they pass over and never touch."""
+    """How much higher (T, 2) feet swing over another object that, as the template, they pass over and never
+    touch.
+    """
     raised = np.zeros((len(e), 2))
     if e.touch.any():
         return raised
@@ -273,7 +321,9 @@ def _over(e: Embedded, ankles: Array, other: Furniture) -> Array:
 
 
 def _nearest(points: Array, piece: Furniture) -> tuple[Array, Array]:
-    """Nearest points (..., 3) of the surface of a piece's boxes, and signed distances (...), negative inside."""
+    """Nearest points (..., 3) of the surface of a piece's boxes, and signed distances (...), negative
+    inside.
+    """
     flat = points.reshape(-1, 1, 3)
     at = np.clip(flat, piece.mins, piece.maxs)
     outside = np.linalg.norm(flat - at, axis=-1)
@@ -287,7 +337,9 @@ def _nearest(points: Array, piece: Furniture) -> tuple[Array, Array]:
     result, face = at[rows, best].astype(np.float64), face[rows, best]
     inside = np.flatnonzero(signed[rows, best] < 0)
     axis = face[inside] % 3
-    result[inside, axis] = np.where(face[inside] < 3, piece.mins[best[inside], axis], piece.maxs[best[inside], axis])
+    result[inside, axis] = np.where(
+        face[inside] < 3, piece.mins[best[inside], axis], piece.maxs[best[inside], axis]
+    )
     return result.reshape(points.shape), signed[rows, best].reshape(points.shape[:-1])
 
 

@@ -1,4 +1,6 @@
-"""Other boxes for the carries of composed takes: near face and bottom stay where they were, the hands hold the new sides."""
+"""Other boxes for the carries of composed takes: near face and bottom stay where they were, the hands hold
+the new sides.
+"""
 
 from __future__ import annotations
 
@@ -20,15 +22,21 @@ from .contact_transfer import embed, switch, transfer
 from .soundness import ASTRAY, DEEPER, depth_in_solids, no_faster
 
 MOST_WIDER = 0.06  # metres that a box grows sideways and in depth, lest it stands out over what it rests on
-SLIPS = 0.005  # metres that wrists are further from their places on a box, or boxes deeper in things, than before
+SLIPS = (
+    0.005  # metres that wrists are further from their places on a box, or boxes deeper in things, than before
+)
 _AROUND = FPS + 5  # frames on either side of a carry that a transfer changes
 _WRISTS, _TOES = [arm[2] for arm in ARMS], [leg[3] for leg in FEET]
 
 
-def switch_box(take: ComposedTake, number: int, pool: Pool, seeds: Array, shares: tuple[float, ...]) -> ComposedTake | None:
-    """The take with another box for the carry that command ``number`` begins; None where none that the ``seeds`` draw fits.
+def switch_box(
+    take: ComposedTake, number: int, pool: Pool, seeds: Array, shares: tuple[float, ...]
+) -> ComposedTake | None:
+    """The take with another box for the carry that command ``number`` begins; None where none that the
+    ``seeds`` draw fits.
 
-    ``shares`` tells what is left, in each attempt, of the difference in size between the box drawn and that of the take.
+    ``shares`` tells what is left, in each attempt, of the difference in size between the box drawn and that
+    of the take.
     """
     index, count = take.commands[number].thing, len(take)
     thing = take.things[index]
@@ -58,7 +66,9 @@ def _resized(piece: Furniture, old: Furniture, share: float) -> Furniture:
     """A piece about its centre with only a ``share`` of its difference in size from another."""
     size = old.size + share * (np.clip(piece.size, *CRATE_SIDE) - old.size)
     size[:2] = np.minimum(size[:2], old.size[:2] + MOST_WIDER)
-    mins, maxs = (((m - piece.centre) * size / piece.size).astype(np.float32) for m in (piece.mins, piece.maxs))
+    mins, maxs = (
+        ((m - piece.centre) * size / piece.size).astype(np.float32) for m in (piece.mins, piece.maxs)
+    )
     return Furniture("crate", *box_mesh(mins, maxs), mins, maxs, None)
 
 
@@ -71,28 +81,41 @@ class _Hold:
         things = [t for n, t in enumerate(take.things) if n != index]
         middle = (frames.start + frames.stop) // 2
         poses = [t.track(len(take))[middle] for t in things]
-        self.rest = cuboids(still + [(t.furniture, p[:3], float(p[3])) for t, p in zip(things, poses, strict=True)])
+        self.rest = cuboids(
+            still + [(t.furniture, p[:3], float(p[3])) for t, p in zip(things, poses, strict=True)]
+        )
         self.before = self._measured(take.hips[frames], take.rotations[frames], thing)
 
     def _measured(self, hips: Array, rotations: Array, thing: Thing) -> tuple[Array, ...]:
-        """Joints; depths of the body in the box and of body and box in what is about them; how far wrists slip, metres."""
+        """Joints; depths of the body in the box and of body and box in what is about them; how far wrists
+        slip, metres.
+        """
         joints = forward_kinematics(hips.astype(np.float64), rotations.astype(np.float64))[0]
         poses = thing.poses[self.frames]
         centres, radii = thin_spheres(hips[::2], rotations[::2])
-        seen = rotate_planar(centres - poses[::2, None, :3], np.broadcast_to(-poses[::2, None, 3], centres.shape[:2]))
+        seen = rotate_planar(
+            centres - poses[::2, None, :3], np.broadcast_to(-poses[::2, None, 3], centres.shape[:2])
+        )
         inside = depth_in_solids((seen, radii), cuboids([(thing.furniture, np.zeros(3), 0.0)]))
         ends = np.stack((thing.furniture.mins.min(0), thing.furniture.maxs.max(0))).astype(np.float64)
         grid = np.stack(np.meshgrid(*np.linspace(*ends, 4).T, indexing="ij"), axis=-1).reshape(1, -1, 3)
-        swept = rotate_planar(np.repeat(grid, len(poses[::4]), axis=0), np.repeat(poses[::4, None, 3], grid.shape[1], axis=1))
+        swept = rotate_planar(
+            np.repeat(grid, len(poses[::4]), axis=0), np.repeat(poses[::4, None, 3], grid.shape[1], axis=1)
+        )
         meets = depth_in_solids((swept + poses[::4, None, :3], np.zeros(grid.shape[1])), self.rest)
         box: Box = carried_box(thing.furniture)
         held = thing.held[self.frames]
-        grasps = rotate_planar(np.repeat(box.learned_grasps(self.face)[None], len(poses), axis=0), np.repeat(poses[:, None, 3], 2, axis=1))
+        grasps = rotate_planar(
+            np.repeat(box.learned_grasps(self.face)[None], len(poses), axis=0),
+            np.repeat(poses[:, None, 3], 2, axis=1),
+        )
         slips = np.linalg.norm(joints[:, _WRISTS] - grasps - poses[:, None, :3], axis=-1)[held].max()
         return joints, np.array((inside, depth_in_solids((centres, radii), self.rest))), meets, slips
 
     def allows(self, hips: Array, rotations: Array, other: Thing) -> bool:
-        """Whether the motion with another box is as sound as with its own: hands hold it, feet stay, nothing jumps or is hit."""
+        """Whether the motion with another box is as sound as with its own: hands hold it, feet stay, nothing
+        jumps or is hit.
+        """
         joints, depths, meets, slips = self._measured(hips, rotations, other)
         old, old_depths, old_meets, old_slips = self.before
         stands = np.asarray(self.take.contacts)[self.frames][:, FOOT_CONTACTS] > 0.5
@@ -106,8 +129,12 @@ class _Hold:
         )
 
 
-def _with(take: ComposedTake, index: int, frames: slice, hips: Array, rotations: Array, other: Thing, offset: Array) -> ComposedTake:
-    """The take with another box, whose centre is moved by ``offset`` (3,) in its frame, and the goals with it."""
+def _with(
+    take: ComposedTake, index: int, frames: slice, hips: Array, rotations: Array, other: Thing, offset: Array
+) -> ComposedTake:
+    """The take with another box, whose centre is moved by ``offset`` (3,) in its frame, and the goals with
+    it.
+    """
     new_hips, new_rotations = take.hips.copy(), take.rotations.copy()
     new_hips[frames], new_rotations[frames] = hips, rotations
     things, commands = list(take.things), list(take.commands)
@@ -115,6 +142,8 @@ def _with(take: ComposedTake, index: int, frames: slice, hips: Array, rotations:
     for n, c in enumerate(commands):
         if c.thing == index and c.position is not None:
             heading = ends[np.linalg.norm(ends[:, :3] - c.position, axis=1).argmin(), 3]
-            commands[n] = replace(c, position=(c.position + rotate_planar(offset, np.float64(heading))).astype(np.float32))
+            commands[n] = replace(
+                c, position=(c.position + rotate_planar(offset, np.float64(heading))).astype(np.float32)
+            )
     things[index] = other
     return replace(take, hips=new_hips, rotations=new_rotations, things=things, commands=commands)

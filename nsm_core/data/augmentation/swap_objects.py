@@ -1,6 +1,8 @@
-"""Composed takes with other objects in them: steps 3 to 5 of the augmentation (papers/000 section 5.2), for a whole take.
+"""Composed takes with other objects in them: steps 3 to 5 of the augmentation (papers/000 section 5.2), for a
+whole take.
 
-What somebody sits on, climbs or carries is replaced by others of their kind at random scale, and the motion is transferred
+What somebody sits on, climbs or carries is replaced by others of their kind at random scale, and the motion
+is transferred
 onto them.  What does not come out as sound as it was keeps its object.
 """
 
@@ -27,7 +29,8 @@ from .contact_transfer import Embedded, align, embed, switch, transfer
 from .soundness import ASTRAY, DEEPER, depth_in_solids, no_faster
 from .swap_boxes import switch_box
 
-# Of the differences in size between an object and the one drawn for it: what is left of them in one attempt after the other.
+# Of the differences in size between an object and the one drawn for it: what is left of them in one attempt
+# after the other.
 SHARES = (1.0, 0.8, 0.6, 0.4, 0.25)
 SEATS = (0.35, 0.6)  # heights of seats that people are put on, metres
 MOST_BACK = 0.12  # metres that a seat stands further back at most
@@ -40,10 +43,12 @@ _TOES = [leg[3] for leg in FEET]
 
 
 def switched(take: ComposedTake, pool: Pool | None, seed: int) -> ComposedTake | None:
-    """Return ``take`` with other objects for its sits, climbs and carries, drawn by ``seed``; None where none could be switched.
+    """Return ``take`` with other objects for its sits, climbs and carries, drawn by ``seed``; None where none
+    could be switched.
 
-    ``pool`` None draws parametric pieces.  The body, goals and object poses follow the new objects (``take`` stays as it is);
-    labels, foot contacts and phase keys hold, because feet stay where they stand unless they stand on the object.
+    ``pool`` None draws parametric pieces.  The body, goals and object poses follow the new objects (``take``
+    stays as it is); labels, foot contacts and phase keys hold, because feet stay where they stand unless they
+    stand on the object.
     """
     pool = Pool() if pool is None else pool
     rng = np.random.default_rng(seed)
@@ -73,7 +78,9 @@ def _switch_one(take: ComposedTake, number: int, pool: Pool, seeds: Array) -> Co
     for seed, share in zip(seeds, SHARES, strict=True):
         piece = _nearer(switch(pool, thing.furniture.kind, int(seed)), thing.furniture, share)
         seat = piece.seat
-        if seat is not None and (seat.arms != thing.furniture.seat.arms or not SEATS[0] <= seat.height <= SEATS[1]):
+        if seat is not None and (
+            seat.arms != thing.furniture.seat.arms or not SEATS[0] <= seat.height <= SEATS[1]
+        ):
             continue
         other = Thing(piece, _stand(thing, piece))
         if not span.room(other):
@@ -93,18 +100,24 @@ def _nearer(piece: Furniture, old: Furniture, share: float) -> Furniture:
     Feet before and behind an object leave its depth little room: it comes near sooner.
     """
     if piece.seat is not None:
-        factors = np.array((1, 1, (old.seat.height + share * (piece.seat.height - old.seat.height)) / piece.seat.height))
+        factors = np.array(
+            (1, 1, (old.seat.height + share * (piece.seat.height - old.seat.height)) / piece.seat.height)
+        )
     else:
         factors = (old.size + np.array((share, share**3, share)) * (piece.size - old.size)) / piece.size
     return scaled(piece, factors)
 
 
 def _stand(thing: Thing, piece: Furniture) -> Array:
-    """Pose (4,) of a piece in a thing's place: as ``align`` has it, but with a seat's edge not nearer to the calves."""
+    """Pose (4,) of a piece in a thing's place: as ``align`` has it, but with a seat's edge not nearer to the
+    calves.
+    """
     pose = align(thing.furniture, thing.poses, piece)
     if piece.seat is not None:
         edge, before = (float(f.seat.point[1] - f.mins[:, 1].min()) for f in (piece, thing.furniture))
-        pose[:2] -= np.clip(edge - before, 0, MOST_BACK) * heading_to_direction(np.float64(pose[3] + piece.seat.heading))
+        pose[:2] -= np.clip(edge - before, 0, MOST_BACK) * heading_to_direction(
+            np.float64(pose[3] + piece.seat.heading)
+        )
     return pose
 
 
@@ -124,10 +137,13 @@ def _contacts(take: ComposedTake, thing: Thing) -> Array:
 
 
 def _active(take: ComposedTake, number: int, e: Embedded) -> Array:
-    """Frames (T,) in which the object of command ``number`` is used: it is touched, or the label of its action is on."""
+    """Frames (T,) in which the object of command ``number`` is used: it is touched, or the label of its
+    action is on.
+    """
     command, count = take.commands[number], np.arange(len(take))
     later = [c.frame for c in take.commands[number + 1 :] if c.thing >= 0 and c.thing != command.thing]
-    # The label of what was done before may still fade when this is asked for, and its own when the next thing is.
+    # The label of what was done before may still fade when this is asked for, and its own when the next thing
+    # is.
     used = e.touch.any(axis=1)
     for first, last in intervals(take.labels[:, _LABELS[command.action]] > 0):
         used[first:last] |= command.frame <= first < min(later, default=len(take))
@@ -146,7 +162,9 @@ def _rectangle(furniture: Furniture, pose: Array) -> tuple[Array, Array, Array]:
 
 
 def _overlap(a: tuple[Array, Array, Array], b: tuple[Array, Array, Array]) -> bool:
-    """Whether two upright boxes, as ``_rectangle`` gives them, share any room: no side of either separates them."""
+    """Whether two upright boxes, as ``_rectangle`` gives them, share any room: no side of either separates
+    them.
+    """
     if a[2][0] >= b[2][1] or b[2][0] >= a[2][1]:
         return False
     axes = np.concatenate((a[1], b[1]))
@@ -167,15 +185,26 @@ class _Span:
         middle = int(used.mean())
         others = [t for n, t in enumerate(take.things) if n != index]
         poses = [(o.furniture, np.array((*o.position, 0.0, o.heading))) for o in take.obstacles]
-        self.rest = cuboids([(f, p[:3], float(p[3])) for f, p in poses + [(t.furniture, t.track(len(take))[middle]) for t in others]])
-        poses += [(t.furniture, p) for t in others for p in (np.unique(t.poses[::6], axis=0) if t.moves else t.poses[None])]
+        self.rest = cuboids(
+            [
+                (f, p[:3], float(p[3]))
+                for f, p in poses + [(t.furniture, t.track(len(take))[middle]) for t in others]
+            ]
+        )
+        poses += [
+            (t.furniture, p)
+            for t in others
+            for p in (np.unique(t.poses[::6], axis=0) if t.moves else t.poses[None])
+        ]
         self.rectangles = [_rectangle(f, p) for f, p in poses]
         body, radii = thin_spheres(take.hips[::2], take.rotations[::2])
         at = np.arange(len(take))[::2]
         outside = (at < self.frames.start) | (at >= self.frames.stop)
         self.elsewhere = body[outside], radii
         self.joints = forward_kinematics(take.hips.astype(np.float64), take.rotations.astype(np.float64))[0]
-        self.allowed = [depth_in_solids((body, radii), solid) + DEEPER for solid in (_solid(self.thing), self.rest)]
+        self.allowed = [
+            depth_in_solids((body, radii), solid) + DEEPER for solid in (_solid(self.thing), self.rest)
+        ]
 
     def room(self, other: Thing) -> bool:
         """Whether another object overlaps nothing and keeps off the way of the body where it is not used."""
@@ -195,11 +224,18 @@ class _Span:
         around = slice(max(self.frames.start - 3, 0), self.frames.stop + 3)
         if not no_faster(joints[around], self.joints[around]):
             return False
-        return self._feet_stand(joints, other) and self._hips_rest(joints, other) and self._not_deeper(hips, rotations, other)
+        return (
+            self._feet_stand(joints, other)
+            and self._hips_rest(joints, other)
+            and self._not_deeper(hips, rotations, other)
+        )
 
     def _not_deeper(self, hips: Array, rotations: Array, other: Thing) -> bool:
         body = thin_spheres(hips, rotations)  # every frame: feet swing over edges within two
-        return all(depth_in_solids(body, s) <= a for s, a in zip((_solid(other), self.rest), self.allowed, strict=True))
+        return all(
+            depth_in_solids(body, s) <= a
+            for s, a in zip((_solid(other), self.rest), self.allowed, strict=True)
+        )
 
     def _hips_rest(self, joints: Array, other: Thing) -> bool:
         """Whether the hips of a sitter come to their place on the seat's height."""
@@ -214,7 +250,9 @@ class _Span:
         if np.linalg.norm(after - before, axis=-1)[self.e.floor].max(initial=0) > ASTRAY:
             return False
         on = np.asarray(self.take.contacts)[:, FOOT_CONTACTS] > 0.5
-        slow, fast = (np.linalg.norm(np.gradient(t, axis=0), axis=-1)[on].max(initial=0) * FPS for t in (before, after))
+        slow, fast = (
+            np.linalg.norm(np.gradient(t, axis=0), axis=-1)[on].max(initial=0) * FPS for t in (before, after)
+        )
         if fast > max(slow, RESTING):
             return False
         top = self.e.touch[:, FOOT_CONTACTS]

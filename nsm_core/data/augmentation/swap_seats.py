@@ -27,9 +27,12 @@ from .contact_transfer import align, embed, fit_template, switch, transfer
 
 REACH = 0.5  # metres from the middle of a seat beyond which hands leave its arm rests alone: those of a sofa
 
+
 @dataclass(frozen=True)
 class Switched:
-    """A sit-down on another seat: the clip, the seat, its pose (4,), and contacts (T, 5) as embedded in the template."""
+    """A sit-down on another seat: the clip, the seat, its pose (4,), and contacts (T, 5) as embedded in the
+    template.
+    """
 
     clip: Clip
     piece: Furniture
@@ -38,9 +41,14 @@ class Switched:
 
 
 def switch_seat(sit: SitDown, pool: Pool, kind: str, seed: int) -> Switched:
-    """Put a sit-down on the seat of ``kind`` that ``seed`` draws; hands go to arm rests where that seat has some."""
+    """Put a sit-down on the seat of ``kind`` that ``seed`` draws; hands go to arm rests where that seat has
+    some.
+    """
     piece = switch(pool, kind, seed)
-    rests = all(rest is not None and np.linalg.norm(rest[:2] - piece.seat.point[:2]) < REACH for rest in arm_rests(piece))
+    rests = all(
+        rest is not None and np.linalg.norm(rest[:2] - piece.seat.point[:2]) < REACH
+        for rest in arm_rests(piece)
+    )
     template = make("armchair" if rests else "stool", np.random.default_rng(0))
     hips, rotations = sit.clip.hips_position, sit.clip.local_rotations
     template, pose = fit_template(hips, rotations, (sit.down + sit.up) // 2, template)
@@ -52,20 +60,30 @@ def switch_seat(sit: SitDown, pool: Pool, kind: str, seed: int) -> Switched:
         low, high = float(np.median(height[sit.down : sit.up])), float(max(height[0], height[-1]))
         weight = np.clip((high - 0.05 - height) / max(high - 0.07 - low, 0.1), 0, 1)
         goal = hips[sit.down : sit.up].mean(0)
-        rotations = hands_on_arm_rests(hips, rotations, weight, slice(0, len(hips)), template, goal, float(pose[3]))
+        rotations = hands_on_arm_rests(
+            hips, rotations, weight, slice(0, len(hips)), template, goal, float(pose[3])
+        )
         contacts[weight > 0.99, HAND_CONTACTS[0]] = contacts[weight > 0.99, HAND_CONTACTS[1]] = 1
     there = align(template, pose, piece)
     hips, rotations = transfer(embed(hips, rotations, contacts, template, pose), piece, there)
     name = sit.clip.name.replace("/", "-").replace("@", "-")
-    return Switched(Clip(f"{name}-{kind}-{seed}", hips.astype(np.float32), rotations.astype(np.float32)), piece, there, contacts)
+    return Switched(
+        Clip(f"{name}-{kind}-{seed}", hips.astype(np.float32), rotations.astype(np.float32)),
+        piece,
+        there,
+        contacts,
+    )
 
 
 def switch_all(captures: str | Path, pool: Pool, count: int, seed: int) -> list[Switched]:
-    """Put the sit-downs of a capture folder on ``count`` seats, one after the other; CaptureError where nobody sits."""
+    """Put the sit-downs of a capture folder on ``count`` seats, one after the other; CaptureError where
+    nobody sits.
+    """
     sits = load_sits(CaptureFolder(captures))
     if not sits:
-        raise CaptureError(f"nobody sits down and rises again in {captures}; run `python -m nsm_core annotate` and look at its labels.")
+        raise CaptureError(
+            f"nobody sits down and rises again in {captures}; run `python -m nsm_core annotate` and look at "
+            "its labels."
+        )
     kinds = sorted(set(SITS.kinds))
     return [switch_seat(sits[n % len(sits)], pool, kinds[n % len(kinds)], seed + n) for n in range(count)]
-
-

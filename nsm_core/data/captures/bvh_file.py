@@ -11,16 +11,18 @@ from nsm_core.conventions import FPS
 from nsm_core.errors import CaptureError
 from nsm_core.rotations import Array, quat_mul, quat_rotate
 
-MOST_CELLS = 6_000_000  # frames times joints that are held at once: half an hour at 120 Hz of a body without fingers, 3 GB at most
+# frames times joints that are held at once: half an hour at 120 Hz of a body without fingers, 3 GB at most
+MOST_CELLS = 6_000_000
 
 
 @dataclass(frozen=True)
 class Bvh:
     """A BVH file as it is written: its own names, axes, units and rate.
 
-    ``offsets`` (N, 3) and ``places`` (T, N, 3) are relative to the parent, in the file's units; ``rotations`` (T, N, 4) are
-    relative to the parent; ``interval`` is the time between frames, seconds.  End sites are joints named after their
-    parent with "_End" behind it.  ``notes`` are sentences on what was read other than it is written.
+    ``offsets`` (N, 3) and ``places`` (T, N, 3) are relative to the parent, in the file's units; ``rotations``
+    (T, N, 4) are relative to the parent; ``interval`` is the time between frames, seconds.  End sites are
+    joints named after their parent with "_End" behind it.  ``notes`` are sentences on what was read other
+    than it is written.
     """
 
     name: str
@@ -48,7 +50,9 @@ class Bvh:
         return world_of(self.parents, self.offsets, identity)
 
     def at_rate(self, fps: float = FPS) -> Bvh:
-        """Return the motion at ``fps``, unchanged where the file is at that rate already; CaptureError where that is too much."""
+        """Return the motion at ``fps``, unchanged where the file is at that rate already; CaptureError where
+        that is too much.
+        """
         rate = 1 / self.interval
         if abs(rate - fps) <= 0.1:
             return self
@@ -59,7 +63,9 @@ class Bvh:
         return replace(self, places=flat.reshape(len(times), -1, 3), rotations=rotations, interval=1 / fps)
 
     def only(self, joints: list[int]) -> Bvh:
-        """Return the file with some of its joints alone, in their order; each joint's parent must be among them or be none."""
+        """Return the file with some of its joints alone, in their order; each joint's parent must be among
+        them or be none.
+        """
         at = {j: k for k, j in enumerate(joints)}
         return replace(
             self,
@@ -72,7 +78,9 @@ class Bvh:
 
 
 def world_of(parents: tuple[int, ...], places: Array, rotations: Array) -> tuple[Array, Array]:
-    """Chain (..., N, 3) places and (..., N, 4) rotations relative to parents into world ones of the same shapes."""
+    """Chain (..., N, 3) places and (..., N, 4) rotations relative to parents into world ones of the same
+    shapes.
+    """
     positions, turned = np.empty_like(places), np.empty_like(rotations)
     for j, p in enumerate(parents):
         if p < 0:

@@ -1,8 +1,8 @@
 """Parse BVH files as forgivingly as Blender's own importer, and tell what was mended.
 
-Blank lines, any line ends, tabs, missing colons, small letters, decimal commas and any usual encoding are read without a word;
-a count that is one off, a last row that is cut off or a frame time of zero with a note; everything else that does not fit is
-refused with its line, before anything is allocated for it.
+Blank lines, any line ends, tabs, missing colons, small letters, decimal commas and any usual encoding are
+read without a word; a count that is one off, a last row that is cut off or a frame time of zero with a note;
+everything else that does not fit is refused with its line, before anything is allocated for it.
 """
 
 from __future__ import annotations
@@ -25,12 +25,17 @@ SLOWEST, FASTEST = 2.0, 5000.0  # frames a second of any capture of bodies
 MOST_JOINTS = 4000
 _MOST = 1e9  # of any number in a file: farther than any studio, more than any angle
 _AXES = {"X": np.array((1.0, 0, 0)), "Y": np.array((0, 1.0, 0)), "Z": np.array((0, 0, 1.0))}
-_FRAMES, _TIME = (re.compile(rf"(?i)\b{words}\s*[:=]?\s*(?P<value>[^\s:=]+)") for words in (r"frames\b", r"frame[\s_]*time\b"))
+_FRAMES, _TIME = (
+    re.compile(rf"(?i)\b{words}\s*[:=]?\s*(?P<value>[^\s:=]+)")
+    for words in (r"frames\b", r"frame[\s_]*time\b")
+)
 
 
 @dataclass
 class Hierarchy:
-    """The upper part of a file: names, parents, offsets, channels (joint, axis, kind), and the index of MOTION's line."""
+    """The upper part of a file: names, parents, offsets, channels (joint, axis, kind), and the index of
+    MOTION's line.
+    """
 
     names: list[str] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
@@ -56,7 +61,10 @@ def parse(path: str | Path, rate: float | None = None) -> Bvh:
     found, notes = _hierarchy(path.name, lines), []
     unplaced = [name for j, name in enumerate(found.names) if j not in found.placed and found.parents[j] >= 0]
     if unplaced:
-        notes.append(f"{path.name}: {len(unplaced)} joints, such as {unplaced[0]}, have no OFFSET; they are read where their parents are.")
+        notes.append(
+            f"{path.name}: {len(unplaced)} joints, such as {unplaced[0]}, have no OFFSET; they are read "
+            "where their parents are."
+        )
     frames, interval, start = _head(path.name, lines, found.motion, rate, notes)
     values = _rows(path.name, lines, start, frames, len(found.channels), notes)
     count = len(values)
@@ -69,9 +77,20 @@ def parse(path: str | Path, rate: float | None = None) -> Bvh:
         if kind == "position":  # the place that is written replaces the offset, as most programs have it
             places[:, joint, "XYZ".index(axis)] = values[:, column]
         else:
-            turn = quat_from_axis_angle(np.broadcast_to(_AXES[axis], (count, 3)), np.radians(values[:, column]))
+            turn = quat_from_axis_angle(
+                np.broadcast_to(_AXES[axis], (count, 3)), np.radians(values[:, column])
+            )
             rotations[:, joint] = quat_mul(rotations[:, joint], turn)
-    return Bvh(path.stem, tuple(found.names), tuple(found.parents), offsets, places, rotations, interval, tuple(notes))
+    return Bvh(
+        path.stem,
+        tuple(found.names),
+        tuple(found.parents),
+        offsets,
+        places,
+        rotations,
+        interval,
+        tuple(notes),
+    )
 
 
 def parse_hierarchy(path: str | Path) -> Bvh:
@@ -93,12 +112,16 @@ def _hierarchy(name: str, lines: list[str]) -> Hierarchy:
             key = words.pop(0).upper().rstrip(":")
             if key == "MOTION":
                 if not found.channels:
-                    raise CaptureError(f"{where}: MOTION stands here, but no joint has channels; the file is damaged.")
+                    raise CaptureError(
+                        f"{where}: MOTION stands here, but no joint has channels; the file is damaged."
+                    )
                 found.motion = number - 1
                 return found
             if key == "}":
                 if not stack:
-                    raise CaptureError(f"{where}: a bracket closes that was never opened; the file is damaged.")
+                    raise CaptureError(
+                        f"{where}: a bracket closes that was never opened; the file is damaged."
+                    )
                 stack.pop()
             elif key in ("ROOT", "JOINT", "END", "ENDSITE"):
                 stop = words.index("{") if "{" in words else len(words)
@@ -112,7 +135,9 @@ def _hierarchy(name: str, lines: list[str]) -> Hierarchy:
             elif key == "CHANNELS":
                 if not stack:
                     raise CaptureError(f"{where}: channels stand before any joint; the file is damaged.")
-                while len(words) > 1 and words[1] not in ("{", "}") and words[1].upper() not in ("JOINT", "END"):
+                while (
+                    len(words) > 1 and words[1] not in ("{", "}") and words[1].upper() not in ("JOINT", "END")
+                ):
                     found.channels.append(_channel(stack[-1], words.pop(1), where))
                 words = words[1:]
             elif key != "{":
@@ -128,7 +153,9 @@ def _open(found: Hierarchy, stack: list[int], key: str, joint: str, where: str) 
     if end and not stack:
         raise CaptureError(f"{where}: an end stands before any joint; the file is damaged.")
     if len(found.names) >= MOST_JOINTS:
-        raise CaptureError(f"{where}: there are more than {MOST_JOINTS} joints; that is no body, export its skeleton alone.")
+        raise CaptureError(
+            f"{where}: there are more than {MOST_JOINTS} joints; that is no body, export its skeleton alone."
+        )
     found.parents.append(stack[-1] if stack and key != "ROOT" else -1)
     stack.append(len(found.names))
     found.names.append(f"{found.names[found.parents[-1]]}_End" if end else joint)
@@ -153,22 +180,32 @@ def _channel(joint: int, word: str, where: str) -> tuple[int, str, str]:
 
 
 def _split(text: str, width: int) -> list[str]:
-    """Words of a line of ``width`` numbers: commas are decimal where the count fits so, else they part numbers."""
+    """Words of a line of ``width`` numbers: commas are decimal where the count fits so, else they part
+    numbers.
+    """
     if "," not in text and ";" not in text:
         return text.split()
     words = [w for w in (w.strip(",") for w in text.replace(";", " ").split()) if w]
-    return [w.replace(",", ".") for w in words] if len(words) == width else text.replace(",", " ").replace(";", " ").split()
+    return (
+        [w.replace(",", ".") for w in words]
+        if len(words) == width
+        else text.replace(",", " ").replace(";", " ").split()
+    )
 
 
 def _head(
     name: str, lines: list[str], motion: int, rate: float | None, notes: list[str]
 ) -> tuple[int | None, float, int]:
-    """Count of frames (None: not said), the interval between them, seconds, and the index of the first line behind the head."""
+    """Count of frames (None: not said), the interval between them, seconds, and the index of the first line
+    behind the head.
+    """
     said: dict[str, str] = {}
     at = motion
-    lines = [*lines[: motion], re.sub(r"(?i)^\s*motion:?", "", lines[motion]), *lines[motion + 1 :]]
+    lines = [*lines[:motion], re.sub(r"(?i)^\s*motion:?", "", lines[motion]), *lines[motion + 1 :]]
     while at < len(lines) and len(said) < 2:
-        found = {key: m["value"] for key, p in (("frames", _FRAMES), ("time", _TIME)) if (m := p.search(lines[at]))}
+        found = {
+            key: m["value"] for key, p in (("frames", _FRAMES), ("time", _TIME)) if (m := p.search(lines[at]))
+        }
         if lines[at].strip() and not found:
             break
         said |= found
@@ -180,20 +217,28 @@ def _head(
         if not said or (frames is not None and frames % 1):
             raise ValueError
     except (ValueError, OverflowError) as error:
-        raise CaptureError(f"{where}: expected 'Frames:' and 'Frame Time:', each with a number; the file is damaged.") from error
+        raise CaptureError(
+            f"{where}: expected 'Frames:' and 'Frame Time:', each with a number; the file is damaged."
+        ) from error
     if frames is not None and not 0 <= frames < 1e15:
-        raise CaptureError(f"{where}: {frames:g} frames are no motion; write how many rows of numbers there are.")
+        raise CaptureError(
+            f"{where}: {frames:g} frames are no motion; write how many rows of numbers there are."
+        )
     return None if frames is None else int(frames), _interval(interval, where, notes), at
 
 
 def _interval(interval: float, where: str, notes: list[str]) -> float:
     """The time between frames, seconds, that is believed."""
     if interval == 0:
-        notes.append(f"{where}: no Frame Time is said; it is read at {FPS} frames a second (`rate` in mapping.toml says another).")
+        notes.append(
+            f"{where}: no Frame Time is said; it is read at {FPS} frames a second (`rate` in mapping.toml "
+            "says another)."
+        )
         return 1 / FPS
     if not 1 / FASTEST <= interval <= 1 / SLOWEST:  # also what is not a number
         raise CaptureError(
-            f"{where}: a Frame Time of {interval:g} would be {_frames_a_second(interval)}; it is in seconds, 0.0333333 for 30 frames "
+            f"{where}: a Frame Time of {interval:g} would be {_frames_a_second(interval)}; it is in "
+            "seconds, 0.0333333 for 30 frames "
             "a second: correct it, or say `rate = 30` in mapping.toml."
         )
     return interval
@@ -208,7 +253,9 @@ def _frames_a_second(interval: float) -> str:
 
 
 def _rows(name: str, lines: list[str], start: int, frames: int | None, width: int, notes: list[str]) -> Array:
-    """The numbers (T, width) of the motion section: as many rows as there are, at most one fewer than ``frames``."""
+    """The numbers (T, width) of the motion section: as many rows as there are, at most one fewer than
+    ``frames``.
+    """
     filled = [k for k in range(start, len(lines)) if lines[k].strip()]
     wrapped, given = _layout([_split(lines[k], width) for k in filled[:1000]], width)
     rows: list[Array] = []
@@ -228,25 +275,38 @@ def _rows(name: str, lines: list[str], start: int, frames: int | None, width: in
                 notes.append(f"{name}, line {numbers[-1] + 1}: the last row is cut off; it is left out.")
                 cut = True
                 break
-            raise CaptureError(f"{name}, line {numbers[0] + 1}: expected {width} numbers; the file is damaged.") from error
+            raise CaptureError(
+                f"{name}, line {numbers[0] + 1}: expected {width} numbers; the file is damaged."
+            ) from error
         if not np.isfinite(row).all():
-            raise CaptureError(f"{name}, line {numbers[0] + 1}: a value is not a number; repair or cut that frame.")
+            raise CaptureError(
+                f"{name}, line {numbers[0] + 1}: a value is not a number; repair or cut that frame."
+            )
         if np.abs(row).max() > _MOST:
-            raise CaptureError(f"{name}, line {numbers[0] + 1}: a value is beyond {_MOST:g}; repair or cut that frame.")
+            raise CaptureError(
+                f"{name}, line {numbers[0] + 1}: a value is beyond {_MOST:g}; repair or cut that frame."
+            )
         rows.append(row)
     there = f"{frames} frames are announced, {len(rows)} are there"
     if not rows or (frames is not None and len(rows) < frames - 1):
         last = filled[-1] + 1 if filled else start
-        raise CaptureError(f"{name}, line {last}: {there}; the file is cut off: export it again, or correct the count.")
+        raise CaptureError(
+            f"{name}, line {last}: {there}; the file is cut off: export it again, or correct the count."
+        )
     if frames not in (None, len(rows)) and not cut:
         notes.append(f"{name}: {there}; all of those are read.")
     if given > width:
-        notes.append(f"{name}: every frame has {given} numbers, its joints have {width} channels; the last {given - width} are left out.")
+        notes.append(
+            f"{name}: every frame has {given} numbers, its joints have {width} channels; the last "
+            f"{given - width} are left out."
+        )
     return np.array(rows)
 
 
 def _layout(rows: list[list[str]], width: int) -> tuple[int, int]:
-    """Lines that one frame takes and the count of its numbers: the width, or more of them where every frame has more."""
+    """Lines that one frame takes and the count of its numbers: the width, or more of them where every frame
+    has more.
+    """
     total = 0
     for k, words in enumerate(rows, 1):
         total += len(words)

@@ -14,7 +14,8 @@ from nsm_core.rotations import Array, quat_to_matrix, wrap_angle
 
 _CENTIMETRES = 100.0
 _NEAR_POLE = np.sin(np.radians(75))
-# Orders of rotation channels, Y up: heading first; hinges of the legs bend about X, those of the arms about Y.
+# Orders of rotation channels, Y up: heading first; hinges of the legs bend about X, those of the arms about
+# Y.
 _ORDERS = ("YXZ", "YZX", "ZXY", "XZY", "XYZ", "ZYX")
 _USUAL_ORDERS = {
     "Hips": ("YXZ", "YZX"),
@@ -26,20 +27,33 @@ _USUAL_ORDERS = {
 def write(path: str | Path, hips_position: Array, local_rotations: Array, fps: float = FPS) -> None:
     """Write hips (T, 3), metres, world, and parent-relative rotations (T, J, 4) as BVH, whole or not at all.
 
-    The file is in centimetres, Y up, facing +Z.  The order of a joint's channels is the first of its usual ones that the motion
-    keeps away from the pole (the hips' begins with the heading), and its angles go on beyond 180 degrees, so that no channel
-    jumps.  Raises OutputError where the file cannot be written or the motion has no frames or values that are not numbers.
+    The file is in centimetres, Y up, facing +Z.  The order of a joint's channels is the first of its usual
+    ones that the motion keeps away from the pole (the hips' begins with the heading), and its angles go on
+    beyond 180 degrees, so that no channel
+    jumps.  Raises OutputError where the file cannot be written or the motion has no frames or values that are
+    not numbers.
     """
     path = Path(path)
     finite = np.isfinite(hips_position).all() and np.isfinite(local_rotations).all()
     if not len(local_rotations) or not finite:
-        raise OutputError(f"{path.name} is not written: its motion has {'values that are not numbers' if not finite else 'no frames'}.")
+        raise OutputError(
+            f"{path.name} is not written: its motion has "
+            f"{'values that are not numbers' if not finite else 'no frames'}."
+        )
     axes = local_rotations.astype(float)
     axes[..., 1:] = _y_up(axes[..., 1:])
     matrices = quat_to_matrix(axes)
-    orders = [_order(matrices[:, j], _USUAL_ORDERS.get(JOINTS[j].removeprefix("Left").removeprefix("Right"), _ORDERS)) for j in range(J)]
+    orders = [
+        _order(
+            matrices[:, j], _USUAL_ORDERS.get(JOINTS[j].removeprefix("Left").removeprefix("Right"), _ORDERS)
+        )
+        for j in range(J)
+    ]
     angles = np.stack([_angles(matrices[:, j], order) for j, order in enumerate(orders)], axis=1)
-    rows = np.concatenate((_y_up(np.asarray(hips_position, float)) * _CENTIMETRES, np.degrees(angles).reshape(len(angles), -1)), axis=1)
+    rows = np.concatenate(
+        (_y_up(np.asarray(hips_position, float)) * _CENTIMETRES, np.degrees(angles).reshape(len(angles), -1)),
+        axis=1,
+    )
     head = ["MOTION", f"Frames: {len(rows)}", f"Frame Time: {1 / fps:.7f}"]
     text = "\n".join(("HIERARCHY", *_joint(0, 0, orders), *head, *(_numbers(row) for row in rows))) + "\n"
     try:
@@ -47,7 +61,9 @@ def write(path: str | Path, hips_position: Array, local_rotations: Array, fps: f
             temporary.write_text(text, encoding="ascii")
     except (OSError, ValueError) as error:  # a null byte in a path is a ValueError
         reason = getattr(error, "strerror", None) or str(error)
-        raise OutputError(f"{path} cannot be written ({reason}); choose another folder or file name.") from error
+        raise OutputError(
+            f"{path} cannot be written ({reason}); choose another folder or file name."
+        ) from error
 
 
 def _y_up(v: Array) -> Array:
@@ -58,11 +74,18 @@ def _y_up(v: Array) -> Array:
 def _joint(index: int, depth: int, orders: list[str]) -> list[str]:
     """Lines of the hierarchy from one joint down."""
     tab, inner = "\t" * depth, "\t" * (depth + 1)
-    name, offset = JOINTS[index], OFFSETS[index] if index else np.zeros(3)  # the root's place is in its channels
+    name, offset = (
+        JOINTS[index],
+        OFFSETS[index] if index else np.zeros(3),
+    )  # the root's place is in its channels
     place = _numbers(_y_up(np.asarray(offset)) * _CENTIMETRES)
     lines = [f"{tab}{'JOINT' if index else 'ROOT'} {name}", f"{tab}{{", f"{inner}OFFSET {place}"]
     rotations = " ".join(f"{axis}rotation" for axis in orders[index])
-    lines.append(f"{inner}CHANNELS 3 {rotations}" if index else f"{inner}CHANNELS 6 Xposition Yposition Zposition {rotations}")
+    lines.append(
+        f"{inner}CHANNELS 3 {rotations}"
+        if index
+        else f"{inner}CHANNELS 6 Xposition Yposition Zposition {rotations}"
+    )
     for child in (c for c, p in enumerate(PARENTS) if p == index):
         lines += _joint(child, depth + 1, orders)
     if name in END_SITES:
@@ -72,20 +95,31 @@ def _joint(index: int, depth: int, orders: list[str]) -> list[str]:
 
 
 def _order(m: Array, usual: tuple[str, ...]) -> str:
-    """The first of the usual orders whose middle angle rotations (T, 3, 3) keep away from the pole, else the one that is kept farthest."""
+    """The first of the usual orders whose middle angle rotations (T, 3, 3) keep away from the pole, else the
+    one that is kept farthest.
+    """
     nearness = [np.abs(m[:, "XYZ".index(order[0]), "XYZ".index(order[2])]).max() for order in usual]
-    return next((order for order, near in zip(usual, nearness, strict=True) if near < _NEAR_POLE), usual[int(np.argmin(nearness))])
+    return next(
+        (order for order, near in zip(usual, nearness, strict=True) if near < _NEAR_POLE),
+        usual[int(np.argmin(nearness))],
+    )
 
 
 def _angles(m: Array, order: str) -> Array:
-    """Angles (T, 3), radians, about the axes of ``order`` with ``m = R0 R1 R2`` (T, 3, 3), each going on from frame to frame."""
+    """Angles (T, 3), radians, about the axes of ``order`` with ``m = R0 R1 R2`` (T, 3, 3), each going on from
+    frame to frame.
+    """
     i, j, k = ("XYZ".index(axis) for axis in order)
     e = 1.0 if (j - i) % 3 == 1 else -1.0
     middle = np.arcsin(np.clip(e * m[:, i, k], -1, 1))
     first = np.arctan2(-e * m[:, j, k], m[:, k, k])
     # At the pole only the sum or difference of the outer angles is told: the first stays as it was.
     free = np.flatnonzero(np.abs(m[:, i, k]) < 1 - 1e-9)
-    kept = free[np.maximum(np.searchsorted(free, np.arange(len(m)), side="right") - 1, 0)] if len(free) else np.zeros(len(m), int)
+    kept = (
+        free[np.maximum(np.searchsorted(free, np.arange(len(m)), side="right") - 1, 0)]
+        if len(free)
+        else np.zeros(len(m), int)
+    )
     first = first[kept] if len(free) else np.zeros(len(m))
     c, s = np.cos(first), np.sin(first)
     last = np.arctan2(e * (c * m[:, j, i] + e * s * m[:, k, i]), c * m[:, j, j] + e * s * m[:, k, j])

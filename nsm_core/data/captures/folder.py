@@ -1,4 +1,6 @@
-"""One index of a capture folder: its BVH files at any depth, their bodies, mappings and sidecars, each read once."""
+"""One index of a capture folder: its BVH files at any depth, their bodies, mappings and sidecars, each read
+once.
+"""
 
 from __future__ import annotations
 
@@ -30,10 +32,11 @@ class Labelled:
 
 @dataclass(frozen=True)
 class Capture:
-    """A clip of a capture folder: a BVH ``file``, or of one with several bodies that of number ``body``, from 0.
+    """A clip of a capture folder: a BVH ``file``, or of one with several bodies that of number ``body``, from
+    0.
 
-    It goes by ``path``: the second body of "two.bvh" by "two.2.bvh".  ``mapping`` is the mapping file that holds for it;
-    ``sidecar`` says what it shows, None where its name has to.
+    It goes by ``path``: the second body of "two.bvh" by "two.2.bvh".  ``mapping`` is the mapping file that
+    holds for it; ``sidecar`` says what it shows, None where its name has to.
     """
 
     path: Path
@@ -44,7 +47,8 @@ class Capture:
 
 
 class CaptureFolder:
-    """What a capture folder holds, looked up once; clips and sidecars are read when they are first asked for, and once.
+    """What a capture folder holds, looked up once; clips and sidecars are read when they are first asked for,
+    and once.
 
     ``captures`` are the clips of the folder and of those below it, sorted by path; there may be none.
     """
@@ -54,14 +58,17 @@ class CaptureFolder:
         self.folder = Path(folder)
         self._mappings: dict[Path, Mapping] = {}
         self._files: dict[Path, list[Clip]] = {}
-        # Hidden ones are no captures: what a killed program left of one, or what macOS notes beside each file on a foreign disk.
+        # Hidden ones are no captures: what a killed program left of one, or what macOS notes beside each file
+        # on a foreign disk.
         files = sorted(p for p in self.folder.rglob("[!.]*") if p.suffix.lower() == ".bvh" and not p.is_dir())
         named = {file: mapping or _mapping_path(file, self.folder) for file in files}
         found = {file: self._capture(file, file, 0, named[file]) for file in files}
         for file in files:
             for body in range(1, self._bodies(file, named[file])):
                 path = file.with_name(f"{file.stem}.{body + 1}{file.suffix}")
-                found.setdefault(path, self._capture(path, file, body, named[file]))  # a file of that name is one itself
+                found.setdefault(
+                    path, self._capture(path, file, body, named[file])
+                )  # a file of that name is one itself
         self.captures: tuple[Capture, ...] = tuple(found[path] for path in sorted(found))
 
     def __str__(self) -> str:
@@ -76,7 +83,9 @@ class CaptureFolder:
         """How many bodies a file holds; one where it is damaged, which is told when it is read."""
         try:
             wanted = self._mapping(mapping)
-            return len(bodies(parse_hierarchy(file), wanted if wanted is not None and wanted.joints else None))
+            return len(
+                bodies(parse_hierarchy(file), wanted if wanted is not None and wanted.joints else None)
+            )
         except NsmError:
             return 1
 
@@ -94,7 +103,8 @@ class CaptureFolder:
         clips = self._files[capture.file]
         if capture.body >= len(clips):
             raise CaptureError(
-                f"{capture.path.name} holds {len(clips)} bodies that its mapping names, not {capture.body + 1}; mend its mapping.toml."
+                f"{capture.path.name} holds {len(clips)} bodies that its mapping names, not "
+                f"{capture.body + 1}; mend its mapping.toml."
             )
         return clips[capture.body]
 
@@ -103,11 +113,14 @@ class CaptureFolder:
         return next((c for c in self.captures if c.path == self.folder / path), None)
 
     def unlabelled(self, *sources: str) -> list[Capture]:
-        """List the clips, every body of a file, of ``clips/SOURCE`` that have no sidecar: what they are used for is in their names.
+        """List the clips, every body of a file, of ``clips/SOURCE`` that have no sidecar: what they are used
+        for is in their names.
 
         Sorted within each of the ``sources``; of all of them together where none is named.  May be empty.
         """
-        clips = [c for c in self.captures if c.path.parent.parent == self.folder / "clips" and c.sidecar is None]
+        clips = [
+            c for c in self.captures if c.path.parent.parent == self.folder / "clips" and c.sidecar is None
+        ]
         return [c for source in sources for c in clips if c.path.parent.name == source] if sources else clips
 
     @cached_property
@@ -120,19 +133,29 @@ class CaptureFolder:
             clip, sheet = self.read(capture), read_sheet(capture.sidecar)
             if sheet.frames != len(clip):
                 raise CaptureError(
-                    f"{capture.sidecar.name} speaks of {sheet.frames} frames, {capture.path.name} has {len(clip)} at 30 a second; "
+                    f"{capture.sidecar.name} speaks of {sheet.frames} frames, {capture.path.name} has "
+                    f"{len(clip)} at 30 a second; "
                     "run `python -m nsm_core annotate --overwrite` on its folder."
                 )
-            found.append(Labelled(replace(clip, name=capture.path.relative_to(self.folder).with_suffix("").as_posix()), sheet))
+            found.append(
+                Labelled(
+                    replace(clip, name=capture.path.relative_to(self.folder).with_suffix("").as_posix()),
+                    sheet,
+                )
+            )
         return tuple(found)
 
     def notes(self) -> list[str]:
         """Sentences on what was read other than its files say, of all captures read so far."""
-        return list(dict.fromkeys(note for clips in self._files.values() for clip in clips for note in clip.notes))
+        return list(
+            dict.fromkeys(note for clips in self._files.values() for clip in clips for note in clip.notes)
+        )
 
 
 def _mapping_path(path: Path, folder: Path) -> Path | None:
-    """The ``mapping.toml`` that holds for a clip: in its own folder or the nearest above it, up to the capture folder."""
+    """The ``mapping.toml`` that holds for a clip: in its own folder or the nearest above it, up to the
+    capture folder.
+    """
     for parent in path.parents:
         if os.path.lexists(parent / MAPPING):  # a link to nothing, or a folder, is told where it is read
             return parent / MAPPING

@@ -16,15 +16,19 @@ _STRIDES = (0.5, 3.0)  # legs' lengths of strides that are walked
 _AHEAD = 0.85  # share of a stride that leads where the body faces, before and after
 _LEAST_STRIDES = 3
 _RISE = 0.1  # of a stride's length: more is climbed
-_USUAL, _PLAUSIBLE = 0.75, (0.43, 2.6)  # of the pace that the strides ask for: captured walks have 0.5 to 1, runs in turns up to 2.5
+_USUAL, _PLAUSIBLE = (
+    0.75,
+    (0.43, 2.6),
+)  # of the pace that the strides ask for: captured walks have 0.5 to 1, runs in turns up to 2.5
 _RATES = (24, 25, 30, 50, 60, 100, 120, 200, 240)
 
 
 def pace(clip: Clip) -> float | None:
-    """How fast a clip's strides are walked, against the pace at which their length is walked; None where too few are.
+    """How fast a clip's strides are walked, against the pace at which their length is walked; None where too
+    few are.
 
-    Who walks at v on legs of length L makes strides of 2.3 L (v^2 / (g L))^0.3 (Alexander 1976), whatever the animal: the length
-    of a stride, which no frame time changes, tells the speed it is walked at.
+    Who walks at v on legs of length L makes strides of 2.3 L (v^2 / (g L))^0.3 (Alexander 1976), whatever the
+    animal: the length of a stride, which no frame time changes, tells the speed it is walked at.
     """
     positions, _ = clip.world()
     _, headings = root_of(positions)
@@ -54,7 +58,9 @@ def _crossings(apart: Array) -> Array:
 
 
 def remark_on_rate(clip: Clip, rate: float) -> tuple[str, ...]:
-    """A sentence where a clip that was written at ``rate`` frames a second walks at a pace that no body has; else none."""
+    """A sentence where a clip that was written at ``rate`` frames a second walks at a pace that no body has;
+    else none.
+    """
     found = pace(clip)
     if found is None or _PLAUSIBLE[0] <= found <= _PLAUSIBLE[1]:
         return ()
@@ -62,6 +68,8 @@ def remark_on_rate(clip: Clip, rate: float) -> tuple[str, ...]:
     likely = sorted(sorted(_RATES, key=lambda r: abs(np.log(r / true)))[:2])
     slow = "slowly" if found < 1 else "fast"
     return (
-        f"{clip.name}.bvh walks too {slow} for the length of its strides: its Frame Time says {rate:.4g} frames a second, they look like "
-        f"some {true:.0f}; if that is so, write the true rate into mapping.toml beside it, such as `rate = {likely[0]}` or {likely[1]}.",
+        f"{clip.name}.bvh walks too {slow} for the length of its strides: its Frame Time says {rate:.4g} "
+        "frames a second, they look like "
+        f"some {true:.0f}; if that is so, write the true rate into mapping.toml beside it, such as `rate = "
+        f"{likely[0]}` or {likely[1]}.",
     )

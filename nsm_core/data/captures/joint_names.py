@@ -1,4 +1,6 @@
-"""Which joints of a file stand for the 23 by their names: the families of ``mappings``, read through prefixes, sides and spellings."""
+"""Which joints of a file stand for the 23 by their names: the families of ``mappings``, read through
+prefixes, sides and spellings.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +25,12 @@ _LEAST_BODY = 6  # joints of a hierarchy whose loss is told: fewer are a prop
 
 
 def bodies(source: Bvh, mapping: Mapping | None = None) -> list[tuple[Bvh, Mapping | None]]:
-    """Part a file into its bodies, each with the mapping that fits it; None for one with the 23 names in no order of limbs.
+    """Part a file into its bodies, each with the mapping that fits it; None for one with the 23 names in no
+    order of limbs.
 
-    Every root of the file may be a body, and so may what hangs on a node over several.  A ``mapping`` that is given is believed.
-    The first body's notes tell of hierarchies that are left out.  SkeletonError lists the joints that no name stands for.
+    Every root of the file may be a body, and so may what hangs on a node over several.  A ``mapping`` that is
+    given is believed.  The first body's notes tell of hierarchies that are left out.  SkeletonError lists the
+    joints that no name stands for.
     """
     found: list[tuple[Bvh, Mapping | None]] = []
     left: list[str] = []
@@ -45,12 +49,16 @@ def bodies(source: Bvh, mapping: Mapping | None = None) -> list[tuple[Bvh, Mappi
 
 
 def _under(source: Bvh, top: int, mapping: Mapping | None) -> list[tuple[list[int], Mapping]]:
-    """Joints and mapping of the bodies from one joint down: several where several of its branches are bodies by themselves."""
+    """Joints and mapping of the bodies from one joint down: several where several of its branches are bodies
+    by themselves.
+    """
     above: list[int] = []
     at = top
     for _ in range(_MOST_LEVELS):
         branches = [_tree(source.parents, k) for k, p in enumerate(source.parents) if p == at]
-        fitting = [(b, fit) for b in branches if len(b) >= len(REQUIRED) and (fit := _fit(source, b, mapping))]
+        fitting = [
+            (b, fit) for b in branches if len(b) >= len(REQUIRED) and (fit := _fit(source, b, mapping))
+        ]
         above.append(at)
         if len(fitting) > 1:
             return [([*above, *b], fit) for b, fit in fitting]
@@ -81,7 +89,9 @@ def _fit(source: Bvh, part: list[int], mapping: Mapping | None) -> Mapping | Non
 
 
 def guess_mapping(source: Bvh) -> Mapping:
-    """Find the bundled mapping whose names the file has; SkeletonError lists the joints that no name stands for."""
+    """Find the bundled mapping whose names the file has; SkeletonError lists the joints that no name stands
+    for.
+    """
     found, best = _mapping_of(source.joints, source.parents)
     if found:
         return found
@@ -90,7 +100,8 @@ def guess_mapping(source: Bvh) -> Mapping:
         missing = [n for n in REQUIRED if n.endswith(("Knee", "Elbow"))]
     likely = _likely(source, missing[0], best) or "its name in the file"
     raise SkeletonError(
-        f"{source.name}.bvh lacks the bones {', '.join(missing)}, and no joint stands for them by its name; write a mapping file "
+        f"{source.name}.bvh lacks the bones {', '.join(missing)}, and no joint stands for them by its name; "
+        "write a mapping file "
         f'with a line for each of the 23 under [joints], such as {missing[0]} = "{likely}" '
         "(the files in nsm_core/mappings are examples), and name it with --mapping."
     )
@@ -137,16 +148,25 @@ def _hangs(names: Names, parents: Parents, lower: str, upper: str) -> bool:
 
 def _is_chained(names: Names, parents: Parents, joints: dict[str, str]) -> bool:
     """Whether the joints of each limb hang on one another."""
-    pairs = [(joints[s + b], joints[s + a]) for s in SIDES for limb in _LIMBS for a, b in zip(limb[:-1], limb[1:], strict=True)]
+    pairs = [
+        (joints[s + b], joints[s + a])
+        for s in SIDES
+        for limb in _LIMBS
+        for a, b in zip(limb[:-1], limb[1:], strict=True)
+    ]
     return all(_hangs(names, parents, lower, upper) for lower, upper in pairs)
 
 
 def _in_place(names: Names, parents: Parents, joints: dict[str, str]) -> dict[str, str]:
-    """The mapping without collars and toes that are no part of their limb, and without a neck that the head does not hang on."""
+    """The mapping without collars and toes that are no part of their limb, and without a neck that the head
+    does not hang on.
+    """
     pairs = {"Neck": ("Head", "Neck")}
     for s in SIDES:
         pairs |= {s + "Collar": (s + "Shoulder", s + "Collar"), s + "Toe": (s + "Toe", s + "Ankle")}
-    wrong = {n for n, (a, b) in pairs.items() if n in joints and not _hangs(names, parents, joints[a], joints[b])}
+    wrong = {
+        n for n, (a, b) in pairs.items() if n in joints and not _hangs(names, parents, joints[a], joints[b])
+    }
     return {k: v for k, v in joints.items() if k not in wrong}
 
 
@@ -161,25 +181,40 @@ def _spine(names: Names, parents: Parents, joints: dict[str, str]) -> tuple[str,
 
 
 def _likely(source: Bvh, target: str, known: dict[str, str]) -> str | None:
-    """The joint of a file that most likely is ``target``: by its place between joints that are known, else by its spelling."""
+    """The joint of a file that most likely is ``target``: by its place between joints that are known, else by
+    its spelling.
+    """
     names = [n for n in source.joints if not n.endswith("_End") and n not in known.values()]
     side = next((s for s in SIDES if target.startswith(s)), "")
     for limb in _LIMBS:
         upper, middle, end = (known.get(side + n) for n in limb)
         if side and target == side + limb[1] and upper and end and middle is None:
             between = _ancestors(source.parents, source.joints.index(end))[1:]
-            between = between[: between.index(source.joints.index(upper))] if source.joints.index(upper) in between else []
+            between = (
+                between[: between.index(source.joints.index(upper))]
+                if source.joints.index(upper) in between
+                else []
+            )
             return source.joints[between[len(between) // 2]] if between else None
     if target == "Hips":  # where legs and spine part: the first joint on which three branches hang
         counts = [source.parents.count(j) for j in range(len(source.joints))]
-        return next((n for n, c in zip(source.joints, counts, strict=True) if c >= 3 and n in names), names[0] if names else None)
+        return next(
+            (n for n, c in zip(source.joints, counts, strict=True) if c >= 3 and n in names),
+            names[0] if names else None,
+        )
     plain = dict(zip(source.joints, _without_affixes(source.joints), strict=True))
-    wanted = {_letters(s) for family in families().values() for s in family.get(target, [])} | {_letters(target)}
+    wanted = {_letters(s) for family in families().values() for s in family.get(target, [])} | {
+        _letters(target)
+    }
 
     def closeness(name: str) -> float:
         if side and side[0].lower() not in [s for s, _ in _forms(plain[name])]:
             return 0.0
-        forms = {form if not side else (side + rest).lower() for s, rest in _forms(plain[name]) for form in (s + rest,)}
+        forms = {
+            form if not side else (side + rest).lower()
+            for s, rest in _forms(plain[name])
+            for form in (s + rest,)
+        }
         return max((difflib.SequenceMatcher(None, f, w).ratio() for f in forms for w in wanted), default=0.0)
 
     best = max(names[:500], key=closeness, default=None)
@@ -203,9 +238,13 @@ _BOUNDARY = re.compile(r"(?<=[_\-. ])(?=[^_\-. ])|(?<=[a-z0-9])(?=[A-Z])|(?<=[A-
 
 
 def _without_affixes(names: Names) -> list[str]:
-    """Names without what is before a colon and without what most of them start or end with: "CC_Base_", "mixamorig", "_JNT"."""
+    """Names without what is before a colon and without what most of them start or end with: "CC_Base_",
+    "mixamorig", "_JNT".
+    """
     plain = [n[:_MOST_LETTERS].rsplit(":", 1)[-1].rsplit("|", 1)[-1] for n in names]
-    ended = [n.endswith("_End") for n in names]  # the reader's own names of end sites, which have their joint's suffix inside
+    ended = [
+        n.endswith("_End") for n in names
+    ]  # the reader's own names of end sites, which have their joint's suffix inside
     bare = [n[:-4] if e else n for n, e in zip(plain, ended, strict=True)]
     starts: dict[str, int] = {}
     ends: dict[str, int] = {}
@@ -214,7 +253,10 @@ def _without_affixes(names: Names) -> list[str]:
             starts[name[: at.start()]] = starts.get(name[: at.start()], 0) + 1
         if match := re.search(r"[_\-. ][A-Za-z]{2,}$", name):
             ends[match[0]] = ends.get(match[0], 0) + 1
-    start, end = (max((s for s, n in counts.items() if n >= 0.7 * len(bare)), key=len, default="") for counts in (starts, ends))
+    start, end = (
+        max((s for s, n in counts.items() if n >= 0.7 * len(bare)), key=len, default="")
+        for counts in (starts, ends)
+    )
     bare = [n.removeprefix(start).removesuffix(end) or n for n in bare]
     return [n + "_End" if e else n for n, e in zip(bare, ended, strict=True)]
 
@@ -232,7 +274,9 @@ _SIDED = (
 
 @lru_cache(maxsize=4096)
 def _forms(name: str) -> list[tuple[str, str]]:
-    """Readings (side, rest) of a name, the plainest first: "LeftArm", "l_arm" and "arm.L" are all ("l", "arm")."""
+    """Readings (side, rest) of a name, the plainest first: "LeftArm", "l_arm" and "arm.L" are all ("l",
+    "arm").
+    """
     forms = []
     for pattern in _SIDED:
         if match := re.fullmatch(pattern, name):

@@ -1,4 +1,6 @@
-"""Read BVH captures: files of the 23-joint skeleton as they are, any other hierarchy through a mapping onto it."""
+"""Read BVH captures: files of the 23-joint skeleton as they are, any other hierarchy through a mapping onto
+it.
+"""
 
 from __future__ import annotations
 
@@ -19,22 +21,27 @@ from .joint_map import SIDES, Mapping
 from .joint_names import bodies, guess_mapping
 
 __all__ = ["Bvh", "parse", "read", "read_all"]
-_OWN_TOLERANCE = 0.015  # metres that an offset may differ from the 23-joint skeleton's for the file to count as being on it
+# metres that an offset may differ from the 23-joint skeleton's for the file to count as being on it
+_OWN_TOLERANCE = 0.015
 
 
 def read(path: str | Path, centimetres: bool = True, mapping: Mapping | None = None) -> Clip:
-    """Read a BVH file as a Clip: metres, Z up, facing -Y, 30 Hz; of several bodies the first, which ``notes`` of the clip tell.
+    """Read a BVH file as a Clip: metres, Z up, facing -Y, 30 Hz; of several bodies the first, which ``notes``
+    of the clip tell.
 
-    A file on the 23-joint skeleton (its names, its offsets, Y up, facing +Z) is taken as it is, in centimetres or else in
-    metres.  Every other hierarchy is retargeted by ``mapping``, or by one guessed from the names of its joints.
-    Raises CaptureError with the line where the file breaks off or holds no numbers, and SkeletonError where joints
-    stand for none of the 23.
+    A file on the 23-joint skeleton (its names, its offsets, Y up, facing +Z) is taken as it is, in
+    centimetres or else in
+    metres.  Every other hierarchy is retargeted by ``mapping``, or by one guessed from the names of its
+    joints.  Raises CaptureError with the line where the file breaks off or holds no numbers, and
+    SkeletonError where joints stand for none of the 23.
     """
     return read_all(path, centimetres, mapping)[0]
 
 
 def read_all(path: str | Path, centimetres: bool = True, mapping: Mapping | None = None) -> list[Clip]:
-    """Read every body of a BVH file as ``read`` does; the second's clip is named after the file with ".2" behind it."""
+    """Read every body of a BVH file as ``read`` does; the second's clip is named after the file with ".2"
+    behind it.
+    """
     source = parse(path, None if mapping is None else mapping.rate)
     parts = bodies(source, mapping if mapping is not None and mapping.joints else None)
     clips = [_clip(part, found, centimetres, mapping) for part, found in parts]
@@ -47,7 +54,9 @@ def read_all(path: str | Path, centimetres: bool = True, mapping: Mapping | None
 
 
 def _clip(source: Bvh, found: Mapping | None, centimetres: bool, mapping: Mapping | None) -> Clip:
-    """One body as a clip; ``found`` is the mapping that fits it, None where names alone say that it is the 23-joint skeleton."""
+    """One body as a clip; ``found`` is the mapping that fits it, None where names alone say that it is the
+    23-joint skeleton.
+    """
     plain = mapping is None or mapping == Mapping({}, rate=mapping.rate)
     if plain and _is_own(source, 0.01 if centimetres else 1.0):
         clip = _as_it_is(source.at_rate(), 0.01 if centimetres else 1.0)
@@ -60,7 +69,9 @@ def _clip(source: Bvh, found: Mapping | None, centimetres: bool, mapping: Mappin
 
 
 def _needed(source: Bvh, mapping: Mapping) -> Bvh:
-    """The file without fingers, faces and whatever else a mapping does not name and nothing that it names hangs on."""
+    """The file without fingers, faces and whatever else a mapping does not name and nothing that it names
+    hangs on.
+    """
     names = {*mapping.joints.values(), *mapping.spine}
     if not names <= set(source.joints):
         return source  # which is told where it is retargeted

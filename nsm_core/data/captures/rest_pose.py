@@ -60,7 +60,8 @@ def _rest_direction(name: str, side: str) -> Array:
 
 
 def is_rest(pose: Frames, joints: dict[str, int], arms: float = 95.0) -> bool:
-    """Whether a pose can serve as the rest pose: upright, legs straight down, arms straight and beside the body.
+    """Whether a pose can serve as the rest pose: upright, legs straight down, arms straight and beside the
+    body.
 
     ``arms`` is how far, degrees, they may be from level, outwards.
     """
@@ -76,15 +77,26 @@ def is_rest(pose: Frames, joints: dict[str, int], arms: float = 95.0) -> bool:
     for side, out in zip(SIDES, (-1.0, 1.0), strict=True):
         thigh, shin = direction(side + "Hip", side + "Knee"), direction(side + "Knee", side + "Ankle")
         upper, fore = direction(side + "Shoulder", side + "Elbow"), direction(side + "Elbow", side + "Wrist")
-        legs = thigh[2] < -np.cos(np.radians(35)) and shin[2] < -np.cos(np.radians(35)) and thigh @ shin > np.cos(np.radians(15))
+        legs = (
+            thigh[2] < -np.cos(np.radians(35))
+            and shin[2] < -np.cos(np.radians(35))
+            and thigh @ shin > np.cos(np.radians(15))
+        )
         straight = upper @ fore > np.cos(np.radians(30))
-        if not legs or not straight or np.abs((upper + fore)[1]) > 1.0 or out * upper[0] < np.cos(np.radians(arms)):
+        if (
+            not legs
+            or not straight
+            or np.abs((upper + fore)[1]) > 1.0
+            or out * upper[0] < np.cos(np.radians(arms))
+        ):
             return False
     return True
 
 
 def from_pose(pose: Frames, joints: dict[str, int], spine: list[int]) -> dict[str | int, Array]:
-    """Constants C (3, 3), target = source C, by joint name and by index of the spine, from a rest pose of one frame."""
+    """Constants C (3, 3), target = source C, by joint name and by index of the spine, from a rest pose of one
+    frame.
+    """
     yaw = _yaw(pose, joints)[0]
     places, rotations = pose.positions[0], pose.rotations[0]
     constants: dict[str | int, Array] = {j: rotations[j].T @ yaw for j in spine}
@@ -94,7 +106,11 @@ def from_pose(pose: Frames, joints: dict[str, int], spine: list[int]) -> dict[st
 
     for name, j in joints.items():
         aligned = np.eye(3)
-        side, part = ("", name) if name in _TRUNK else (name[: 5 if name[0] == "R" else 4], name[5 if name[0] == "R" else 4 :])
+        side, part = (
+            ("", name)
+            if name in _TRUNK
+            else (name[: 5 if name[0] == "R" else 4], name[5 if name[0] == "R" else 4 :])
+        )
         if part in _CHILD:
             aligned = shortest_turn(_rest_direction(part, side), along(name, side + _CHILD[part]))
         elif part == "Wrist":
@@ -132,13 +148,23 @@ def from_motion(frames: Frames, joints: dict[str, int], spine: list[int]) -> dic
     constants.update({j: neutral(j, yaw, upright) for j in spine})
     hips = rotations[:, joints["Hips"]] @ constants["Hips"]
     for side, out in zip(SIDES, (-1.0, 1.0), strict=True):
-        for upper, lower, hinge, spare in (("Hip", "Knee", (1.0, 0, 0), hips[..., 0]), ("Shoulder", "Elbow", (0, 0, -out), None)):
+        for upper, lower, hinge, spare in (
+            ("Hip", "Knee", (1.0, 0, 0), hips[..., 0]),
+            ("Shoulder", "Elbow", (0, 0, -out), None),
+        ):
             a, b = joints[side + upper], joints[side + lower]
-            bones = positions[:, b] - positions[:, a], positions[:, joints[side + _CHILD[lower]]] - positions[:, b]
+            bones = (
+                positions[:, b] - positions[:, a],
+                positions[:, joints[side + _CHILD[lower]]] - positions[:, b],
+            )
             bend = np.cross(normalized(bones[0]), normalized(bones[1]))
             bend *= np.linalg.norm(bend, axis=-1, keepdims=True) > 0.2  # straight limbs have no plane
             if not bend.any():
-                bend = np.broadcast_to(spare, bend.shape) if spare is not None else -out * np.broadcast_to(_UP, bend.shape)
+                bend = (
+                    np.broadcast_to(spare, bend.shape)
+                    if spare is not None
+                    else -out * np.broadcast_to(_UP, bend.shape)
+                )
             for name, j, bone in ((upper, a, bones[0]), (lower, b, bones[1])):
                 source = _frame(inside(j, bone).mean(0), inside(j, bend).mean(0), 0, 2)
                 constants[side + name] = source @ _frame(_rest_direction(name, side), np.array(hinge), 0, 2).T
@@ -148,7 +174,9 @@ def from_motion(frames: Frames, joints: dict[str, int], spine: list[int]) -> dic
     return constants
 
 
-def _foot_from_motion(frames: Frames, joints: dict[str, int], side: str, constants: dict[str, Any], inside: Callable[..., Array]) -> None:
+def _foot_from_motion(
+    frames: Frames, joints: dict[str, int], side: str, constants: dict[str, Any], inside: Callable[..., Array]
+) -> None:
     """Add the constants of an ankle and a toe: along the foot, level across as the shin is."""
     ankle = joints[side + "Ankle"]
     shin = frames.rotations[:, joints[side + "Knee"]] @ constants[side + "Knee"]
@@ -176,7 +204,9 @@ def _upright(frames: Frames, joints: dict[str, int]) -> Array:
 
 
 def _frame(first: Array, second: Array, i: int, k: int) -> Array:
-    """Rotation matrix whose column ``i`` is along ``first`` and column ``k`` nearest to ``second``, both (3,)."""
+    """Rotation matrix whose column ``i`` is along ``first`` and column ``k`` nearest to ``second``, both
+    (3,).
+    """
     a = normalized(first)
     b = normalized(second - (second @ a) * a)
     matrix = np.empty((3, 3))

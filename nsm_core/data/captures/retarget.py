@@ -1,8 +1,9 @@
 """Carry the motion of any BVH hierarchy over to the 23 joints by world rotations.
 
-Every target joint's world rotation is the source joint's times a constant.  The constant comes from a pose in which both
-skeletons' rotations are known (the rest pose, limb directions aligned), or, where a file has none, from the motion itself:
-bones along their children, knees and elbows bending about their hinges, the trunk upright on average.
+Every target joint's world rotation is the source joint's times a constant.  The constant comes from a pose in
+which both skeletons' rotations are known (the rest pose, limb directions aligned), or, where a file has none,
+from the motion itself: bones along their children, knees and elbows bending about their hinges, the trunk
+upright on average.
 """
 
 from __future__ import annotations
@@ -29,16 +30,25 @@ if TYPE_CHECKING:
 _LEG = float(-OFFSETS[list(FEET[0][1:3]), 2].sum())
 _STILL = 0.25  # metres a second under which a foot counts as standing
 _MAX_SOLE_TURN = np.radians(25)
-_UPRIGHT, _STANDING = 0.5, 0.7  # rise of the trunk per length, or of the hips over the feet per leg, of who is up
+_UPRIGHT, _STANDING = (
+    0.5,
+    0.7,
+)  # rise of the trunk per length, or of the hips over the feet per leg, of who is up
 _SELDOM = 0.05  # share of frames below which nobody is
 _BED = (-0.1, 1.5)  # metres over a floor that the lowest joint of who lies is found at
 _FLESH = 0.05  # metres between a joint and what it lies on
 
 
 def retarget(source: Bvh, mapping: Mapping) -> Clip:
-    """Retarget a BVH file: a Clip at 30 Hz with its lowest soles at z = 0; SkeletonError where the mapping does not fit."""
+    """Retarget a BVH file: a Clip at 30 Hz with its lowest soles at z = 0; SkeletonError where the mapping
+    does not fit.
+    """
     joints = _found(source, mapping)
-    spine = [j for j in map(source.joints.index, _known(source, mapping.spine, mapping)) if j not in joints.values()]
+    spine = [
+        j
+        for j in map(source.joints.index, _known(source, mapping.spine, mapping))
+        if j not in joints.values()
+    ]
     axes = _axes(source, mapping, joints)
     rest, first = _rest_pose(source, mapping, joints, axes)
     if first >= len(source):
@@ -55,7 +65,10 @@ def _known(source: Bvh, names: tuple[str, ...], mapping: Mapping) -> tuple[str, 
     for name in names:
         if name not in source.joints:
             there = ", ".join(n for n in source.joints if not n.endswith("_End"))
-            raise SkeletonError(f"{source.name}.bvh has no joint {name}, which {mapping.name or 'the mapping'} names; it has {there}.")
+            raise SkeletonError(
+                f"{source.name}.bvh has no joint {name}, which {mapping.name or 'the mapping'} names; it "
+                f"has {there}."
+            )
     return names
 
 
@@ -76,7 +89,9 @@ def _axes(source: Bvh, mapping: Mapping, joints: dict[str, int]) -> Array:
     if mapping.forward != "auto":
         forward = _axis(mapping.forward)
         if abs(forward @ up) > 0.5:
-            raise CaptureError(f"{mapping.name or source.name}: forward and up are the same axis; forward must be level.")
+            raise CaptureError(
+                f"{mapping.name or source.name}: forward and up are the same axis; forward must be level."
+            )
     else:
         forward = np.array((0, -1.0, 0)) if abs(up[2]) > 0.5 else np.array((0, 0, 1.0))
     return axes_of(up, forward)
@@ -89,12 +104,16 @@ def _axis(name: str) -> Array:
 
 
 def _frames(source: Bvh, axes: Array, start: int = 0) -> Frames:
-    """World positions and rotation matrices of a motion from frame ``start`` on, in our axes, the file's units."""
+    """World positions and rotation matrices of a motion from frame ``start`` on, in our axes, the file's
+    units.
+    """
     positions, rotations = source[start:].world()
     return Frames(positions @ axes.T, axes @ quat_to_matrix(rotations))
 
 
-def _rest_pose(source: Bvh, mapping: Mapping, joints: dict[str, int], axes: Array) -> tuple[Frames | None, int]:
+def _rest_pose(
+    source: Bvh, mapping: Mapping, joints: dict[str, int], axes: Array
+) -> tuple[Frames | None, int]:
     """The pose whose rotations are known (None: there is none) and the first frame of motion behind it."""
     if mapping.rest == "offsets":
         return offsets_pose(source, axes), 0
@@ -103,7 +122,10 @@ def _rest_pose(source: Bvh, mapping: Mapping, joints: dict[str, int], axes: Arra
     if mapping.rest.startswith("frame"):
         number = int(mapping.rest.split()[1])
         if number >= len(source):
-            raise CaptureError(f"{source.name}.bvh has {len(source)} frames; its mapping wants the rest pose at frame {number}.")
+            raise CaptureError(
+                f"{source.name}.bvh has {len(source)} frames; its mapping wants the rest pose at frame "
+                f"{number}."
+            )
         return _frames(source[number : number + 1], axes), number + 1 if number < 3 else 0
     first = _frames(source[:1], axes)
     if is_rest(first, joints, arms=25.0):
@@ -122,7 +144,9 @@ def _leg_length(frames: Frames, joints: dict[str, int]) -> float:
             bone = frames.positions[:, joints[side + b]] - frames.positions[:, joints[side + a]]
             total += float(np.median(np.linalg.norm(bone, axis=-1))) / 2
     if total < 1e-9:
-        raise SkeletonError("The legs of the file have no length; map the joints at the hip, the knee and the ankle.")
+        raise SkeletonError(
+            "The legs of the file have no length; map the joints at the hip, the knee and the ankle."
+        )
     return total
 
 
@@ -147,7 +171,10 @@ def _solve(
     toes[..., 2] -= toes[..., :2] @ tilt
     soles = soles - ankles[..., :2] @ tilt
     standing = _standing(ankles, toes) & upright
-    ground = [float(np.percentile(soles[standing[:, s], s] if standing[:, s].any() else soles[:, s], 5)) for s in (0, 1)]
+    ground = [
+        float(np.percentile(soles[standing[:, s], s] if standing[:, s].any() else soles[:, s], 5))
+        for s in (0, 1)
+    ]
     # Legs of unequal length, as captured, still stand on one floor; feet at different heights do not.
     shift = np.array(ground) if abs(ground[0] - ground[1]) < 0.05 else np.full(2, min(ground))
     if not upright.any():  # who lies or crawls has no soles on the floor
@@ -163,7 +190,9 @@ def _solve(
 
 
 def _upright(frames: Frames, joints: dict[str, int]) -> Array:
-    """Frames (T, 1) bool that stand or sit, bent or straight, rather than lie or crawl; none at all where hardly any does."""
+    """Frames (T, 1) bool that stand or sit, bent or straight, rather than lie or crawl; none at all where
+    hardly any does.
+    """
     hips = frames.positions[:, joints["Hips"]]
     trunk = normalized(frames.positions[:, joints["Head"]] - hips)[:, 2]
     ankles = frames.positions[:, [joints[s + "Ankle"] for s in SIDES], 2].max(1)
@@ -172,25 +201,33 @@ def _upright(frames: Frames, joints: dict[str, int]) -> Array:
 
 
 def _own_floor(heights: Array) -> float:
-    """Height of the floor under a body that never stands, from its joints' (T, N), metres: the file's zero, where it lies over that."""
+    """Height of the floor under a body that never stands, from its joints' (T, N), metres: the file's zero,
+    where it lies over that.
+    """
     lowest = float(np.percentile(heights.min(1), 5))
     return 0.0 if _BED[0] < lowest < _BED[1] else lowest - _FLESH
 
 
 def _shortened(hips: Array) -> Array:
-    """Hips with the first frame over the origin of the floor: float32 has no room for a studio's far corners."""
+    """Hips with the first frame over the origin of the floor: float32 has no room for a studio's far
+    corners.
+    """
     far = np.linalg.norm(hips[0, :2]) > 50
     return hips - np.array((*hips[0, :2], 0), np.float32) if far else hips
 
 
-def _world_rotations(frames: Frames, joints: dict[str, int], spine: list[int], constants: dict[str | int, Array]) -> Array:
+def _world_rotations(
+    frames: Frames, joints: dict[str, int], spine: list[int], constants: dict[str | int, Array]
+) -> Array:
     """World rotation matrices (T, 23, 3, 3) of the target joints."""
     count = len(frames)
     world = np.tile(np.eye(3), (count, J, 1, 1))
     done = {n for n in joints if n in constants}
     for name in done:
         world[:, INDEX[name]] = frames.rotations[:, joints[name]] @ constants[name]
-    chain = [quat_from_matrix(world[:, 0])] + [quat_from_matrix(frames.rotations[:, j] @ constants[j]) for j in spine]
+    chain = [quat_from_matrix(world[:, 0])] + [
+        quat_from_matrix(frames.rotations[:, j] @ constants[j]) for j in spine
+    ]
     if not spine:  # nothing is known between pelvis and neck: bend evenly
         upper = next((n for n in ("Chest4", "Neck", "Head") if n in done), "Hips")
         chain.append(quat_slerp(chain[0], quat_from_matrix(world[:, INDEX[upper]]), np.full(count, 0.6)))
@@ -199,7 +236,9 @@ def _world_rotations(frames: Frames, joints: dict[str, int], spine: list[int], c
             continue
         at = k / len(SPINE) * (len(chain) - 1)
         low = min(int(at - 1e-9), len(chain) - 2)
-        world[:, INDEX[name]] = quat_to_matrix(quat_slerp(chain[low], chain[low + 1], np.full(count, at - low)))
+        world[:, INDEX[name]] = quat_to_matrix(
+            quat_slerp(chain[low], chain[low + 1], np.full(count, at - low))
+        )
     if "Neck" not in done:
         ends = (quat_from_matrix(world[:, INDEX[n]]) for n in ("Chest4", "Head"))
         world[:, INDEX["Neck"]] = quat_to_matrix(quat_slerp(*ends, np.full(count, 0.5)))
@@ -223,7 +262,9 @@ def _standing(ankles: Array, toes: Array) -> Array:
 
 
 def _floor_tilt(ankles: Array, toes: Array, soles: Array) -> Array:
-    """Slope (2,) of a studio floor that is slightly out of level: rise per metre; zero where steps or a ramp are walked."""
+    """Slope (2,) of a studio floor that is slightly out of level: rise per metre; zero where steps or a ramp
+    are walked.
+    """
     still = _speed(ankles, toes) < _STILL
     where, height = [], []
     for side in (0, 1):
@@ -234,7 +275,9 @@ def _floor_tilt(ankles: Array, toes: Array, soles: Array) -> Array:
     if len(where) < 5 or np.ptp(where, axis=0).max() < 2.5:
         return np.zeros(2)
     centre, height = np.array(where) - np.mean(where, axis=0), np.array(height) - np.mean(height)
-    slope = np.linalg.solve(centre.T @ centre + np.eye(2), centre.T @ height)  # damped across the way that is walked
+    slope = np.linalg.solve(
+        centre.T @ centre + np.eye(2), centre.T @ height
+    )  # damped across the way that is walked
     level = np.linalg.norm(slope) < 0.02 and (height - centre @ slope).std() < 0.012
     return slope if level else np.zeros(2)
 
@@ -248,5 +291,7 @@ def _level_soles(feet: Array, standing: Array) -> Array:
         up = normalized(np.median(feet[standing[:, side], side, 2, :], axis=0))  # world up seen from the foot
         angle = float(np.arccos(np.clip(up[2], -1, 1)))
         share = min(1.0, _MAX_SOLE_TURN / max(angle, 1e-6))
-        feet[:, side] = feet[:, side] @ shortest_turn(np.array((0, 0, 1.0)), normalized((1 - share) * np.array((0, 0, 1.0)) + share * up))
+        feet[:, side] = feet[:, side] @ shortest_turn(
+            np.array((0, 0, 1.0)), normalized((1 - share) * np.array((0, 0, 1.0)) + share * up)
+        )
     return feet

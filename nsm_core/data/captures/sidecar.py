@@ -1,4 +1,6 @@
-"""The editable file beside a clip: labels, contacts, phase and goals as key frames, and what of it a person has changed."""
+"""The editable file beside a clip: labels, contacts, phase and goals as key frames, and what of it a person
+has changed.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,9 @@ _HEADER = """\
 
 @dataclass(frozen=True)
 class GoalKey:
-    """What is asked for from ``frame`` on; ``place`` (metres) and ``facing`` (degrees) if static, else ``ahead`` seconds."""
+    """What is asked for from ``frame`` on; ``place`` (metres) and ``facing`` (degrees) if static, else
+    ``ahead`` seconds.
+    """
 
     frame: int
     action: str
@@ -58,7 +62,9 @@ class GoalKey:
 
 @dataclass(frozen=True)
 class Sheet:
-    """The content of a sidecar: key frames by style, by contact, of the phase, of the mirrored clip's phase, and goals."""
+    """The content of a sidecar: key frames by style, by contact, of the phase, of the mirrored clip's phase,
+    and goals.
+    """
 
     clip: str
     frames: int
@@ -83,7 +89,12 @@ class Sheet:
 
     def edited(self) -> list[str]:
         """Names of the sections that a person changed, added or wrote since they were proposed."""
-        return [n for n in SECTIONS if self.proposal.get(n) != fingerprint(self.section(n)) and (n in self.proposal or n in self.present)]
+        return [
+            n
+            for n in SECTIONS
+            if self.proposal.get(n) != fingerprint(self.section(n))
+            and (n in self.proposal or n in self.present)
+        ]
 
     def says(self, name: str) -> bool:
         """Whether a section says what the rules would not: a person's, or measured."""
@@ -91,7 +102,13 @@ class Sheet:
 
 
 LABELS = (*STYLES, "other")  # of [actions]
-SECTIONS = (*(f"actions.{s}" for s in LABELS), *(f"contacts.{c}" for c in CONTACTS), "phase", "phase_mirrored", "goals")
+SECTIONS = (
+    *(f"actions.{s}" for s in LABELS),
+    *(f"contacts.{c}" for c in CONTACTS),
+    "phase",
+    "phase_mirrored",
+    "goals",
+)
 
 
 def fingerprint(content: object) -> str:
@@ -107,7 +124,9 @@ def sidecar_of(clip: str | Path) -> Path:
 
 
 def write(path: Path, sheet: Sheet, comments: dict[int, str] | None = None) -> None:
-    """Write a sidecar, whole or not at all; ``comments`` explain goals by their index.  OutputError where that cannot be done."""
+    """Write a sidecar, whole or not at all; ``comments`` explain goals by their index.  OutputError where
+    that cannot be done.
+    """
     clip = _quoted(sheet.clip)
     lines = [_HEADER.format(clip=clip[1:-1], frames=sheet.frames)]
     lines += [f"clip = {clip}", f"frames = {sheet.frames}"]
@@ -119,47 +138,89 @@ def write(path: Path, sheet: Sheet, comments: dict[int, str] | None = None) -> N
         if goal.place is None:
             lines += ['kind = "dynamic"', *([f"ahead = {_number(goal.ahead)}"] if goal.ahead != 1 else [])]
         else:
-            lines += ['kind = "static"', f"place = [{', '.join(map(_number, goal.place))}]", f"facing = {_number(goal.facing)}"]
-    lines += ["", "[proposal]", *(f"{_quoted(name)} = {_quoted(mark)}" for name, mark in sheet.proposal.items()), ""]
+            lines += [
+                'kind = "static"',
+                f"place = [{', '.join(map(_number, goal.place))}]",
+                f"facing = {_number(goal.facing)}",
+            ]
+    lines += [
+        "",
+        "[proposal]",
+        *(f"{_quoted(name)} = {_quoted(mark)}" for name, mark in sheet.proposal.items()),
+        "",
+    ]
     try:
         with atomic_path(path) as temporary:
             temporary.write_text("\n".join(lines), encoding="utf-8")
     except OSError as error:
-        raise OutputError(f"{path} cannot be written ({error.strerror}); choose a folder you may write to.") from error
+        raise OutputError(
+            f"{path} cannot be written ({error.strerror}); choose a folder you may write to."
+        ) from error
 
 
 def _quoted(text: str) -> str:
     """A text as TOML has it, in quotes on one line, whatever a file may be called."""
-    plain = text.encode("utf-8", "replace").decode()  # bytes of a file's name that are no text have no place in TOML
-    return '"' + "".join(_ESCAPES.get(c) or (f"\\u{ord(c):04x}" if ord(c) < 32 or ord(c) == 127 else c) for c in plain) + '"'
+    plain = text.encode(
+        "utf-8", "replace"
+    ).decode()  # bytes of a file's name that are no text have no place in TOML
+    return (
+        '"'
+        + "".join(
+            _ESCAPES.get(c) or (f"\\u{ord(c):04x}" if ord(c) < 32 or ord(c) == 127 else c) for c in plain
+        )
+        + '"'
+    )
 
 
 def _number(value: float) -> str:
     if not np.isfinite(value):
-        raise OutputError(f"The value {value} is no number and is not written to a sidecar; read the capture again.")
+        raise OutputError(
+            f"The value {value} is no number and is not written to a sidecar; read the capture again."
+        )
     return f"{value:.3f}".rstrip("0").rstrip(".") if value != round(value) else f"{round(value)}"
 
 
 def read(path: str | Path) -> Sheet:
-    """Read a sidecar; CaptureError says which section or line is wrong, and which is not known or said twice."""
+    """Read a sidecar; CaptureError says which section or line is wrong, and which is not known or
+    said twice.
+    """
     path = Path(path)
-    found = read_toml(path, CaptureError, "run `python -m nsm_core annotate` on its folder", "mend that line or delete the file")
+    found = read_toml(
+        path,
+        CaptureError,
+        "run `python -m nsm_core annotate` on its folder",
+        "mend that line or delete the file",
+    )
     frames = found.get("frames")
     if isinstance(frames, bool) or not isinstance(frames, int) or not 1 <= frames <= MOST_FRAMES:
-        raise CaptureError(f"{path.name}: `frames` must say how many frames the clip has, from 1 to {MOST_FRAMES}.")
-    table(found, path.name, CaptureError, ("clip", "frames", "actions", "contacts", "phase", "phase_mirrored", "goals", "proposal"))
+        raise CaptureError(
+            f"{path.name}: `frames` must say how many frames the clip has, from 1 to {MOST_FRAMES}."
+        )
+    table(
+        found,
+        path.name,
+        CaptureError,
+        ("clip", "frames", "actions", "contacts", "phase", "phase_mirrored", "goals", "proposal"),
+    )
     present = {k for k in ("phase", "phase_mirrored", "goals") if k in found}
     groups: dict[str, dict[str, list[Key]]] = {}
     for group, names in (("actions", LABELS), ("contacts", CONTACTS)):
         parts = table(found.get(group, {}), f"{path.name}, [{group}]", CaptureError)
         for part in parts:
             if part not in names:
-                raise CaptureError(f"{path.name}: [{group}.{shown(part)[1:-1]}] is not known; use one of {', '.join(names)}.")
-        groups[group] = {part: _keys(parts.get(part, {}), f"{path.name}, [{group}.{part}]", frames) for part in names}
+                raise CaptureError(
+                    f"{path.name}: [{group}.{shown(part)[1:-1]}] is not known; use one of {', '.join(names)}."
+                )
+        groups[group] = {
+            part: _keys(parts.get(part, {}), f"{path.name}, [{group}.{part}]", frames) for part in names
+        }
         present |= {f"{group}.{part}" for part in parts}
     phases = {k: _keys(found.get(k, {}), f"{path.name}, [{k}]", frames) for k in ("phase", "phase_mirrored")}
     listed_goals = listed(found.get("goals", []), f"{path.name}, [[goals]]", CaptureError)
-    goals = sorted((_goal(g, f"{path.name}, goal {n + 1}", frames) for n, g in enumerate(listed_goals)), key=lambda g: g.frame)
+    goals = sorted(
+        (_goal(g, f"{path.name}, goal {n + 1}", frames) for n, g in enumerate(listed_goals)),
+        key=lambda g: g.frame,
+    )
     for one, other in pairwise(goals):
         if one.frame == other.frame:
             raise CaptureError(f"{path.name}: two goals begin at frame {one.frame}; keep one of them.")
@@ -175,7 +236,9 @@ def _keys(found: object, where: str, frames: int) -> list[Key]:
         raise CaptureError(f"{where}: expected lines such as `12 = 1`.")
     for name, value in found.items():
         if not re.fullmatch(r"[0-9]{1,9}", name) or int(name) >= frames:
-            raise CaptureError(f"{where}: {shown(name)} is no frame of this clip; frames run from 0 to {frames - 1}.")
+            raise CaptureError(
+                f"{where}: {shown(name)} is no frame of this clip; frames run from 0 to {frames - 1}."
+            )
         if not is_number(value, 0, 1):
             raise CaptureError(f"{where}: frame {name} has the value {shown(value)}; it must be from 0 to 1.")
         if int(name) in keys:
@@ -195,18 +258,31 @@ def _goal(found: object, where: str, frames: int) -> GoalKey:
     if unknown or len(parts) > 2 or len(set(parts)) < len(parts):
         wrong, known = shown((unknown or [action])[0]), ", ".join(GOAL_ACTIONS)
         raise CaptureError(f"{where}: {wrong} is no action of a goal; use {known}, or two joined by +.")
-    kind = text(found.get("kind", "static" if "place" in found else "dynamic"), f"{where}: kind", CaptureError)
+    kind = text(
+        found.get("kind", "static" if "place" in found else "dynamic"), f"{where}: kind", CaptureError
+    )
     if kind not in _GOAL_KEYS:
         raise CaptureError(f"{where}: kind must be static or dynamic, not {shown(kind)}.")
     place = found.get("place")
-    if kind == "static" and not (isinstance(place, list) and len(place) == 3 and all(is_number(v, -MOST_FAR, MOST_FAR) for v in place)):
-        raise CaptureError(f"{where}: a static goal needs `place = [x, y, z]`, metres, each from {-MOST_FAR:g} to {MOST_FAR:g}.")
+    if kind == "static" and not (
+        isinstance(place, list) and len(place) == 3 and all(is_number(v, -MOST_FAR, MOST_FAR) for v in place)
+    ):
+        raise CaptureError(
+            f"{where}: a static goal needs `place = [x, y, z]`, metres, each from {-MOST_FAR:g} to "
+            f"{MOST_FAR:g}."
+        )
     table(found, where, CaptureError, ("frame", "action", "kind", "place", "facing", "ahead"))
     for key in ("place", "facing", "ahead"):
         if key in found and key not in _GOAL_KEYS[kind]:
             belongs = " and ".join(_GOAL_KEYS[kind])
-            raise CaptureError(f"{where}: {key} stands in a {kind} goal, which has {belongs}; change the one or the other.")
+            raise CaptureError(
+                f"{where}: {key} stands in a {kind} goal, which has {belongs}; change the one or the other."
+            )
     if kind == "dynamic":
-        return GoalKey(frame, action, ahead=number(found.get("ahead", 1.0), f"{where}: ahead", CaptureError, 0, MOST_AHEAD))
+        return GoalKey(
+            frame,
+            action,
+            ahead=number(found.get("ahead", 1.0), f"{where}: ahead", CaptureError, 0, MOST_AHEAD),
+        )
     facing = number(found.get("facing", 0.0), f"{where}: facing", CaptureError, -MOST_TURN, MOST_TURN)
     return GoalKey(frame, action, tuple(float(v) for v in place), facing)

@@ -17,7 +17,9 @@ _LEVEL = 0.5  # legs' lengths that the hips of who does not climb stay within
 
 
 def axes_of(up: Array, forward: Array | None = None) -> Array:
-    """Rotation (3, 3) from axes with this ``up`` and ``forward`` (3,) to Z up, facing -Y; any level ``forward`` where none is told."""
+    """Rotation (3, 3) from axes with this ``up`` and ``forward`` (3,) to Z up, facing -Y; any level
+    ``forward`` where none is told.
+    """
     if forward is None:
         forward = np.array((0, -1.0, 0)) if abs(up[2]) > 0.5 else np.array((0, 0, 1.0))
     return np.stack((np.cross(up, forward), -forward, up))
@@ -41,16 +43,20 @@ def standing_up(source: Bvh, joints: dict[str, int]) -> Array | None:
 def world_up(source: Bvh, joints: dict[str, int]) -> Array:
     """The axis (3,) of a file that points up.
 
-    By the first frame where that is a T-pose; else by the offsets where these stand, so that who lies or crawls stays lying; else by
-    where the head is over the ankles.  Where offsets and motion disagree, the file may have a root that turns offsets upright:
-    then the ankles walk near zero of the axis of the motion, and the hips do not keep a height of the axis of the offsets.
+    By the first frame where that is a T-pose; else by the offsets where these stand, so that who lies or
+    crawls stays lying; else by
+    where the head is over the ankles.  Where offsets and motion disagree, the file may have a root that turns
+    offsets upright: then the ankles walk near zero of the axis of the motion, and the hips do not keep a
+    height of the axis of the offsets.
     """
     positions, _ = source[:: max(1, len(source) // _LOOKS)].world()
     moving = _tall(positions, joints)
     first = _tall(positions[:1], joints)
     standing = standing_up(source, joints)
     if first.any() and is_rest(_first_pose(source, axes_of(first)), joints, arms=25.0):
-        return first if standing is None or _stands_along(first, standing, positions[:1], joints) else standing
+        return (
+            first if standing is None or _stands_along(first, standing, positions[:1], joints) else standing
+        )
     if standing is None or not moving.any():
         return moving if standing is None else standing
     return moving if _stands_along(moving, standing, positions, joints) else standing
@@ -62,7 +68,9 @@ def _first_pose(source: Bvh, axes: Array) -> Frames:
 
 
 def _tall(positions: Array, joints: dict[str, int]) -> Array:
-    """The axis nearest to the way from the ankles to the head, on the median of (T, N, 3); zero where there is none."""
+    """The axis nearest to the way from the ankles to the head, on the median of (T, N, 3); zero where there
+    is none.
+    """
     tall = positions[:, joints["Head"]] - positions[:, [joints[s + "Ankle"] for s in SIDES]].mean(1)
     up = np.median(tall, axis=0)
     axis = np.zeros(3)
@@ -72,8 +80,12 @@ def _tall(positions: Array, joints: dict[str, int]) -> Array:
 
 
 def _stands_along(moving: Array, standing: Array, positions: Array, joints: dict[str, int]) -> bool:
-    """Whether a motion (T, N, 3) stands along ``moving`` on a floor at zero, and does not lie over one along ``standing``."""
-    if (moving == standing).all() or moving.min() < 0 or not moving[1:].any():  # no file has its up at -Y, -Z or along X
+    """Whether a motion (T, N, 3) stands along ``moving`` on a floor at zero, and does not lie over one along
+    ``standing``.
+    """
+    if (
+        (moving == standing).all() or moving.min() < 0 or not moving[1:].any()
+    ):  # no file has its up at -Y, -Z or along X
         return False
     leg = sum(
         float(np.median(np.linalg.norm(positions[:, joints[s + a]] - positions[:, joints[s + b]], axis=-1)))

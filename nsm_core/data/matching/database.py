@@ -23,8 +23,8 @@ class Library:
 
     ``hips`` (N, 3) and ``rotations`` (N, J, 4) as captured; ``root`` (N, 2) and ``heading`` (N,) smoothed;
     ``pose`` (N, J, 3) and ``velocity`` (N, J, 3) joints in the root frame, m and m/s; ``contacts`` (N, 2);
-    ``start`` and ``end`` (N,): first and one-past-last frame of the clip a frame belongs to; ``phase`` (N,), cycles, as its
-    sidecar says it, NaN where it follows from the motion.
+    ``start`` and ``end`` (N,): first and one-past-last frame of the clip a frame belongs to; ``phase`` (N,),
+    cycles, as its sidecar says it, NaN where it follows from the motion.
     """
 
     names: tuple[str, ...]
@@ -50,7 +50,20 @@ def build_library(clips: list[Clip]) -> Library:
     if not clips:
         raise CaptureError("no usable clip was found; name a folder with the captures' BVH files.")
     parts: dict[str, list[Array]] = {
-        k: [] for k in ("clip_of", "start", "end", "hips", "rotations", "root", "heading", "pose", "velocity", "contacts", "phase")
+        k: []
+        for k in (
+            "clip_of",
+            "start",
+            "end",
+            "hips",
+            "rotations",
+            "root",
+            "heading",
+            "pose",
+            "velocity",
+            "contacts",
+            "phase",
+        )
     }
     offset = 0
     for number, clip in enumerate(clips):
@@ -70,29 +83,9 @@ def build_library(clips: list[Clip]) -> Library:
         parts["pose"].append(rotate_planar(local, -heading[:, None]))
         parts["velocity"].append(rotate_planar(velocity, -heading[:, None]))
         stands = detect_foot_contacts(positions)
-        parts["contacts"].append(stands if clip.feet is None else np.where(np.isfinite(clip.feet), clip.feet > 0.5, stands))
+        parts["contacts"].append(
+            stands if clip.feet is None else np.where(np.isfinite(clip.feet), clip.feet > 0.5, stands)
+        )
         parts["phase"].append(np.full(n, np.nan) if clip.phase is None else clip.phase[:, 0])
         offset += n
     return Library(tuple(c.name for c in clips), **{k: np.concatenate(v) for k, v in parts.items()})
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-

@@ -1,16 +1,27 @@
-"""Join captured pieces into one motion without a pop: root alignment, decaying offsets, feet held through seams."""
+"""Join captured pieces into one motion without a pop: root alignment, decaying offsets, feet held through
+seams.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from nsm_core.body.clip import transform
-from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul, quat_normalize, quat_to_rotvec
+from nsm_core.rotations import (
+    Array,
+    quat_conjugate,
+    quat_from_rotvec,
+    quat_mul,
+    quat_normalize,
+    quat_to_rotvec,
+)
 
 BLEND_FRAMES = 14  # how long the offset across a seam takes to fade
 
 
-def place(hips: Array, rotations: Array, root: Array, heading: Array, to_root: Array, to_heading: Array) -> tuple[Array, Array]:
+def place(
+    hips: Array, rotations: Array, root: Array, heading: Array, to_root: Array, to_heading: Array
+) -> tuple[Array, Array]:
     """Move frames (T, ...) rigidly so that their roots (T, 2), (T,) come to lie on other roots."""
     turn = (to_heading - heading).astype(hips.dtype)
     moved = hips.copy()
@@ -22,7 +33,8 @@ def place(hips: Array, rotations: Array, root: Array, heading: Array, to_root: A
 def _quintic(count: int, blend: int) -> tuple[Array, Array]:
     """Weights (count,) of an offset and of its speed (per frame) that fade to rest over ``blend`` frames.
 
-    Quintic Hermite basis: value, speed and acceleration are zero at the end.  Frame 0 is the one after the offset was met.
+    Quintic Hermite basis: value, speed and acceleration are zero at the end.  Frame 0 is the one after the
+    offset was met.
     """
     x = np.clip(np.arange(1, count + 1) / blend, 0, 1)
     value = 1 - 10 * x**3 + 15 * x**4 - 6 * x**5
@@ -33,8 +45,8 @@ def _quintic(count: int, blend: int) -> tuple[Array, Array]:
 def soften_seam(hips: Array, rotations: Array, seam: int, blend: int = BLEND_FRAMES) -> None:
     """Remove the jump of pose and speed at frame ``seam`` of a motion (T, ...), in place.
 
-    What the frames after the seam lack against the continuation of those before it, in place and in speed, is added
-    and fades away over ``blend`` frames (inertialisation).
+    What the frames after the seam lack against the continuation of those before it, in place and in speed, is
+    added and fades away over ``blend`` frames (inertialisation).
     """
     if not 2 <= seam < len(hips) - 2:
         return
@@ -48,4 +60,6 @@ def soften_seam(hips: Array, rotations: Array, seam: int, blend: int = BLEND_FRA
     expected = quat_mul(quat_from_rotvec(-turn_after), rotations[seam])
     turned = quat_to_rotvec(quat_mul(rotations[seam - 1], quat_conjugate(expected)))
     fading = value[:, None, None] * turned[None] + speed[:, None, None] * (turn_before - turn_after)[None]
-    rotations[seam : seam + n] = quat_normalize(quat_mul(quat_from_rotvec(fading), rotations[seam : seam + n]))
+    rotations[seam : seam + n] = quat_normalize(
+        quat_mul(quat_from_rotvec(fading), rotations[seam : seam + n])
+    )

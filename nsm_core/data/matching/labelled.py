@@ -1,4 +1,6 @@
-"""What the composer takes from clips with sidecars: stretches of walking and running, sit-downs and grasps, by their labels."""
+"""What the composer takes from clips with sidecars: stretches of walking and running, sit-downs and grasps,
+by their labels.
+"""
 
 from __future__ import annotations
 
@@ -23,14 +25,18 @@ from .segment import SitDown
 SHORTEST = 30  # frames of a stretch
 ABOUT_RUN = round(1.5 * FPS)  # frames before and after running that belong to a run
 UPRIGHT, RUNNING = 0.8, 0.6  # metres that the hips keep above the floor in walks, and in runs
-LEVEL = 0.09  # metres: height of the lower toe joint, at its lowest within a quarter of a second, on level ground
+LEVEL = (
+    0.09  # metres: height of the lower toe joint, at its lowest within a quarter of a second, on level ground
+)
 AWAY = 0.3  # metres that a goal written by hand may lie from the hips that sit there
 SHUFFLE = 0.15  # metres that a foot moves at most during a sit
 _OTHERS = ("carry", "open", "sit", "climb", "other")
 
 
 def lines(labelled: Labelled, name: str) -> Array:
-    """Values (T,) of a label as the sidecar has them, without the shares that labels take from one another."""
+    """Values (T,) of a label as the sidecar has them, without the shares that labels take from one
+    another.
+    """
     keys, frames = labelled.sheet.actions.get(name, []), np.arange(labelled.sheet.frames)
     return np.interp(frames, *zip(*keys, strict=True)) if keys else np.zeros(len(frames))
 
@@ -51,12 +57,20 @@ def as_told(labelled: Labelled) -> Labelled:
 
 def _columns(values: list[Array], told: list[bool]) -> Array | None:
     """Columns (T, k) of ``values``, NaN in those that nobody has told; None if that are all."""
-    return np.stack([np.where(t, v, np.nan) for v, t in zip(values, told, strict=True)], axis=1) if any(told) else None
+    return (
+        np.stack([np.where(t, v, np.nan) for v, t in zip(values, told, strict=True)], axis=1)
+        if any(told)
+        else None
+    )
 
 
 def _around(flags: Array, reach: int) -> Array:
     """Flags (T,) spread to ``reach`` frames before and after."""
-    return np.convolve(flags, np.ones(2 * reach + 1), mode="same")[: len(flags)] > 0.5 if len(flags) > 2 * reach else flags | flags.any()
+    return (
+        np.convolve(flags, np.ones(2 * reach + 1), mode="same")[: len(flags)] > 0.5
+        if len(flags) > 2 * reach
+        else flags | flags.any()
+    )
 
 
 def walks_and_runs(labelled: Labelled) -> tuple[list[Clip], list[Clip]]:
@@ -85,9 +99,11 @@ def part(clip: Clip, first: int, end: int) -> Clip:
 
 
 def sit_downs(labelled: Labelled) -> list[SitDown]:
-    """Cut out where the sit label rises from 0 to 1 and falls to 0, upright before and after, the feet in place.
+    """Cut out where the sit label rises from 0 to 1 and falls to 0, upright before and after, the feet in
+    place.
 
-    Goals that a person wrote say where the seat is and when rising is asked for; CaptureError where the hips sit elsewhere.
+    Goals that a person wrote say where the seat is and when rising is asked for; CaptureError where the hips
+    sit elsewhere.
     """
     clip, value, found = labelled.clip, lines(labelled, "sit"), []
     height = clip.hips_position[:, 2]
@@ -97,13 +113,19 @@ def sit_downs(labelled: Labelled) -> list[SitDown]:
             continue  # begins or ends seated
         cut, down, up = part(clip, a - 1, b + 1), int(full[0]) - a + 1, int(full[-1]) - a + 1
         ends = min(height[a - 1], height[b])
-        if ends > max(UPRIGHT, float(np.median(height[full])) + 0.15) and len(cut) >= SHORTEST and _stays(cut):
+        if (
+            ends > max(UPRIGHT, float(np.median(height[full])) + 0.15)
+            and len(cut) >= SHORTEST
+            and _stays(cut)
+        ):
             found.append(SitDown(cut, down, up, *_goal(labelled, a - 1, int(full[0]), int(full[-1]))))
     return found
 
 
 def _goal(labelled: Labelled, first: int, full: int, leave: int) -> tuple[Array | None, int | None]:
-    """What the goals of a sidecar, if they are a person's, say of the sit from ``full`` to ``leave``: see ``SitDown``."""
+    """What the goals of a sidecar, if they are a person's, say of the sit from ``full`` to ``leave``: see
+    ``SitDown``.
+    """
     goals = labelled.sheet.goals if labelled.sheet.says("goals") else []
     n = max((k for k, g in enumerate(goals) if g.frame <= full), default=-1)
     if n < 0 or "sit" not in goals[n].action.split("+") or goals[n].place is None:
@@ -113,7 +135,8 @@ def _goal(labelled: Labelled, first: int, full: int, leave: int) -> tuple[Array 
     off = np.asarray(goal.place) - hips
     if np.linalg.norm(off) > AWAY:
         raise CaptureError(
-            f"{labelled.clip.name}{SUFFIX}: the sit goal of frame {goal.frame} lies {np.linalg.norm(off):.1f} m from the hips that sit, "
+            f"{labelled.clip.name}{SUFFIX}: the sit goal of frame {goal.frame} lies "
+            f"{np.linalg.norm(off):.1f} m from the hips that sit, "
             f"at [{', '.join(f'{v:.2f}' for v in hips)}]; put it within {AWAY:g} m of them."
         )
     off[:2] = rotate_planar(off[:2], np.float64(-heading))
@@ -122,7 +145,9 @@ def _goal(labelled: Labelled, first: int, full: int, leave: int) -> tuple[Array 
 
 
 def sitting(clip: Clip, full: int, leave: int) -> tuple[Array, float]:
-    """Hips (3,), metres, and heading, radians, amid a sit that is complete from frame ``full`` to ``leave``."""
+    """Hips (3,), metres, and heading, radians, amid a sit that is complete from frame ``full`` to
+    ``leave``.
+    """
     middle = (full + leave) // 2
     positions = clip.world()[0]
     return positions[middle, HIPS].astype(np.float64), float(smoothed_root(positions)[1][middle])

@@ -30,7 +30,9 @@ _UPPER_JOINTS = tuple(INDEX[n] for n in ("RightWrist", "LeftWrist", "Head"))
 
 @dataclass(frozen=True)
 class FoundCourse:
-    """A walked course: library ``frames`` (T,), the root placed in the world (T, 2) and (T,), frames of ``seams``."""
+    """A walked course: library ``frames`` (T,), the root placed in the world (T, 2) and (T,), frames of
+    ``seams``.
+    """
 
     frames: Array
     root: Array
@@ -60,8 +62,12 @@ class Matcher:
             "facing": np.concatenate(facing, axis=1),
         }
         among = slice(None) if searchable is None else searchable
-        self._scale = {k: _WEIGHTS[k] / (v[among].std(axis=0).mean() * np.sqrt(v.shape[1])) for k, v in groups.items()}
-        self._features = np.concatenate([v * self._scale[k] for k, v in groups.items()], axis=1).astype(np.float32)
+        self._scale = {
+            k: _WEIGHTS[k] / (v[among].std(axis=0).mean() * np.sqrt(v.shape[1])) for k, v in groups.items()
+        }
+        self._features = np.concatenate([v * self._scale[k] for k, v in groups.items()], axis=1).astype(
+            np.float32
+        )
         self._sizes = {k: v.shape[1] for k, v in groups.items()}
         self._norm = (self._features**2).sum(axis=1)
         remaining = library.end - n
@@ -75,7 +81,9 @@ class Matcher:
         """Feature vector of a frame's pose with another desired future: (3, 2) and (3,) in its root frame."""
         q = self._features[frame].copy()
         turn = np.stack((np.sin(facing), np.cos(facing)), axis=1).ravel()
-        q[-self._trajectory :] = np.concatenate((future.ravel() * self._scale["future"], turn * self._scale["facing"]))
+        q[-self._trajectory :] = np.concatenate(
+            (future.ravel() * self._scale["future"], turn * self._scale["facing"])
+        )
         return q
 
     def costs(self, q: Array) -> Array:
@@ -84,9 +92,17 @@ class Matcher:
         return np.where(self._allowed, d, np.inf)
 
     def follow(
-        self, course: Course, start_frame: int, root: Array, heading: float, rng: np.random.Generator, period: int = 10, limit: int = 450
+        self,
+        course: Course,
+        start_frame: int,
+        root: Array,
+        heading: float,
+        rng: np.random.Generator,
+        period: int = 10,
+        limit: int = 450,
     ) -> FoundCourse | None:
-        """Walk the course from a library frame placed at ``root`` (2,), ``heading`` until it stands at its end.
+        """Walk the course from a library frame placed at ``root`` (2,), ``heading`` until it stands at its
+        end.
 
         The root is steered a little towards the course while the body moves; feet are set right afterwards.
         Returns None where the character does not come to rest at the end within ``limit`` frames.
@@ -103,7 +119,9 @@ class Matcher:
             ending = f + 1 >= lib.end[f] - 1
             if ending or since >= period:
                 future, facing, _ = course.preview(speed, HORIZON)
-                q = self.query(f, rotate_planar(future - root, np.full(3, -heading)), wrap_angle(facing - heading))
+                q = self.query(
+                    f, rotate_planar(future - root, np.full(3, -heading)), wrap_angle(facing - heading)
+                )
                 cost = self.costs(q)
                 # A little noise of the costs lets the same course be walked in several ways.
                 best = int(np.argmin(cost * rng.uniform(1.0, 1.15, size=len(cost)).astype(np.float32)))
@@ -125,14 +143,21 @@ class Matcher:
                 np.linalg.norm(lib.velocity[f, HIPS, :2]) < 0.12
                 and np.linalg.norm(lib.velocity[f, list(_POSE_JOINTS)], axis=1).max() < 0.25
             )
-            near = course.length - course.progress < 0.25 and abs(wrap_angle(course.final_heading - heading)) < 0.35
+            near = (
+                course.length - course.progress < 0.25
+                and abs(wrap_angle(course.final_heading - heading)) < 0.35
+            )
             resting = resting + 1 if still and near else 0
             if resting > 4:
                 return FoundCourse(np.array(frames), np.array(roots), np.array(headings), tuple(seams))
         return None
 
-    def _steering(self, f: int, future: Array, facing: Array, root: Array, heading: float) -> tuple[float, Array]:
-        """Turn rate (rad/s) and drift (2,), m/s, that lead a frame's own future towards the desired one, limited."""
+    def _steering(
+        self, f: int, future: Array, facing: Array, root: Array, heading: float
+    ) -> tuple[float, Array]:
+        """Turn rate (rad/s) and drift (2,), m/s, that lead a frame's own future towards the desired one,
+        limited.
+        """
         lib, h = self.library, HORIZON[1]
         later = min(f + h, int(lib.end[f]) - 1)
         own = root + rotate_planar(rotate_planar(lib.root[later] - lib.root[f], -lib.heading[f]), heading)

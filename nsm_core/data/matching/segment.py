@@ -14,7 +14,8 @@ from nsm_core.rotations import Array
 class Segment:
     """A captured piece that is played as a whole: a clip and frames in it by name.
 
-    ``goal`` (4,) is where its goal lies as seen from the hips amid it and their heading, x, y, z, metres, and heading, radians;
+    ``goal`` (4,) is where its goal lies as seen from the hips amid it and their heading, x, y, z, metres, and
+    heading, radians;
     None: right there.
     """
 
@@ -24,7 +25,11 @@ class Segment:
 
     def mirrored(self) -> Segment:
         """The piece reflected left to right."""
-        return Segment(self.clip.mirrored(), self.marks, None if self.goal is None else self.goal * np.array((-1, 1, 1, -1)))
+        return Segment(
+            self.clip.mirrored(),
+            self.marks,
+            None if self.goal is None else self.goal * np.array((-1, 1, 1, -1)),
+        )
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,9 @@ class SitDown:
 
 @dataclass(frozen=True)
 class LaidSegment:
-    """A segment in a library: its ``first`` frame, one past its ``last``, its marks, library indices, and its goal."""
+    """A segment in a library: its ``first`` frame, one past its ``last``, its marks, library indices, and its
+    goal.
+    """
 
     first: int
     last: int

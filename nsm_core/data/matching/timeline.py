@@ -12,7 +12,9 @@ from .database import Library
 
 
 class Tape:
-    """Fractional library ``frames`` with the ``roots`` (2,) and ``headings`` each is put on, and where pieces meet (``seams``)."""
+    """Fractional library ``frames`` with the ``roots`` (2,) and ``headings`` each is put on, and where pieces
+    meet (``seams``).
+    """
 
     def __init__(self, library: Library, rng: np.random.Generator) -> None:
         self.lib, self.rng = library, rng
@@ -24,8 +26,12 @@ class Tape:
     def __len__(self) -> int:
         return len(self.frames)
 
-    def lay(self, frames: Array, roots: Array, headings: Array, seams: tuple[int, ...] = (), seam: bool = True) -> None:
-        """Lay library ``frames`` (n,) with their ``roots`` (n, 2) and ``headings`` (n,) on; ``seams`` count from the first of them."""
+    def lay(
+        self, frames: Array, roots: Array, headings: Array, seams: tuple[int, ...] = (), seam: bool = True
+    ) -> None:
+        """Lay library ``frames`` (n,) with their ``roots`` (n, 2) and ``headings`` (n,) on; ``seams`` count
+        from the first of them.
+        """
         start = len(self)
         if seam and start:
             self.seams.append(start)
@@ -54,19 +60,25 @@ class Tape:
         self.run_on(where, seam)
 
     def stand(self, seconds: float) -> None:
-        """Go on standing: as the capture does, where it stands still for that long, else by holding its last frame."""
+        """Go on standing: as the capture does, where it stands still for that long, else by holding its last
+        frame.
+        """
         last = int(self.frames[-1])
         end = int(self.lib.end[last])
         count = int(seconds * FPS)
         captured = np.arange(last + 1, min(last + 1 + count, end - 1))
-        speeds = np.linalg.norm(self.lib.velocity[captured, HIPS, :2], axis=1) if len(captured) else np.ones(1)
+        speeds = (
+            np.linalg.norm(self.lib.velocity[captured, HIPS, :2], axis=1) if len(captured) else np.ones(1)
+        )
         if len(captured) >= count and speeds.max() < 0.12:
             self.run_on(captured, seam=False)
         else:
             self.stay(seconds)
 
     def stay(self, seconds: float) -> None:
-        """Hold the last frame, whatever the capture goes on to do: after a bend, which is captured once and played to and fro."""
+        """Hold the last frame, whatever the capture goes on to do: after a bend, which is captured once and
+        played to and fro.
+        """
         self.hold(int(self.frames[-1]), int(seconds * FPS), 1, seam=False)
 
     def trim(self, length: int) -> None:

@@ -1,7 +1,9 @@
-"""Compose goal-directed performances from captures: stand, walk, act on objects, walk on, in a furnished scene.
+"""Compose goal-directed performances from captures: stand, walk, act on objects, walk on, in a furnished
+scene.
 
-The captures hold actions without an approach and walks without a goal.  A course is drawn to a place where nothing
-stands, captured frames walk it (``search``), the action is stitched to its end and its objects are put where the body
+The captures hold actions without an approach and walks without a goal.  A course is drawn to a place where
+nothing stands, captured frames walk it (``search``), the action is stitched to its end and its objects are
+put where the body
 needs them.  Everything else is furnished around the path that was walked.
 """
 
@@ -19,7 +21,14 @@ from nsm_core.conventions import FOOT_CONTACTS, FPS
 from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.matching.inertialization import place, soften_seam
 from nsm_core.data.matching.source import Source, gather
-from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul, quat_normalize, quat_to_rotvec
+from nsm_core.rotations import (
+    Array,
+    quat_conjugate,
+    quat_from_rotvec,
+    quat_mul,
+    quat_normalize,
+    quat_to_rotvec,
+)
 from nsm_core.signals import intervals
 from nsm_core.world.assets.pool import Pool
 
@@ -37,20 +46,31 @@ ATTEMPTS = 4  # draws for each part that is wanted
 
 
 def load(captures: str | Path | CaptureFolder) -> Source:
-    """Read a capture folder, or what its index names; CaptureError or SkeletonError where a file is unusable."""
+    """Read a capture folder, or what its index names; CaptureError or SkeletonError where a file is
+    unusable.
+    """
     folder = captures if isinstance(captures, CaptureFolder) else CaptureFolder(captures)
     kinds = sorted(SCENARIOS.items(), key=lambda kind: kind[1].order)
-    return gather(folder, {name: scenario.segments(folder) for name, scenario in kinds if scenario.segments is not None})
+    return gather(
+        folder, {name: scenario.segments(folder) for name, scenario in kinds if scenario.segments is not None}
+    )
 
 
 class Composer:
     """Composes takes from a source; one seed, one take.
 
-    ``shares`` overrides how often each part is drawn; furniture comes from ``pool`` (default: the parametric generator alone).
-    Without ``stitch`` a take is one captured piece on its own (see ``single_clips``), to show what stitching brings.
+    ``shares`` overrides how often each part is drawn; furniture comes from ``pool`` (default: the parametric
+    generator alone).  Without ``stitch`` a take is one captured piece on its own (see ``single_clips``), to
+    show what stitching brings.
     """
 
-    def __init__(self, source: Source, shares: dict[str, float] | None = None, pool: Pool | None = None, stitch: bool = True) -> None:
+    def __init__(
+        self,
+        source: Source,
+        shares: dict[str, float] | None = None,
+        pool: Pool | None = None,
+        stitch: bool = True,
+    ) -> None:
         self.source, self.pool, self.stitch = source, pool, stitch
         shares = {name: scenario.share for name, scenario in SCENARIOS.items()} if shares is None else shares
         self.shares = {name: share for name, share in shares.items() if share > 0}
@@ -88,8 +108,14 @@ def _part(session: Session, name: str) -> bool:
 
 
 def _play_alone(session: Session, shares: dict[str, float]) -> bool:
-    """Lay one captured piece with its commands; shares of what the captures do not hold (doors, climbs) do not count."""
-    pieces = [(share, alone) for share, alone in ((share, SCENARIOS[name].alone) for name, share in shares.items()) if alone is not None]
+    """Lay one captured piece with its commands; shares of what the captures do not hold (doors, climbs) do
+    not count.
+    """
+    pieces = [
+        (share, alone)
+        for share, alone in ((share, SCENARIOS[name].alone) for name, share in shares.items())
+        if alone is not None
+    ]
     if not pieces:
         return False
     weights = np.array([share for share, _ in pieces])
@@ -97,14 +123,18 @@ def _play_alone(session: Session, shares: dict[str, float]) -> bool:
 
 
 def _finish(session: Session, shortest: int) -> ComposedTake | None:
-    """Turn the tape into motion, fit the episodes and furnish the scene; None where it is of no use or ``shortest`` frames are more."""
+    """Turn the tape into motion, fit the episodes and furnish the scene; None where it is of no use or
+    ``shortest`` frames are more.
+    """
     tape, rng = session.tape, session.rng
     if len(tape) < shortest:
         return None
     hips, rotations, feet, frames = _played(session)
     for seam in tape.seams:
         soften_seam(hips, rotations, seam)
-    motion = Motion(hips, rotations, np.array(tape.roots), np.array(tape.headings), feet, list(session.commands), rng)
+    motion = Motion(
+        hips, rotations, np.array(tape.roots), np.array(tape.headings), feet, list(session.commands), rng
+    )
     for episode in session.episodes:
         episode.fit(motion)
     motion.rotations = lift_swinging_feet(motion.hips, motion.rotations, motion.feet)
@@ -134,14 +164,18 @@ def _finish(session: Session, shortest: int) -> ComposedTake | None:
 
 
 def _slow(motion: Motion) -> Array:
-    """Which toes (T, 2) rest: a label of a foot that a seam or an object has set moving would teach sliding."""
+    """Which toes (T, 2) rest: a label of a foot that a seam or an object has set moving would teach
+    sliding.
+    """
     toes = forward_kinematics(motion.hips, motion.rotations)[0][:, [leg[3] for leg in FEET]]
     speed = np.linalg.norm(np.gradient(toes, axis=0), axis=-1) * FPS
     return speed < RESTING
 
 
 def _played(session: Session) -> tuple[Array, Array, Array, Array]:
-    """Hips (T, 3), rotations (T, J, 4), standing feet (T, 2) and library frames (T,) of a tape, between frames interpolated."""
+    """Hips (T, 3), rotations (T, J, 4), standing feet (T, 2) and library frames (T,) of a tape, between
+    frames interpolated.
+    """
     lib, tape = session.lib, session.tape
     f = np.array(tape.frames)
     i = np.minimum(f.astype(int), len(lib) - 2)
@@ -156,7 +190,8 @@ def _played(session: Session) -> tuple[Array, Array, Array, Array]:
 
 
 def _told_phase(session: Session) -> Array | None:
-    """Phase (T,), cycles, as sidecars say it of the frames that are played on as captured; NaN elsewhere, None if nowhere.
+    """Phase (T,), cycles, as sidecars say it of the frames that are played on as captured; NaN elsewhere,
+    None if nowhere.
 
     About seams, and where a frame is held or played slowly or backward, the rule leads from one to the next.
     """
@@ -188,7 +223,8 @@ def _ordered(commands: list[TimedCommand], session: Session) -> list[TimedComman
             frame = result[-1].frame + 1
         result.append(TimedCommand(frame, c.action, c.position, c.heading, c.thing))
     if early is not None:
-        # A dropped stop at the very end leaves the action before in force although the body leaves it: ask to stand there.
+        # A dropped stop at the very end leaves the action before in force although the body leaves it: ask to
+        # stand there.
         at, facing = session.tape.roots[-1], session.tape.headings[-1]
         result.append(TimedCommand(early, "idle", np.append(at, 0).astype(np.float32), facing))
     return result
@@ -200,5 +236,12 @@ def _provenance(session: Session, i: Array) -> list[Piece]:
     clip = lib.clip_of[i]
     jumps = np.flatnonzero((np.abs(np.diff(i)) > 2) | (np.diff(clip) != 0)) + 1
     for a, b in zip([0, *jumps], [*jumps, len(i)], strict=True):
-        result.append(Piece(lib.names[clip[a]], int(i[a] - lib.start[i[a]]), int(i[b - 1] - lib.start[i[a]] + 1), int(b - a)))
+        result.append(
+            Piece(
+                lib.names[clip[a]],
+                int(i[a] - lib.start[i[a]]),
+                int(i[b - 1] - lib.start[i[a]] + 1),
+                int(b - a),
+            )
+        )
     return result

@@ -18,13 +18,22 @@ if TYPE_CHECKING:
 
 OBSTACLES = ("table", "desk", "cabinet", "box", "chair", "armchair", "sofa", "wall", "stool", "table")
 WAY_ROOM = 0.36  # metres that the walked path keeps from furniture
-HOLES, THROUGH = 0.3, 0.34  # share of takes with a wall that is walked through; metres the path keeps from its opening's sides
+HOLES, THROUGH = (
+    0.3,
+    0.34,
+)  # share of takes with a wall that is walked through; metres the path keeps from its opening's sides
 
 
 def furnish(take: ComposedTake, roots: Array, session: Session, rng: np.random.Generator) -> None:
-    """Put furniture about the walked path (T, 2), never on it, preferably inside the detours; changes the take."""
-    busy = [(t.track(len(take))[0, :2], 0.5 * float(np.linalg.norm(t.furniture.size[:2]))) for t in take.things]
-    busy += [(t.poses[-1, :2], 0.5 * float(np.linalg.norm(t.furniture.size[:2]))) for t in take.things if t.moves]
+    """Put furniture about the walked path (T, 2), never on it, preferably inside the detours; changes the
+    take.
+    """
+    busy = [
+        (t.track(len(take))[0, :2], 0.5 * float(np.linalg.norm(t.furniture.size[:2]))) for t in take.things
+    ]
+    busy += [
+        (t.poses[-1, :2], 0.5 * float(np.linalg.norm(t.furniture.size[:2]))) for t in take.things if t.moves
+    ]
     busy += [(o.position, 0.5 * float(np.linalg.norm(o.furniture.size[:2]))) for o in take.obstacles]
     busy += [(place, 0.6) for e in session.episodes for place, _ in e.places]
 
@@ -46,17 +55,28 @@ def furnish(take: ComposedTake, roots: Array, session: Session, rng: np.random.G
         _wall_with_a_hole(take, roots, session, rng, busy)
     for middle in session.detours:
         for _ in range(3):
-            try_put(middle + rng.normal(0, 0.12, 2), str(rng.choice(("table", "box", "cabinet", "chair", "stool", "desk"))))
+            try_put(
+                middle + rng.normal(0, 0.12, 2),
+                str(rng.choice(("table", "box", "cabinet", "chair", "stool", "desk"))),
+            )
     for _ in range(int(rng.integers(0, 26))):
         at = roots[rng.integers(len(roots))]
         angle = rng.uniform(-np.pi, np.pi)
-        try_put(at + rng.uniform(0.5, 2.4) * np.array((np.cos(angle), np.sin(angle))), str(rng.choice(OBSTACLES)))
+        try_put(
+            at + rng.uniform(0.5, 2.4) * np.array((np.cos(angle), np.sin(angle))), str(rng.choice(OBSTACLES))
+        )
 
 
 def _wall_with_a_hole(
-    take: ComposedTake, roots: Array, session: Session, rng: np.random.Generator, busy: list[tuple[Array, float]]
+    take: ComposedTake,
+    roots: Array,
+    session: Session,
+    rng: np.random.Generator,
+    busy: list[tuple[Array, float]],
 ) -> None:
-    """Put a wall across the path so that it leads through its opening, if no other part of the path meets the wall."""
+    """Put a wall across the path so that it leads through its opening, if no other part of the path meets the
+    wall.
+    """
     step = roots[10:] - roots[:-10]
     moving = np.flatnonzero(np.linalg.norm(step, axis=1) > 0.25)
     for _ in range(6):
@@ -66,7 +86,9 @@ def _wall_with_a_hole(
         piece = session.draw("hole_wall")
         if piece.opening is None:
             continue
-        heading = float(direction_to_heading(step[f])) + float(rng.choice((0, np.pi))) + float(rng.normal(0, 0.15))
+        heading = (
+            float(direction_to_heading(step[f])) + float(rng.choice((0, np.pi))) + float(rng.normal(0, 0.15))
+        )
         middle = 0.5 * (piece.opening[0] + piece.opening[1]) + rng.uniform(-0.06, 0.06)
         position = roots[f + 5] - rotate_planar(np.array((middle, 0.0)), np.float64(heading))
         wall = furniture.cuboids([(piece, position, heading)])
@@ -82,23 +104,30 @@ def _wall_with_a_hole(
 
 
 def _swept(take: ComposedTake) -> Array:
-    """Points (N, 3) float32, world, spread over things that move, where they are in every fourth frame of their way."""
+    """Points (N, 3) float32, world, spread over things that move, where they are in every fourth frame of
+    their way.
+    """
     points = [np.zeros((0, 3))]
     for thing in take.things:
         if not thing.moves:
             continue
         lo, hi = thing.furniture.mins.min(0), thing.furniture.maxs.max(0)
-        grid = np.stack(np.meshgrid(*np.linspace(lo, hi, 4).T, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.float64)
+        grid = (
+            np.stack(np.meshgrid(*np.linspace(lo, hi, 4).T, indexing="ij"), axis=-1)
+            .reshape(-1, 3)
+            .astype(np.float64)
+        )
         for x, y, z, heading in np.unique(thing.poses[::4], axis=0):
             points.append(rotate_planar(grid, np.float64(heading)) + (x, y, z))
     return np.concatenate(points).astype(np.float32)
 
 
 def keep_clear(take: ComposedTake, fixed: int = 0, seat_depth: float = 0.09, depth: float = 0.05) -> bool:
-    """Take away obstacles that the body enters deeper than ``depth``, metres, or things moved do; False where a seat is walked into.
+    """Take away obstacles that the body enters deeper than ``depth``, metres, or things moved do; False where
+    a seat is walked into.
 
-    The first ``fixed`` obstacles belong to episodes and stay: False where one is entered deeper than ``seat_depth``.  Calves
-    brush a seat's edge in the turn before it, hence that allowance.
+    The first ``fixed`` obstacles belong to episodes and stay: False where one is entered deeper than
+    ``seat_depth``.  Calves brush a seat's edge in the turn before it, hence that allowance.
     """
     kept = take.obstacles[:fixed]
     own = furniture.cuboids([(o.furniture, o.position, o.heading) for o in kept])
@@ -113,7 +142,14 @@ def keep_clear(take: ComposedTake, fixed: int = 0, seat_depth: float = 0.09, dep
             kept.append(o)
     take.obstacles = kept
     standing = take.labels[:, SIT] < 0.3
-    seats = [(t.furniture, t.poses[:3], float(t.poses[3])) for t in take.things if t.furniture.seat is not None and not t.moves]
+    seats = [
+        (t.furniture, t.poses[:3], float(t.poses[3]))
+        for t in take.things
+        if t.furniture.seat is not None and not t.moves
+    ]
     if not seats or not standing.any():
         return True
-    return bool(thin_depths(take.hips[standing], take.rotations[standing], furniture.cuboids(seats)).max() < seat_depth)
+    return bool(
+        thin_depths(take.hips[standing], take.rotations[standing], furniture.cuboids(seats)).max()
+        < seat_depth
+    )

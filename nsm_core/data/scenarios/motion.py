@@ -20,10 +20,11 @@ if TYPE_CHECKING:
 class Motion:
     """T frames laid end to end, in the world, seams softened.
 
-    ``hips`` (T, 3), ``rotations`` (T, J, 4) local; ``roots`` (T, 2) and ``headings`` (T,) the smoothed root it was laid on;
-    ``feet`` (T, 2) bool, right and left foot stand; ``contacts`` (T, 5) and ``labels`` (T, 7) as in ``Take`` (feet are copied
-    into the contacts at the end); ``commands`` of the session, to be completed in place; ``things``, ``obstacles`` that belong
-    to an episode (a wall about a door, a table under a box) and ``phase_keys`` to be added to.
+    ``hips`` (T, 3), ``rotations`` (T, J, 4) local; ``roots`` (T, 2) and ``headings`` (T,) the smoothed root
+    it was laid on; ``feet`` (T, 2) bool, right and left foot stand; ``contacts`` (T, 5) and ``labels`` (T, 7)
+    as in ``Take`` (feet are copied into the contacts at the end); ``commands`` of the session, to be
+    completed in place; ``things``, ``obstacles`` that belong to an episode (a wall about a door, a table
+    under a box) and ``phase_keys`` to be added to.
     """
 
     hips: Array
@@ -47,7 +48,11 @@ class Motion:
         return len(self.hips)
 
     def ramp(self, label: int, start: int, full: int, leaving: int, gone: int) -> None:
-        """Raise a label from 0 at frame ``start`` to 1 at ``full``, hold it to ``leaving`` and lower it to 0 at ``gone``."""
-        values = np.interp(np.arange(len(self)), (start, full, leaving, max(gone, leaving + 1)), (0, 1, 1, 0)).astype(np.float32)
+        """Raise a label from 0 at frame ``start`` to 1 at ``full``, hold it to ``leaving`` and lower it to 0
+        at ``gone``.
+        """
+        values = np.interp(
+            np.arange(len(self)), (start, full, leaving, max(gone, leaving + 1)), (0, 1, 1, 0)
+        ).astype(np.float32)
         values[: max(start, 0)] = 0
         np.maximum(self.labels[:, label], values, out=self.labels[:, label])

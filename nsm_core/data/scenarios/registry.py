@@ -1,4 +1,5 @@
-"""How each action is composed, by its key (see ``nsm_core.world.actions``), in the order of the draws of a seed.
+"""How each action is composed, by its key (see ``nsm_core.world.actions``), in the order of the draws of a
+seed.
 
 Standing is part of every take, and so has none of its own.
 """

@@ -15,9 +15,10 @@ from .session import Episode, Session
 class Scenario:
     """How an action is composed.
 
-    ``share`` is how often it is drawn, in proportion to the others.  ``lay(session)`` goes on with it, and is False where the draw did
-    not work out.  ``segments(folder)`` are the captured pieces that it is laid from, and ``order`` their place in the library among
-    those of the others: takes of a seed stay the same by it.  ``alone(session)`` plays one captured piece; None where captures have none.
+    ``share`` is how often it is drawn, in proportion to the others.  ``lay(session)`` goes on with it, and is
+    False where the draw did not work out.  ``segments(folder)`` are the captured pieces that it is laid from,
+    and ``order`` their place in the library among those of the others: takes of a seed stay the same by it.
+    ``alone(session)`` plays one captured piece; None where captures have none.
     """
 
     share: float

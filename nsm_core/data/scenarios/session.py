@@ -22,18 +22,22 @@ from .take import TimedCommand
 class Episode(Protocol):
     """One action of a performance, from the way there to its end.
 
-    A module of an action has a function ``lay(session) -> Episode | None`` that lays frames on the session's tape and gives
-    commands; None where the draw did not work out (the session then takes everything back).
+    A module of an action has a function ``lay(session) -> Episode | None`` that lays frames on the session's
+    tape and gives commands; None where the draw did not work out (the session then takes everything back).
     """
 
-    places: list[tuple[Array, float]]  # planar places (2,) and radii, metres, that later ways and objects keep off
+    places: list[
+        tuple[Array, float]
+    ]  # planar places (2,) and radii, metres, that later ways and objects keep off
 
     def clear(self, session: Session) -> bool:
         """Whether the way walked so far, all of ``session.tape``, keeps off the episode's objects."""
         ...
 
     def fit(self, motion: Motion) -> None:
-        """Fit the body before feet are locked on the floor: hips, foot contacts, labels, phase keys, commands, things."""
+        """Fit the body before feet are locked on the floor: hips, foot contacts, labels, phase keys,
+        commands, things.
+        """
         ...
 
     def finish(self, motion: Motion) -> None:
@@ -57,7 +61,8 @@ class Session:
         """A piece of furniture of a kind from the pool."""
         return self.pool.draw(kind, self.rng)
 
-    # --- commands and the way back ---------------------------------------------------------------------------------
+    # --- commands and the way back
+    # ---------------------------------------------------------------------------------
 
     def command(self, action: str, lead: int = 0, **kw: object) -> int:
         """Ask for ``action`` from ``lead`` frames before the tape's end on; returns the command's number."""
@@ -68,7 +73,9 @@ class Session:
     def stand_here(self, mark: int) -> None:
         """Let command ``mark`` ask to stand where the tape ends."""
         at, facing = self.tape.roots[-1], self.tape.headings[-1]
-        self.commands[mark] = TimedCommand(self.commands[mark].frame, "idle", np.append(at, 0.0).astype(np.float32), facing)
+        self.commands[mark] = TimedCommand(
+            self.commands[mark].frame, "idle", np.append(at, 0.0).astype(np.float32), facing
+        )
 
     def leave_early(self, mark: int) -> None:
         """Drop the stop that command ``mark`` asks for: whatever is asked next is asked from its frame on."""
@@ -80,22 +87,36 @@ class Session:
 
     def save(self) -> tuple[int, ...]:
         """Where everything ends now, for ``restore``."""
-        return (len(self.tape), len(self.tape.seams), len(self.commands), len(self.episodes), len(self.detours))
+        return (
+            len(self.tape),
+            len(self.tape.seams),
+            len(self.commands),
+            len(self.episodes),
+            len(self.detours),
+        )
 
     def restore(self, saved: tuple[int, ...]) -> None:
         """Take back what was laid, asked and planned since ``save``."""
         length, seams, commands, episodes, detours = saved
-        del self.tape.frames[length:], self.tape.roots[length:], self.tape.headings[length:], self.tape.seams[seams:]
+        del (
+            self.tape.frames[length:],
+            self.tape.roots[length:],
+            self.tape.headings[length:],
+            self.tape.seams[seams:],
+        )
         del self.commands[commands:], self.episodes[episodes:], self.detours[detours:]
 
     def clear(self) -> bool:
         """Whether the way walked so far keeps off every episode's objects."""
         return all(e.clear(self) for e in self.episodes)
 
-    # --- ways --------------------------------------------------------------------------------------------------------
+    # --- ways
+    # --------------------------------------------------------------------------------------------------------
 
     def free_place(self, low: float, high: float, clearance: float, radius: float = 1.5) -> Array | None:
-        """A place (2,) between ``low`` and ``high`` metres from here, off the way walked and off the episodes' places."""
+        """A place (2,) between ``low`` and ``high`` metres from here, off the way walked and off the
+        episodes' places.
+        """
         here, walked = self.tape.roots[-1], np.array(self.tape.roots)
         for _ in range(30):
             angle, distance = self.rng.uniform(-np.pi, np.pi), self.rng.uniform(low, high)
@@ -116,8 +137,9 @@ class Session:
     ) -> Course:
         """A smooth path from here to ``target`` (2,), ending at ``heading``.
 
-        ``around`` (width, depth): a seat stands behind the target and is walked around.  ``straight_end``: metres at the end
-        that lead straight along ``heading``.  Now and then there is a detour, about which furniture may be put.
+        ``around`` (width, depth): a seat stands behind the target and is walked around.  ``straight_end``:
+        metres at the end that lead straight along ``heading``.  Now and then there is a detour, about which
+        furniture may be put.
         """
         rng, start = self.rng, self.tape.roots[-1]
         ahead = heading_to_direction(np.array(heading))
@@ -174,16 +196,29 @@ class Session:
         passage = matcher.follow(course, last, self.tape.roots[-1], self.tape.headings[-1], self.rng)
         if passage is None:
             return False
-        self.tape.lay(passage.frames[1:], passage.root[1:], passage.heading[1:], tuple(s - 1 for s in passage.seams), seam=False)
+        self.tape.lay(
+            passage.frames[1:],
+            passage.root[1:],
+            passage.heading[1:],
+            tuple(s - 1 for s in passage.seams),
+            seam=False,
+        )
         return True
 
-    def go(self, target: Array, heading: float, around: tuple[float, float] | None = None, **kw: float) -> bool:
+    def go(
+        self, target: Array, heading: float, around: tuple[float, float] | None = None, **kw: float
+    ) -> bool:
         """Walk to ``target`` (2,) and stand there at ``heading``; see ``course``."""
         return self.follow(self.course(target, heading, around, **kw))
 
     def nearest_segment(self, name: str, spread: float = 1.0) -> LaidSegment:
-        """The segment whose first pose is most like the tape's last one, give or take chance of size ``spread``."""
+        """The segment whose first pose is most like the tape's last one, give or take chance of size
+        ``spread``.
+        """
         pose = self.lib.pose[int(round(self.tape.frames[-1]))]
         pieces = self.source.segments[name]
-        costs = [float(np.linalg.norm(self.lib.pose[s.first] - pose, axis=-1).sum()) + self.rng.exponential(spread) for s in pieces]
+        costs = [
+            float(np.linalg.norm(self.lib.pose[s.first] - pose, axis=-1).sum()) + self.rng.exponential(spread)
+            for s in pieces
+        ]
         return pieces[int(np.argmin(costs))]

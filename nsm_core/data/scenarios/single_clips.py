@@ -1,7 +1,8 @@
-"""Takes that are captured pieces on their own, furnished but stitched to nothing: what training goes without stitching on.
+"""Takes that are captured pieces on their own, furnished but stitched to nothing: what training goes without
+stitching on.
 
-A level clip from its beginning to its end, a captured sit-down on a seat, a captured bend to a box and up again: no walk leads
-to an action, and doors and climbs are not in the captures at all.
+A level clip from its beginning to its end, a captured sit-down on a seat, a captured bend to a box and up
+again: no walk leads to an action, and doors and climbs are not in the captures at all.
 """
 
 from __future__ import annotations
@@ -29,11 +30,15 @@ SHORTEST, LONGEST = 60, 12 * FPS  # frames of a level piece; of longer ones a st
 _LEAST_STRETCH = 4 * FPS
 _SPAN = 15  # frames that a gait lasts at least to be asked for
 _MOSTLY = 0.2  # share of running frames from which on a clip is a run
-_SENT, _FURTHEST = 0.5, 4.0  # share of the walks to a stand that are asked for by their end, and metres of the longest
+_SENT, _FURTHEST = (
+    0.5,
+    4.0,
+)  # share of the walks to a stand that are asked for by their end, and metres of the longest
 _GAITS = ("idle", "walk", "run")
 
 
-# --- level clips -----------------------------------------------------------------------------------------------------
+# --- level clips
+# -----------------------------------------------------------------------------------------------------
 
 
 def walk(session: Session) -> bool:
@@ -47,7 +52,9 @@ def run(session: Session) -> bool:
 
 
 def _stroll(session: Session, runs: bool) -> bool:
-    """Play a level clip, whole or, of a long one, a stretch; longer clips are drawn more often, so that frames are equally likely."""
+    """Play a level clip, whole or, of a long one, a stretch; longer clips are drawn more often, so that
+    frames are equally likely.
+    """
     rng = session.rng
     clips = [(a, b) for a, b in _level(session) if ((_gaits(session, a, b) == RUN).mean() > _MOSTLY) == runs]
     if not clips:
@@ -79,7 +86,9 @@ def _gaits(session: Session, first: int, last: int) -> Array:
 
 
 def _settled(gaits: Array) -> list[tuple[int, int, int]]:
-    """Spans (gait, first, one past the last frame) of gaits (n,); shorter ones than ``_SPAN`` go to what is before them."""
+    """Spans (gait, first, one past the last frame) of gaits (n,); shorter ones than ``_SPAN`` go to what is
+    before them.
+    """
     spans: list[tuple[int, int, int]] = []
     edges = [0, *(np.flatnonzero(np.diff(gaits)) + 1), len(gaits)]
     for a, b in zip(edges[:-1], edges[1:], strict=True):
@@ -92,7 +101,9 @@ def _settled(gaits: Array) -> list[tuple[int, int, int]]:
 
 
 def _ask(session: Session, spans: list[tuple[int, int, int]]) -> None:
-    """Ask for the gaits of the tape: dynamic goals while it moves, to stand where it stands; some walks are sent to their end."""
+    """Ask for the gaits of the tape: dynamic goals while it moves, to stand where it stands; some walks are
+    sent to their end.
+    """
     rng, tape = session.rng, session.tape
     roots = np.array(tape.roots)
     for n, (gait, first, last) in enumerate(spans):
@@ -107,18 +118,23 @@ def _ask(session: Session, spans: list[tuple[int, int, int]]) -> None:
         elif session.commands and session.commands[-1].position is not None:
             continue  # sent here already
         slow = np.linalg.norm(np.diff(roots[first:last], axis=0), axis=1)
-        rest = first + (int(slow.argmin()) if len(slow) else 0)  # a clip may begin with a single frame of standing
+        rest = first + (
+            int(slow.argmin()) if len(slow) else 0
+        )  # a clip may begin with a single frame of standing
         place = np.append(roots[rest], 0).astype(np.float32)
         session.commands.append(TimedCommand(frame, "idle", place, tape.headings[rest]))
 
 
-# --- actions ---------------------------------------------------------------------------------------------------------
+# --- actions
+# ---------------------------------------------------------------------------------------------------------
 
 
 def sit(session: Session) -> bool:
-    """Play a captured sit-down, asked for from its first frame on, stay as composed sits do, and rise to stand.
+    """Play a captured sit-down, asked for from its first frame on, stay as composed sits do, and rise to
+    stand.
 
-    Legs of some captures stand where some seats would be: a seat is tried with several of them, lest wide ones get rare.
+    Legs of some captures stand where some seats would be: a seat is tried with several of them, lest wide
+    ones get rare.
     """
     pieces = _from_both_feet(session, sit_episode.NAME)
     piece = session.draw(str(session.rng.choice(SITS.kinds)))
@@ -155,7 +171,9 @@ def _sit_on(session: Session, piece: Furniture, pieces: list[LaidSegment]) -> Si
 
 
 def carry(session: Session) -> bool:
-    """Bend to a box as captured, lift it, hold it for a while, put it back and stand; the same bend leads down and up."""
+    """Bend to a box as captured, lift it, hold it for a while, put it back and stand; the same bend leads
+    down and up.
+    """
     rng, tape = session.rng, session.tape
     pieces = _from_both_feet(session, carry_episode.NAME)
     if not pieces:
@@ -179,13 +197,19 @@ def carry(session: Session) -> bool:
         return False
     tape.seams.clear()  # between frames of one piece there is none
     episode = CarryEpisode(box, piece, face, taken, put, fetch, bring, [(taken.centre[:2], 0.9)])
-    _stand(session, session.command("idle", len(tape) - put.bend.touch - int(rng.integers(*CARRIES.answer))), half.first)
+    _stand(
+        session,
+        session.command("idle", len(tape) - put.bend.touch - int(rng.integers(*CARRIES.answer))),
+        half.first,
+    )
     session.episodes.append(episode)
     return session.clear()
 
 
 def _from_both_feet(session: Session, name: str) -> list[LaidSegment]:
-    """Captured pieces of an action that begin on both feet, and all where none does: their upright ends are held for a while."""
+    """Captured pieces of an action that begin on both feet, and all where none does: their upright ends are
+    held for a while.
+    """
     pieces = session.source.segments.get(name, [])
     return [s for s in pieces if session.lib.contacts[s.first].all()] or pieces
 

@@ -21,8 +21,9 @@ from nsm_core.world.scene.furniture import Furniture
 class TimedCommand:
     """What the animator asks for from ``frame`` on.
 
-    ``action`` is a goal action, or several that hold together, such as "idle+carry".  A static goal has a ``position`` (3,)
-    and ``heading``; a dynamic one (``position`` None) is the root itself one second ahead (section 3.1, low-level control).
+    ``action`` is a goal action, or several that hold together, such as "idle+carry".  A static goal has a
+    ``position`` (3,) and ``heading``; a dynamic one (``position`` None) is the root itself one second ahead
+    (section 3.1, low-level control).
     ``thing`` indexes the take's things, -1 for none.
     """
 
@@ -48,7 +49,8 @@ class Placed:
 
 @dataclass(frozen=True)
 class Thing:
-    """What an action of a take is done with, and where its frame is: ``poses`` (4,) or, where it moves, (T, 4), x, y, z, heading.
+    """What an action of a take is done with, and where its frame is: ``poses`` (4,) or, where it moves, (T,
+    4), x, y, z, heading.
 
     ``held`` (T,) tells when it moves with the body that holds it; None for never.
     """
@@ -83,7 +85,9 @@ class Thing:
 
 
 class Piece(NamedTuple):
-    """What captured frames a stretch of a take shows: ``first`` to one past ``last`` of a ``clip``, in so many of the take's ``frames``."""
+    """What captured frames a stretch of a take shows: ``first`` to one past ``last`` of a ``clip``, in so
+    many of the take's ``frames``.
+    """
 
     clip: str
     first: int
@@ -95,8 +99,9 @@ class Piece(NamedTuple):
 class ComposedTake:
     """One performance of T frames.
 
-    ``hips`` (T, 3), ``rotations`` (T, J, 4), ``contacts`` (T, 5); ``labels`` (T, 7): ramps 0..1 of the actions with an object
-    (``conventions.INTERACTIONS``), the other columns are filled by rule; ``things`` are sensed, ``obstacles`` only in the way.
+    ``hips`` (T, 3), ``rotations`` (T, J, 4), ``contacts`` (T, 5); ``labels`` (T, 7): ramps 0..1 of the
+    actions with an object (``conventions.INTERACTIONS``), the other columns are filled by rule; ``things``
+    are sensed, ``obstacles`` only in the way.
     ``phase`` (T,), cycles, where the captures' sidecars say it, NaN where it goes by rule; None: nowhere.
     """
 
@@ -119,7 +124,9 @@ _SHORTEST_CYCLE = 10  # frames
 
 
 def styles_of(root: Array, labels: Array) -> Array:
-    """Action labels (T, 7) by rule: idle, walk and run by root speed, shared by what sitting and climbing leave over."""
+    """Action labels (T, 7) by rule: idle, walk and run by root speed, shared by what sitting and climbing
+    leave over.
+    """
     speed = gaussian_smooth(np.linalg.norm(np.gradient(root, axis=0), axis=1) * FPS, 4.0)
     free = np.clip(1 - labels[:, SIT] - labels[:, CLIMB], 0, 1)
     moving, running = (np.clip((speed - a) / (b - a), 0, 1) for a, b in (IDLE_TO_WALK, WALK_TO_RUN))
@@ -130,12 +137,15 @@ def styles_of(root: Array, labels: Array) -> Array:
     return styles
 
 
-def phase_of(contacts: Array, walking: Array, transition_keys: list[int], count: int, told: Array | None = None) -> Array:
+def phase_of(
+    contacts: Array, walking: Array, transition_keys: list[int], count: int, told: Array | None = None
+) -> Array:
     """Unwrapped phase (T,) in cycles (section 5.1).
 
-    A cycle ends at every left landing while walking and at the ends of acyclic transitions; in between the idle
-    phase runs at about 1 Hz.  ``contacts`` (T, 2) right and left foot, ``walking`` (T,) label.  Where a sidecar has ``told`` the
-    phase (T,), NaN elsewhere, that is it, and the rule fills what is left.
+    A cycle ends at every left landing while walking and at the ends of acyclic transitions; in between the
+    idle
+    phase runs at about 1 Hz.  ``contacts`` (T, 2) right and left foot, ``walking`` (T,) label.  Where a
+    sidecar has ``told`` the phase (T,), NaN elsewhere, that is it, and the rule fills what is left.
     """
     known = np.zeros(count, bool) if told is None else np.isfinite(told)
     near = np.convolve(known, np.ones(2 * _SHORTEST_CYCLE - 1), mode="same") > 0.5
@@ -155,7 +165,10 @@ def phase_of(contacts: Array, walking: Array, transition_keys: list[int], count:
         part = (value - phase[-1]) % 1.0
         whole = max(0 if part else 1, round((frame - at[-1]) / FPS / 1.25 - part))
         pieces = max(whole, 1) + 1
-        frames, values = np.linspace(at[-1], frame, pieces), np.linspace(phase[-1], phase[-1] + part + whole, pieces)
+        frames, values = (
+            np.linspace(at[-1], frame, pieces),
+            np.linspace(phase[-1], phase[-1] + part + whole, pieces),
+        )
         at += list(np.round(frames).astype(int)[1:])
         phase += list(values[1:])
     return np.interp(np.arange(count), at, phase).astype(np.float32)
@@ -163,7 +176,9 @@ def phase_of(contacts: Array, walking: Array, transition_keys: list[int], count:
 
 @dataclass(frozen=True)
 class Annotated:
-    """Per-frame arrays of a take, ready to be cut into states; shapes as in ``state.State`` without the batch."""
+    """Per-frame arrays of a take, ready to be cut into states; shapes as in ``state.State`` without the
+    batch.
+    """
 
     joint_position: Array
     joint_forward: Array

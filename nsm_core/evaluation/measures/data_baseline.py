@@ -19,7 +19,9 @@ MOST = 240.0  # minutes of data that are looked at
 
 
 def slide_of_data(folder: str | Path, most: float = MOST) -> dict[str, float]:
-    """Foot slide in cm/s by action of the first ``most`` minutes of composed data, feet over what they stand on."""
+    """Foot slide in cm/s by action of the first ``most`` minutes of composed data, feet over what they stand
+    on.
+    """
     a = Dataset.open(folder).arrays
     first = np.unique(np.asarray(a["start"]))
     sums, frames = [], 0
@@ -43,7 +45,12 @@ def _ground(a: dict[str, Array], span: slice, style: Array) -> Callable[[Array],
     maps = []
     for k in climbed:
         frame = span.start + int(np.flatnonzero(which == k)[0])
-        maps.append((np.asarray(a["object_pose"][frame], dtype=np.float64), *_tops(a["object_cells"][k], a["object_occupancy"][k])))
+        maps.append(
+            (
+                np.asarray(a["object_pose"][frame], dtype=np.float64),
+                *_tops(a["object_cells"][k], a["object_occupancy"][k]),
+            )
+        )
 
     def height(points: Array) -> Array:
         out = np.zeros(len(points))
@@ -59,7 +66,9 @@ def _ground(a: dict[str, Array], span: slice, style: Array) -> Callable[[Array],
 
 
 def _tops(cells: Array, occupancy: Array) -> tuple[Array, Array, Array]:
-    """Least corner (2,), cell size (2,) and heights (8, 8) by x and y of the columns of a sensor volume in its object's frame."""
+    """Least corner (2,), cell size (2,) and heights (8, 8) by x and y of the columns of a sensor volume in
+    its object's frame.
+    """
     grid = np.asarray(cells, dtype=np.float64).reshape(RESOLUTION, RESOLUTION, RESOLUTION, 3)  # z, y, x
     assert grid.size == CELLS * 3
     step = (grid[-1, -1, -1] - grid[0, 0, 0]) / (RESOLUTION - 1)

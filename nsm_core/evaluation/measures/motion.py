@@ -1,8 +1,8 @@
 """Measures of travel: does a take walk or glide, does its body bend as bodies do, does it run into things?
 
-End error alone can be gamed by gliding, so every goal is judged with these.  All of them take world joint positions
-(T, 23, 3) or the pose itself (hips (T, 3), local rotations (T, 23, 4)) at ``fps`` frames a second, metres and radians, and
-return plain floats in the units of their names.
+End error alone can be gamed by gliding, so every goal is judged with these.  All of them take world joint
+positions (T, 23, 3) or the pose itself (hips (T, 3), local rotations (T, 23, 4)) at ``fps`` frames a second,
+metres and radians, and return plain floats in the units of their names.
 """
 
 from __future__ import annotations
@@ -24,8 +24,10 @@ if TYPE_CHECKING:
 MOVING, PLANTED, PLANTED_HEIGHT, SKATE_HEIGHT = 0.3, 0.3, 0.04, 0.025
 DEEP, BELOW = 0.03, 0.01
 
+
 def over_ground(positions: Array, ground: Callable[[Array], Array] | None = None) -> Array:
-    """World joint positions (T, 23, 3) with the heights of ankles and toes told from the ground under each of them.
+    """World joint positions (T, 23, 3) with the heights of ankles and toes told from the ground under each of
+    them.
 
     ``ground`` gives heights (N,) in metres at floor points (N, 2); None is the floor at 0.
     """
@@ -46,11 +48,13 @@ def foot_sliding(
 ) -> float:
     """Mean horizontal speed, cm/s, of ankles and toes that are low (papers/000 section 7.1).
 
-    A joint is low where it is less than 2.5 cm above its height over the floor with a flat sole (ankle 8.5 cm, toe 2.5 cm) in
-    both frames of a step.  ``while_moving`` counts only frames in which the hips move faster than 0.3 m/s.  0 without such frames.
-    A toe that swings through 2 cm over the floor counts in full, so captured walks lie at 5 to 30 cm/s; ``weighted`` lets a
-    joint count by 2 - 2^(height / 2.5 cm), as later works do, which leaves mostly what truly stands.  ``ground`` as in
-    ``over_ground``.
+    A joint is low where it is less than 2.5 cm above its height over the floor with a flat sole (ankle 8.5
+    cm, toe 2.5 cm) in
+    both frames of a step.  ``while_moving`` counts only frames in which the hips move faster than 0.3 m/s.  0
+    without such frames.  A toe that swings through 2 cm over the floor counts in full, so captured walks lie
+    at 5 to 30 cm/s; ``weighted`` lets a
+    joint count by 2 - 2^(height / 2.5 cm), as later works do, which leaves mostly what truly stands.
+    ``ground`` as in ``over_ground``.
     """
     if len(positions) < 2:
         return 0.0
@@ -58,7 +62,11 @@ def foot_sliding(
     joints = positions[:, ANKLES + TOES]
     height = joints[..., 2] - np.array([ANKLE_HEIGHT] * 2 + [TOE_HEIGHT] * 2)
     height = np.maximum(height[1:], height[:-1])
-    counted = 2 - 2 ** np.clip(height / SKATE_HEIGHT, 0, 1) if weighted else (height < SKATE_HEIGHT).astype(np.float64)
+    counted = (
+        2 - 2 ** np.clip(height / SKATE_HEIGHT, 0, 1)
+        if weighted
+        else (height < SKATE_HEIGHT).astype(np.float64)
+    )
     if while_moving:
         counted = counted * (hips_speed(positions, fps)[1:, None] > MOVING)
     speed = np.linalg.norm(np.diff(joints[..., :2].astype(np.float64), axis=0), axis=-1) * fps
@@ -71,15 +79,19 @@ def hips_speed(positions: Array, fps: float = FPS) -> Array:
         return np.zeros(len(positions))
     step = np.diff(positions[:, HIPS, :2].astype(np.float64), axis=0)
     step = np.concatenate((step[:1], step))
-    smooth = np.stack([np.convolve(np.pad(step[:, k], 1, mode="edge"), np.ones(3) / 3, mode="valid") for k in (0, 1)], axis=-1)
+    smooth = np.stack(
+        [np.convolve(np.pad(step[:, k], 1, mode="edge"), np.ones(3) / 3, mode="valid") for k in (0, 1)],
+        axis=-1,
+    )
     return np.linalg.norm(smooth, axis=-1) * fps
 
 
 def planted_share(positions: Array, fps: float = FPS) -> float:
-    """Share of the moving frames in which a toe stands: lower than 4 cm and slower than 0.3 m/s; 1 if nothing moves.
+    """Share of the moving frames in which a toe stands: lower than 4 cm and slower than 0.3 m/s; 1 if nothing
+    moves.
 
-    Moving frames are those with the hips over 0.3 m/s.  Captured walks reach 0.6 to 1 (less where push-off lifts the toe
-    joint), runs 0.2 to 0.5; gliding comes near 0.
+    Moving frames are those with the hips over 0.3 m/s.  Captured walks reach 0.6 to 1 (less where push-off
+    lifts the toe joint), runs 0.2 to 0.5; gliding comes near 0.
     """
     moving = hips_speed(positions, fps) > MOVING
     if not moving.any():
@@ -90,14 +102,19 @@ def planted_share(positions: Array, fps: float = FPS) -> float:
 
 
 def path_ratio(positions: Array, shortest: float | None = None, fps: float = FPS) -> float:
-    """Length of the hips' way over the floor, sway averaged out over 0.5 s, by the ``shortest`` free way in metres.
+    """Length of the hips' way over the floor, sway averaged out over 0.5 s, by the ``shortest`` free way in
+    metres.
 
-    Without ``shortest`` it is the straight line from first to last frame.  1 where there is no way to go (under 0.3 m).
+    Without ``shortest`` it is the straight line from first to last frame.  1 where there is no way to go
+    (under 0.3 m).
     """
     way = positions[:, HIPS, :2].astype(np.float64)
     half = round(0.25 * fps)
     padded = np.pad(way, ((half, half), (0, 0)), mode="edge")
-    smooth = np.stack([np.convolve(padded[:, k], np.ones(2 * half + 1) / (2 * half + 1), mode="valid") for k in (0, 1)], axis=-1)
+    smooth = np.stack(
+        [np.convolve(padded[:, k], np.ones(2 * half + 1) / (2 * half + 1), mode="valid") for k in (0, 1)],
+        axis=-1,
+    )
     # Averaging pulls the ends in; add what it took from them.
     ends = np.linalg.norm(smooth[[0, -1]] - way[[0, -1]], axis=-1).sum()
     length = np.linalg.norm(np.diff(smooth, axis=0), axis=-1).sum() + ends
@@ -106,7 +123,8 @@ def path_ratio(positions: Array, shortest: float | None = None, fps: float = FPS
 
 
 def action_changes(action: Array, fps: float = FPS) -> tuple[int, int]:
-    """Count (changes of the leading action, times that sitting begins) in labels (T, 7), ``conventions.STYLES``.
+    """Count (changes of the leading action, times that sitting begins) in labels (T, 7),
+    ``conventions.STYLES``.
 
     The lead passes on when another label is higher by 0.1; what lasts under 0.2 s does not count.
     """
@@ -129,10 +147,12 @@ def action_changes(action: Array, fps: float = FPS) -> tuple[int, int]:
 
 
 def penetration(hips_position: Array, local_rotations: Array, query: DistanceQuery) -> dict[str, float]:
-    """Tell how deep the body, as ``capsules.CAPSULES``, is inside solids: deepest and mean depth, cm, and the share of deep frames.
+    """Tell how deep the body, as ``capsules.CAPSULES``, is inside solids: deepest and mean depth, cm, and the
+    share of deep frames.
 
-    The depth of a frame is that of its deepest point; the mean is over all frames, and a frame is deep from 3 cm.  The floor
-    is not part of ``query``.  Flesh that a seat presses flat is not counted (see ``capsules.Capsule``).
+    The depth of a frame is that of its deepest point; the mean is over all frames, and a frame is deep from 3
+    cm.  The floor is not part of ``query``.  Flesh that a seat presses flat is not counted (see
+    ``capsules.Capsule``).
     """
     return depth_report(penetration_depths(hips_position, local_rotations, query))
 
@@ -146,8 +166,6 @@ def depth_report(depth: Array) -> dict[str, float]:
     }
 
 
-
-
 def backward_bend(hips_position: Array, local_rotations: Array, offsets: Array = OFFSETS) -> dict[str, float]:
     """Largest angle, degrees, by which a knee or an elbow bends the wrong way; 0 if none does."""
     positions, rotations = forward_kinematics(hips_position, local_rotations, offsets)
@@ -157,7 +175,9 @@ def backward_bend(hips_position: Array, local_rotations: Array, offsets: Array =
         worst = 0.0
         for (a, b, c, *_), hinge in zip(chains, hinges[name], strict=True):
             upper, lower = positions[:, b] - positions[:, a], positions[:, c] - positions[:, b]
-            axis = quat_rotate(rotations[:, a], np.broadcast_to(np.array(hinge, dtype=rotations.dtype), upper.shape))
+            axis = quat_rotate(
+                rotations[:, a], np.broadcast_to(np.array(hinge, dtype=rotations.dtype), upper.shape)
+            )
             flexion = np.arctan2(np.sum(np.cross(upper, lower) * axis, -1), np.sum(upper * lower, -1))
             worst = max(worst, float(-flexion.min(initial=0.0)))
         out[f"{name}_backward_deg"] = float(np.degrees(worst))
@@ -165,7 +185,9 @@ def backward_bend(hips_position: Array, local_rotations: Array, offsets: Array =
 
 
 def jumps(hips_position: Array, local_rotations: Array, offsets: Array = OFFSETS) -> dict[str, float]:
-    """Largest changes from frame to frame: a joint's turn in degrees, a joint's move in cm, and a joint's change of move in cm."""
+    """Largest changes from frame to frame: a joint's turn in degrees, a joint's move in cm, and a joint's
+    change of move in cm.
+    """
     if len(hips_position) < 2:
         return {"turn_per_frame_deg": 0.0, "move_per_frame_cm": 0.0, "jolt_cm": 0.0}
     local = local_rotations.astype(np.float64)
@@ -179,13 +201,21 @@ def jumps(hips_position: Array, local_rotations: Array, offsets: Array = OFFSETS
 
 
 def below_floor(
-    hips_position: Array, local_rotations: Array, ground: Callable[[Array], Array] | None = None, offsets: Array = OFFSETS
+    hips_position: Array,
+    local_rotations: Array,
+    ground: Callable[[Array], Array] | None = None,
+    offsets: Array = OFFSETS,
 ) -> dict[str, float]:
-    """Share of frames in which a sole reaches more than 1 cm under the floor (or ``ground``), and the deepest, cm."""
+    """Share of frames in which a sole reaches more than 1 cm under the floor (or ``ground``), and the
+    deepest, cm.
+    """
     positions, rotations = forward_kinematics(hips_position, local_rotations, offsets)
     positions = over_ground(positions, ground)
     depth = sole_depth(positions[:, TOES], rotations[:, ANKLES]).max(-1)
-    return {"below_floor_share": float((depth > BELOW).mean()), "below_floor_cm": float(100 * depth.max(initial=0.0))}
+    return {
+        "below_floor_share": float((depth > BELOW).mean()),
+        "below_floor_cm": float(100 * depth.max(initial=0.0)),
+    }
 
 
 def jerk(positions: Array, fps: float = FPS) -> float:
@@ -210,9 +240,9 @@ def travel_report(
     Args:
         hips_position: (T, 3) world, metres; local_rotations: (T, 23, 4).
         action: (T, 7) labels; adds ``action_flips`` and ``sit_count``.
-        query: solids of the scene without the floor; adds ``penetration_cm``, ``penetration_mean_cm``, ``penetration_share``.
-        shortest_path: metres of the shortest free way, else the straight line, for ``path_ratio``.
-        ground: heights of what feet step on, as in ``over_ground``; None is the floor.
+        query: solids of the scene without the floor; adds ``penetration_cm``, ``penetration_mean_cm``,
+        ``penetration_share``. shortest_path: metres of the shortest free way, else the straight line, for
+        ``path_ratio``. ground: heights of what feet step on, as in ``over_ground``; None is the floor.
         offsets: (23, 3) of the joints, where the character's are not the skeleton's.
     """
     positions, _ = forward_kinematics(hips_position, local_rotations, offsets)

@@ -1,6 +1,8 @@
-"""Measures of what hands do with things, and of things that move: grasps, boxes, leaves, and a body inside them.
+"""Measures of what hands do with things, and of things that move: grasps, boxes, leaves, and a body inside
+them.
 
-Props have a pose (T, 4) per frame: x, y, z, metres, and a heading; motions are poses of the body as in ``measures.motion``.
+Props have a pose (T, 4) per frame: x, y, z, metres, and a heading; motions are poses of the body as in
+``measures.motion``.
 """
 
 from __future__ import annotations
@@ -26,33 +28,46 @@ _GRID = 0.05  # metres between the points that stand for a box
 
 
 def moving_frames(poses: Array) -> Array:
-    """Frames (T,) in which a prop of ``poses`` (T, 4) moves: over 2 mm or 0.15 degrees since the frame before."""
+    """Frames (T,) in which a prop of ``poses`` (T, 4) moves: over 2 mm or 0.15 degrees since the frame
+    before.
+    """
     step = np.diff(np.asarray(poses, dtype=np.float64), axis=0)
     moved = (np.linalg.norm(step[:, :3], axis=1) > MOVES) | (np.abs(wrap_angle(step[:, 3])) > TURNS)
     return np.concatenate(([False], moved))
 
 
-def prop_depths(hips_position: Array, local_rotations: Array, prop: Prop, poses: Array, offsets: Array = OFFSETS) -> Array:
-    """Depth (T,) in metres of the deepest point of the body inside a prop that has the pose ``poses`` (T, 4) in each frame.
+def prop_depths(
+    hips_position: Array, local_rotations: Array, prop: Prop, poses: Array, offsets: Array = OFFSETS
+) -> Array:
+    """Depth (T,) in metres of the deepest point of the body inside a prop that has the pose ``poses`` (T, 4)
+    in each frame.
 
-    What holds it does not count, where it holds: of a leaf, hands within 15 cm of its handle; of a box, that of a hand and its
-    forearm within 15 cm of where that wrist holds it, in frames in which the wrist is there.  They are judged by their distance
-    to the grip.
+    What holds it does not count, where it holds: of a leaf, hands within 15 cm of its handle; of a box, that
+    of a hand and its
+    forearm within 15 cm of where that wrist holds it, in frames in which the wrist is there.  They are judged
+    by their distance to the grip.
     """
     body = Body.of(hips_position, local_rotations, offsets)
     local = rotate_planar(body.centres - poses[:, None, :3], -poses[:, None, 3])
     reach = float(body.radii.max(initial=0.0)) + 0.02
-    distance = prop.query.signed_distance(local.reshape(-1, 3).astype(np.float32), reach).reshape(body.radii.shape)
+    distance = prop.query.signed_distance(local.reshape(-1, 3).astype(np.float32), reach).reshape(
+        body.radii.shape
+    )
     depth = np.maximum(0, body.radii - distance)
     if isinstance(prop, Leaf):
-        depth[(body.hand >= 0) & (np.linalg.norm(local - np.asarray(prop.handle, dtype=np.float64), axis=-1) < _GRASP)] = 0
+        depth[
+            (body.hand >= 0)
+            & (np.linalg.norm(local - np.asarray(prop.handle, dtype=np.float64), axis=-1) < _GRASP)
+        ] = 0
     if isinstance(prop, Box):
         depth[_holding(body, local, prop, wrists(hips_position, local_rotations, offsets), poses)] = 0
     return depth.max(axis=1)
 
 
 def _holding(body: Body, local: Array, box: Box, hands: Array, poses: Array) -> Array:
-    """Which spheres (T, S), ``local`` (T, S, 3) in the box's frame, are of a hand that holds it, or of its forearm beside it."""
+    """Which spheres (T, S), ``local`` (T, S, 3) in the box's frame, are of a hand that holds it, or of its
+    forearm beside it.
+    """
     held = np.zeros(local.shape[:2], bool)
     seen = rotate_planar(hands - poses[:, None, :3], -poses[:, None, 3])
     for quarter in range(4):
@@ -71,7 +86,9 @@ def all_depths(
     poses: Mapping[str, Array],
     offsets: Array = OFFSETS,
 ) -> Array:
-    """Depth (T,) in metres of the deepest point of the body in anything solid: what is ``still``, and props where they are."""
+    """Depth (T,) in metres of the deepest point of the body in anything solid: what is ``still``, and props
+    where they are.
+    """
     depth = penetration_depths(hips_position, local_rotations, still, offsets)
     for name, prop in props.items():
         if name in poses:
@@ -86,30 +103,39 @@ def deep_frames(depths: Array) -> dict[str, float]:
 
 def wrists(hips_position: Array, local_rotations: Array, offsets: Array = OFFSETS) -> Array:
     """World places (T, 2, 3) of the right and the left wrist."""
-    return forward_kinematics(hips_position.astype(np.float64), local_rotations.astype(np.float64), offsets)[0][:, WRISTS]
+    return forward_kinematics(hips_position.astype(np.float64), local_rotations.astype(np.float64), offsets)[
+        0
+    ][:, WRISTS]
 
 
-def box_report(box: Box, poses: Array, hips_position: Array, local_rotations: Array, still: DistanceQuery, goal: Array) -> dict[str, float]:
+def box_report(
+    box: Box, poses: Array, hips_position: Array, local_rotations: Array, still: DistanceQuery, goal: Array
+) -> dict[str, float]:
     """Measure how a box was carried; lengths in cm, angles in degrees.
 
-    ``poses`` (T, 4) of the box, ``goal`` (4,) the centre and heading asked for.  ``box_error`` and ``box_turn`` at the end;
-    ``hands_off`` mean and worst distance of the wrists from the grasps while the box moves, by the grasp that fits best;
-    ``hands_tilt`` the steepest line through both wrists while it is held, which is how far the box would tip if it were
-    not kept upright; ``box_unheld`` the way it goes while a wrist is over 15 cm from its grasp; ``box_jolt`` the largest
-    change of its step from frame to frame; ``box_in_solids`` how deep it reaches into what stands still; ``box_lifted`` how
-    far over the higher of its first and last place it was.
+    ``poses`` (T, 4) of the box, ``goal`` (4,) the centre and heading asked for.  ``box_error`` and
+    ``box_turn`` at the end; ``hands_off`` mean and worst distance of the wrists from the grasps while the box
+    moves, by the grasp that fits best; ``hands_tilt`` the steepest line through both wrists while it is held,
+    which is how far the box would tip if it were not kept upright; ``box_unheld`` the way it goes while a
+    wrist is over 15 cm from its grasp; ``box_jolt`` the largest change of its step from frame to frame;
+    ``box_in_solids`` how deep it reaches into what stands still; ``box_lifted`` how far over the higher of
+    its first and last place it was.
     """
     poses = np.asarray(poses, dtype=np.float64)
     moving, hands = moving_frames(poses), wrists(hips_position, local_rotations)
     local = rotate_planar(hands - poses[:, None, :3], -poses[:, None, 3])
-    away = np.stack([np.linalg.norm(local - box.grasps(q * np.pi / 2), axis=-1) for q in range(4)])  # (4, T, 2)
+    away = np.stack(
+        [np.linalg.norm(local - box.grasps(q * np.pi / 2), axis=-1) for q in range(4)]
+    )  # (4, T, 2)
     gap = away[int(away[:, moving].mean(axis=(1, 2)).argmin())] if moving.any() else away.min(0)
     held = moving & (gap.max(1) < 0.15)
     step = np.diff(poses[:, :3], axis=0)
     line = hands[:, 1] - hands[:, 0]
     tilt = np.degrees(np.abs(np.arctan2(line[:, 2], np.linalg.norm(line[:, :2], axis=-1))))
     turn = wrap_angle(poses[-1, 3] - goal[3])
-    quarter = abs((np.degrees(turn) + 45) % 90 - 45)  # which of its sides faces the carrier is the carrier's choice
+    quarter = abs(
+        (np.degrees(turn) + 45) % 90 - 45
+    )  # which of its sides faces the carrier is the carrier's choice
     return {
         "box_moved": float(moving.any()),
         "box_error_cm": float(100 * np.linalg.norm(poses[-1, :3] - goal[:3])),
@@ -125,16 +151,20 @@ def box_report(box: Box, poses: Array, hips_position: Array, local_rotations: Ar
 
 
 def box_in_solids(box: Box, poses: Array, still: DistanceQuery) -> float:
-    """Depth in metres to which a box and solids, or the floor, are inside one another, the deepest over ``poses`` (T, 4).
+    """Depth in metres to which a box and solids, or the floor, are inside one another, the deepest over
+    ``poses`` (T, 4).
 
-    Points on the box are looked for in the solids, and points on the solids (of ``Cuboids``) in the box, so that a thin board
-    that has sunk into the box counts in full.
+    Points on the box are looked for in the solids, and points on the solids (of ``Cuboids``) in the box, so
+    that a thin board that has sunk into the box counts in full.
     """
     half = np.asarray(box.size, dtype=np.float64) / 2
     points, change = _surface(half), np.concatenate(([True], np.abs(np.diff(poses, axis=0)).max(1) > 1e-4))
     others, deepest = _solid_points(still, poses[:, :3], float(np.linalg.norm(half))), 0.0
     for part in np.array_split(poses[change], max(1, int(change.sum()) // 32)):
-        world = rotate_planar(np.broadcast_to(points, (len(part), *points.shape)), part[:, None, 3]) + part[:, None, :3]
+        world = (
+            rotate_planar(np.broadcast_to(points, (len(part), *points.shape)), part[:, None, 3])
+            + part[:, None, :3]
+        )
         distance = still.signed_distance(world.reshape(-1, 3).astype(np.float32), 0.1)
         deepest = max(deepest, -float(distance.min()), -float(world[..., 2].min()))
         if len(others):
@@ -157,17 +187,23 @@ def _solid_points(still: DistanceQuery, way: Array, reach: float) -> Array:
     low, high = way.min(0) - reach, way.max(0) + reach
     found = [np.zeros((0, 3))]
     for group in still.groups:
-        for centre, half in zip(group.centres.astype(np.float64), group.halves.astype(np.float64), strict=True):
+        for centre, half in zip(
+            group.centres.astype(np.float64), group.halves.astype(np.float64), strict=True
+        ):
             points = (centre + _surface(half)) @ group.matrix.T + group.position
             found.append(points[((points > low) & (points < high)).all(1)])
     return np.concatenate(found)
 
 
-def leaf_report(leaf: Leaf, poses: Array, side: float, hand: int, hips_position: Array, local_rotations: Array) -> dict[str, float]:
-    """Measure how a leaf was opened: widest angle, degrees, and the hand's distance from the grip, cm, in frames in which it holds.
+def leaf_report(
+    leaf: Leaf, poses: Array, side: float, hand: int, hips_position: Array, local_rotations: Array
+) -> dict[str, float]:
+    """Measure how a leaf was opened: widest angle, degrees, and the hand's distance from the grip, cm, in
+    frames in which it holds.
 
-    ``side`` and ``hand`` as in ``passage.Passage``.  The hand holds where the leaf moves and that wrist is within 20 cm of the grip;
-    ``leaf_alone_share`` is the share of the leaf's moving frames, up to its widest angle, in which it does not.
+    ``side`` and ``hand`` as in ``passage.Passage``.  The hand holds where the leaf moves and that wrist is
+    within 20 cm of the grip; ``leaf_alone_share`` is the share of the leaf's moving frames, up to its widest
+    angle, in which it does not.
     """
     poses = np.asarray(poses, dtype=np.float64)
     moving = moving_frames(poses)
@@ -188,16 +224,22 @@ def leaf_report(leaf: Leaf, poses: Array, side: float, hand: int, hips_position:
 
 
 def foot_heights(positions: Array, ground: Callable[[Array], Array]) -> Array:
-    """How far (2,) the right and left foot of one pose (23, 3) stand over the ground under their toes, metres; 0 for a flat sole."""
+    """How far (2,) the right and left foot of one pose (23, 3) stand over the ground under their toes,
+    metres; 0 for a flat sole.
+    """
     toes = positions[TOES]
     return toes[:, 2] - TOE_HEIGHT - np.asarray(ground(toes[:, :2]), dtype=np.float64)
 
 
-def slide_by_action(positions: Array, style: Array, ground: Callable[[Array], Array] | None = None, fps: float = FPS) -> dict[str, Array]:
-    """Foot slide of a take, by action: sums (metres a second of low joints, low joints) whose ratio is the figure.
+def slide_by_action(
+    positions: Array, style: Array, ground: Callable[[Array], Array] | None = None, fps: float = FPS
+) -> dict[str, Array]:
+    """Foot slide of a take, by action: sums (metres a second of low joints, low joints) whose ratio is the
+    figure.
 
-    ``positions`` (T, 23, 3) and labels ``style`` (T, 7).  A frame belongs to carry, open, sit or climb where that label is over
-    0.5, else to the highest of the others; "all" holds every frame.  Sums add up over takes; see ``slide_table``.
+    ``positions`` (T, 23, 3) and labels ``style`` (T, 7).  A frame belongs to carry, open, sit or climb where
+    that label is over 0.5, else to the highest of the others; "all" holds every frame.  Sums add up over
+    takes; see ``slide_table``.
     """
     lead = leading_action(style)
     sums = {}
@@ -217,7 +259,9 @@ def slide_by_action(positions: Array, style: Array, ground: Callable[[Array], Ar
 
 
 def leading_action(style: Array) -> Array:
-    """Index (T,) of the action that labels (T, 7) stand for: an action with an object wins over how one moves."""
+    """Index (T,) of the action that labels (T, 7) stand for: an action with an object wins over how one
+    moves.
+    """
     style = np.asarray(style)
     lead = style[:, : RUN + 1].argmax(axis=1)
     for k in (CARRY, OPEN, SIT, CLIMB):
@@ -234,5 +278,7 @@ def slide_table(sums: list[dict[str, Array]]) -> dict[str, float]:
 
 def _low_joints(positions: Array, ground: Callable[[Array], Array] | None) -> float:
     """How many times an ankle or a toe counts in ``foot_sliding``."""
-    height = over_ground(positions, ground)[:, ANKLES + TOES, 2] - np.array([ANKLE_HEIGHT] * 2 + [TOE_HEIGHT] * 2)
+    height = over_ground(positions, ground)[:, ANKLES + TOES, 2] - np.array(
+        [ANKLE_HEIGHT] * 2 + [TOE_HEIGHT] * 2
+    )
     return float((np.maximum(height[1:], height[:-1]) < SKATE_HEIGHT).sum())

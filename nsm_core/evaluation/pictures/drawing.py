@@ -48,7 +48,9 @@ def figure_lines(lines: Any, pose: Array, uv: Array, depth: Array, weight: float
         for part in (bones[:4], bones[4:]) if side else (bones,):  # arm, leg
             order = 3 + 0.5 * float(np.tanh(depth[part].mean() - depth[HIPS]))
             near = 1.0 if order >= 3 or not side else 0.75
-            lines([uv[[PARENTS[j], j]] for j in part], color, weight * near * (1.15 if not side else 1.0), order)
+            lines(
+                [uv[[PARENTS[j], j]] for j in part], color, weight * near * (1.15 if not side else 1.0), order
+            )
 
 
 def _side(joint: int) -> str:
@@ -66,7 +68,9 @@ def foot_outline(ankle: Array, toe: Array) -> Array:
 
 
 def project(points: Array, view: str, forward: float) -> Array:
-    """Flatten (..., 3) world points to (..., 2) metres right and up, seen by a camera that stands square to ``forward``."""
+    """Flatten (..., 3) world points to (..., 2) metres right and up, seen by a camera that stands square to
+    ``forward``.
+    """
     ahead = heading_to_direction(np.asarray(forward))
     left = np.array((-ahead[1], ahead[0]))
     f, s, z = points[..., :2] @ ahead, points[..., :2] @ left, points[..., 2]
@@ -94,7 +98,9 @@ def depth_of(points: Array, view: str, forward: float) -> Array:
     return -s if view == "side" else np.sin(np.radians(40)) * f - np.cos(np.radians(40)) * s
 
 
-def canvas(plt: Any, width: float, height: float, scale: float, title: str | None, origin: Array | None = None) -> tuple[Figure, Axes]:
+def canvas(
+    plt: Any, width: float, height: float, scale: float, title: str | None, origin: Array | None = None
+) -> tuple[Figure, Axes]:
     """Make a figure whose axes show exactly ``width`` x ``height`` metres at ``scale`` pixels a metre."""
     top = 30 if title else 4
     w, h = width * scale, height * scale + top
@@ -123,20 +129,25 @@ def pyplot() -> Any:
     try:
         import matplotlib
     except ImportError as error:
-        raise OutputError("Pictures need matplotlib, which is not installed; install the project's training extra.") from error
+        raise OutputError(
+            "Pictures need matplotlib, which is not installed; install the project's training extra."
+        ) from error
     matplotlib.use("Agg", force=False)
     import matplotlib.pyplot as plt
 
     return plt
 
 
-# --- inputs ----------------------------------------------------------------------------------------------------
+# --- inputs
+# ----------------------------------------------------------------------------------------------------
 
 
 def checked(positions: Array) -> Array:
     positions = np.asarray(positions, dtype=np.float64)
     if positions.ndim != 3 or positions.shape[1:] != (len(PARENTS), 3) or not len(positions):
-        raise GeometryError(f"A sheet needs joint positions of shape (T, {len(PARENTS)}, 3), but got {positions.shape}.")
+        raise GeometryError(
+            f"A sheet needs joint positions of shape (T, {len(PARENTS)}, 3), but got {positions.shape}."
+        )
     return positions
 
 
@@ -166,7 +177,9 @@ def camera_headings(points: Array, headings: Array, camera: float | str) -> Arra
 def corners_of(boxes: Array | Cuboids | None) -> Array:
     if isinstance(boxes, Cuboids):
         halves = _CORNERS * 2 - 1
-        parts = [(g.centres[:, None] + halves * g.halves[:, None]) @ g.matrix.T + g.position for g in boxes.groups]
+        parts = [
+            (g.centres[:, None] + halves * g.halves[:, None]) @ g.matrix.T + g.position for g in boxes.groups
+        ]
         boxes = np.concatenate(parts) if parts else None
     if boxes is None or not len(boxes):
         return np.zeros((0, 8, 3))
@@ -174,7 +187,9 @@ def corners_of(boxes: Array | Cuboids | None) -> Array:
     if boxes.shape[1:] == (2, 3):
         return box_corners(np.zeros(3), 0.0, boxes[:, 0], boxes[:, 1])
     if boxes.shape[1:] != (8, 3):
-        raise GeometryError(f"Boxes must be (M, 8, 3) corners or (M, 2, 3) minimum and maximum, but got {boxes.shape}.")
+        raise GeometryError(
+            f"Boxes must be (M, 8, 3) corners or (M, 2, 3) minimum and maximum, but got {boxes.shape}."
+        )
     return boxes
 
 
@@ -183,4 +198,8 @@ def ring_joints(contacts: Array | None) -> list[int]:
 
     if contacts is None:
         return []
-    return [INDEX["RightToe"], INDEX["LeftToe"]] if np.asarray(contacts).shape[-1] == 2 else [INDEX[n] for n in CONTACTS]
+    return (
+        [INDEX["RightToe"], INDEX["LeftToe"]]
+        if np.asarray(contacts).shape[-1] == 2
+        else [INDEX[n] for n in CONTACTS]
+    )

@@ -60,17 +60,18 @@ def contact_sheet(
 ) -> Path:
     """Draw a motion as a grid of stick figures in one PNG 1600 pixels wide and return its path.
 
-    Right limbs are red, left limbs blue; a joint in contact has a ring.  Each tile is one pose, with frame and time.
+    Right limbs are red, left limbs blue; a joint in contact has a ring.  Each tile is one pose, with frame
+    and time.
 
     Args:
         positions: (T, 23, 3) world joint positions, metres.
         every: frames between tiles; None fills at most ``rows`` rows.
         view: "side" (camera's right is forward), "front", "three_quarter" or "top".
-        boxes: furniture as (M, 8, 3) corners (see ``box_corners``), (M, 2, 3) world minimum and maximum, or ``Cuboids``.
-        roots: (T, 3) x, y, heading, or a pair of (T, 2) and (T,), drawn as an arrow on the floor; None takes the pose's own.
-        tiles: poses in a row.
-        follow: True keeps the hips in the middle of every tile; False shows the whole scene in every tile.
-        camera: what "forward" means: "travel" (start to end, or the first heading if the take stays in place),
+        boxes: furniture as (M, 8, 3) corners (see ``box_corners``), (M, 2, 3) world minimum and maximum, or
+        ``Cuboids``. roots: (T, 3) x, y, heading, or a pair of (T, 2) and (T,), drawn as an arrow on the
+        floor; None takes the pose's own. tiles: poses in a row. follow: True keeps the hips in the middle of
+        every tile; False shows the whole scene in every tile. camera: what "forward" means: "travel" (start
+        to end, or the first heading if the take stays in place),
             "character" (the heading of each frame) or a heading in radians.
         contacts: (T, 2) right and left foot, or (T, 5) in the order of ``conventions.CONTACTS``.
         moving: corners (T, M, 8, 3) of the boxes of what moves, drawn where they are in each pictured frame.
@@ -91,8 +92,12 @@ def contact_sheet(
     forward = camera_headings(points, headings, camera)
     corners = corners_of(boxes)
     rings = ring_joints(contacts)
-    if moving is not None and (np.ndim(moving) != 4 or np.shape(moving)[0] != len(positions) or np.shape(moving)[2:] != (8, 3)):
-        raise GeometryError(f"What moves must be corners of shape ({len(positions)}, M, 8, 3), but got {np.shape(moving)}.")
+    if moving is not None and (
+        np.ndim(moving) != 4 or np.shape(moving)[0] != len(positions) or np.shape(moving)[2:] != (8, 3)
+    ):
+        raise GeometryError(
+            f"What moves must be corners of shape ({len(positions)}, M, 8, 3), but got {np.shape(moving)}."
+        )
 
     # The window of one tile, metres right and up of its centre.
     drawn = [project(positions[f], view, forward[f]) for f in frames]
@@ -100,13 +105,20 @@ def contact_sheet(
         under = positions[:, HIPS] * np.array((1, 1, 0))
         centres = [project(under[f], view, forward[f]) for f in frames]
     else:
-        everything = np.concatenate(drawn + [project(corners, view, forward[f]).reshape(-1, 2) for f in frames[:1]])
+        everything = np.concatenate(
+            drawn + [project(corners, view, forward[f]).reshape(-1, 2) for f in frames[:1]]
+        )
         middle = (everything.min(0) + everything.max(0)) / 2
         centres = [np.array((middle[0], 0.0 if view != "top" else middle[1]))] * len(frames)
     local = np.concatenate([uv - c for uv, c in zip(drawn, centres, strict=True)])
     low, high = local.min(0) - MARGIN, local.max(0) + MARGIN + np.array((0.0, 0.12))  # room for the head
     if not follow and len(corners):
-        scene = np.concatenate([project(corners, view, forward[f]).reshape(-1, 2) - c for f, c in zip(frames, centres, strict=True)])
+        scene = np.concatenate(
+            [
+                project(corners, view, forward[f]).reshape(-1, 2) - c
+                for f, c in zip(frames, centres, strict=True)
+            ]
+        )
         low, high = np.minimum(low, scene.min(0) - MARGIN), np.maximum(high, scene.max(0) + MARGIN)
     half = max(0.4 if moving is None else 0.62, -low[0], high[0])  # room for what is in the hands
     if view == "top":
@@ -131,8 +143,17 @@ def contact_sheet(
         name = corner + np.array((cell[0] / 2, cell[1] - label / 2))
         ax.text(*name, f"{f}   {f / fps:.2f} s", ha="center", va="center", fontsize=7, color="#555")
 
-        def lines(segments: list[Array], color: str, width: float, order: float, clip: Rectangle = window, **extra: object) -> None:
-            drawing = LineCollection(segments, colors=color, linewidths=width, zorder=order, capstyle="round", **extra)
+        def lines(
+            segments: list[Array],
+            color: str,
+            width: float,
+            order: float,
+            clip: Rectangle = window,
+            **extra: object,
+        ) -> None:
+            drawing = LineCollection(
+                segments, colors=color, linewidths=width, zorder=order, capstyle="round", **extra
+            )
             ax.add_collection(drawing).set_clip_path(clip)
 
         if view != "top":
@@ -150,12 +171,23 @@ def contact_sheet(
         figure_lines(lines, positions[f], drawn[i] + shift, depth_of(positions[f], view, forward[f]), weight)
         up = drawn[i][INDEX["Head"]] - drawn[i][INDEX["Neck"]]
         middle = drawn[i][INDEX["Head"]] + 0.6 * up + shift
-        head = plt.Circle(tuple(middle), 0.09, facecolor="white", edgecolor=TRUNK, linewidth=weight * 0.7, zorder=5)
+        head = plt.Circle(
+            tuple(middle), 0.09, facecolor="white", edgecolor=TRUNK, linewidth=weight * 0.7, zorder=5
+        )
         ax.add_patch(head).set_clip_path(window)
         if contacts is not None:
             held = [j for j, on in zip(rings, np.asarray(contacts)[f] > 0.5, strict=True) if on]
             if held:
-                ax.plot(*(drawn[i][held] + shift).T, "o", mfc="none", mec="#111", ms=5.5, mew=1.0, zorder=7, clip_path=window)
+                ax.plot(
+                    *(drawn[i][held] + shift).T,
+                    "o",
+                    mfc="none",
+                    mec="#111",
+                    ms=5.5,
+                    mew=1.0,
+                    zorder=7,
+                    clip_path=window,
+                )
     return save(plt, fig, path)
 
 
@@ -169,11 +201,12 @@ def path_sheet(
     goals: Array | None = None,
     title: str | None = None,
 ) -> Path:
-    """Draw the plan of a take: root path with headings, foot prints where feet are in contact, furniture from above.
+    """Draw the plan of a take: root path with headings, foot prints where feet are in contact, furniture from
+    above.
 
-    ``contacts`` is (T, 2) right and left foot or (T, 5); None detects them.  ``every`` is the number of frames between
-    heading arrows; ``goals`` (G, 3) are x, y, heading.  Colour runs from the start (dark) to the end (light) of the path.
-    Errors as in ``contact_sheet``.
+    ``contacts`` is (T, 2) right and left foot or (T, 5); None detects them.  ``every`` is the number of
+    frames between heading arrows; ``goals`` (G, 3) are x, y, heading.  Colour runs from the start (dark) to
+    the end (light) of the path.  Errors as in ``contact_sheet``.
     """
     positions = checked(positions)
     plt = pyplot()
@@ -221,7 +254,17 @@ def path_sheet(
     ax.add_collection(shade)
     pick = np.arange(0, len(points), max(1, every))
     d = heading_to_direction(headings[pick]) * 0.16
-    ax.quiver(*points[pick].T, *d.T, angles="xy", scale_units="xy", scale=1, width=2.0, units="dots", color="#222", zorder=6)
+    ax.quiver(
+        *points[pick].T,
+        *d.T,
+        angles="xy",
+        scale_units="xy",
+        scale=1,
+        width=2.0,
+        units="dots",
+        color="#222",
+        zorder=6,
+    )
     for f in pick[:: max(1, len(pick) // 12)]:
         ax.annotate(str(f), points[f], xytext=(7, 5), textcoords="offset points", fontsize=8, zorder=7)
     ax.plot(*points[0], "o", ms=9, mfc="#2c9c4b", mec="white", zorder=7)
@@ -229,7 +272,17 @@ def path_sheet(
     for goal in np.atleast_2d(goals) if goals is not None else ():
         ax.plot(*goal[:2], "*", ms=16, mfc="#f4b400", mec="#6b4e00", zorder=8)
         g = heading_to_direction(np.asarray(goal[2])) * 0.3
-        ax.quiver(*goal[:2], *g, angles="xy", scale_units="xy", scale=1, width=3.5, units="dots", color="#b98500", zorder=8)
+        ax.quiver(
+            *goal[:2],
+            *g,
+            angles="xy",
+            scale_units="xy",
+            scale=1,
+            width=3.5,
+            units="dots",
+            color="#b98500",
+            zorder=8,
+        )
     return save(plt, fig, path)
 
 

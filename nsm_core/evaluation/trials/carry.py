@@ -1,4 +1,6 @@
-"""Carrying trials: boxes on the floor, on low and on usual tables, to a place on the floor or on another table."""
+"""Carrying trials: boxes on the floor, on low and on usual tables, to a place on the floor or on another
+table.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ PLACED = 5.0  # cm from its destination within which a box counts as placed
 
 @dataclass(frozen=True)
 class CarryTrial:
-    """One start before one box; pieces are (furniture, place, heading) in the world, ``box`` (4,) and ``goal`` (4,) box centres."""
+    """One start before one box; pieces are (furniture, place, heading) in the world, ``box`` (4,) and
+    ``goal`` (4,) box centres.
+    """
 
     setting: int
     name: str
@@ -62,16 +66,25 @@ def make_crate(rng: np.random.Generator, pool: Pool | None) -> Furniture:
 
 
 def support(
-    rng: np.random.Generator, height: object, crate: Furniture, centre: Array, facing: float, pool: Pool | None
+    rng: np.random.Generator,
+    height: object,
+    crate: Furniture,
+    centre: Array,
+    facing: float,
+    pool: Pool | None,
 ) -> tuple[float, list[tuple[Furniture, Array, float]]]:
-    """A table under a box at ``centre`` (2,) that is reached by one who faces ``facing``: height of its top, and the table."""
+    """A table under a box at ``centre`` (2,) that is reached by one who faces ``facing``: height of its top,
+    and the table.
+    """
     if not isinstance(height, tuple):
         return 0.0, []
     wanted = float(rng.uniform(*height))
     if pool is not None and pool.of_kind("table"):
         table = pool.draw("table", rng, augment=False)
         top, corners = furniture.top_of(table)
-        table = scaled(table, np.array((min(1.0, 1.6 / table.size[0]), min(1.0, 1.0 / table.size[1]), wanted / top)))
+        table = scaled(
+            table, np.array((min(1.0, 1.6 / table.size[0]), min(1.0, 1.0 / table.size[1]), wanted / top))
+        )
         top, corners = furniture.top_of(table)
     else:
         table = furniture.make("table", rng, height=wanted, width=float(rng.uniform(0.8, 1.4)))
@@ -85,16 +98,21 @@ def support(
 
 
 def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = None) -> list[CarryTrial]:
-    """The same ``starts`` times ``settings`` trials at every call, about boxes that training has not seen; ``pool`` held back."""
+    """The same ``starts`` times ``settings`` trials at every call, about boxes that training has not seen;
+    ``pool`` held back.
+    """
     result = []
     for n in range(settings):
         name, source, destination = SETTINGS[n % len(SETTINGS)]
         rng = np.random.default_rng((SEED, 1, n))
         crate = make_crate(rng, pool)
-        turn = float(rng.uniform(-np.pi, np.pi))  # where one who lifts the box looks when it stands on a table
+        turn = float(
+            rng.uniform(-np.pi, np.pi)
+        )  # where one who lifts the box looks when it stands on a table
         top, still = support(rng, source, crate, np.zeros(2), turn, pool)
         box = np.array((0, 0, top + crate.size[2] / 2, turn))
-        # The destination lies behind the one who lifts, so that the way is a turn with the box and free of its table.
+        # The destination lies behind the one who lifts, so that the way is a turn with the box and free of
+        # its table.
         way = turn + np.pi + float(rng.uniform(-0.7, 0.7))
         facing = way + float(rng.uniform(-0.5, 0.5))
         place = rng.uniform(2.4, 3.0) * heading_to_direction(np.array(way))
@@ -146,23 +164,68 @@ def rows(s: Report) -> list[tuple[str, str, str, str]]:
     """Lines of the table: what, ours, the paper's, the aim."""
     return [
         ("carry, placed within 5 cm", f"{s['placed']:.0%}", "", "92 %"),
-        ("carry, placed, no penetration over 5 cm at the end", f"{s['success']:.0%}", "92.2 % (TokenHSI)", ""),
-        ("carry PE cm, hands at the grasp, network alone (mean)", f"{s['network_hand_pe_cm_mean']:.2f}", "3.05", "3.0"),
-        ("carry RE deg, hands at the grasp, network alone (mean)", f"{s['network_hand_re_deg_mean']:.2f}", "1.02", "1.0"),
+        (
+            "carry, placed, no penetration over 5 cm at the end",
+            f"{s['success']:.0%}",
+            "92.2 % (TokenHSI)",
+            "",
+        ),
+        (
+            "carry PE cm, hands at the grasp, network alone (mean)",
+            f"{s['network_hand_pe_cm_mean']:.2f}",
+            "3.05",
+            "3.0",
+        ),
+        (
+            "carry RE deg, hands at the grasp, network alone (mean)",
+            f"{s['network_hand_re_deg_mean']:.2f}",
+            "1.02",
+            "1.0",
+        ),
         ("carry PE cm, with contact IK (mean)", f"{s['hand_pe_cm_mean']:.2f}", "", "1"),
         ("carry RE deg, with contact IK (mean)", f"{s['hand_re_deg_mean']:.2f}", "", "0.5"),
-        ("box off its destination cm (median / worst)", f"{s['box_error_cm_median']:.1f} / {s['box_error_cm_worst']:.1f}", "", "5"),
-        ("box turned off deg (median / worst)", f"{s['box_turn_deg_median']:.1f} / {s['box_turn_deg_worst']:.1f}", "", ""),
+        (
+            "box off its destination cm (median / worst)",
+            f"{s['box_error_cm_median']:.1f} / {s['box_error_cm_worst']:.1f}",
+            "",
+            "5",
+        ),
+        (
+            "box turned off deg (median / worst)",
+            f"{s['box_turn_deg_median']:.1f} / {s['box_turn_deg_worst']:.1f}",
+            "",
+            "",
+        ),
         (
             "hands off the grasps while carrying cm (median / worst)",
             f"{s['hands_off_cm_median']:.1f} / {s['hands_off_worst_cm_worst']:.1f}",
             "",
             "",
         ),
-        ("line of the hands off level deg (median / worst)", f"{s['hands_tilt_deg_median']:.0f} / {s['hands_tilt_deg_worst']:.0f}", "", ""),
-        ("box moves without hands cm (median / worst)", f"{s['box_unheld_cm_median']:.1f} / {s['box_unheld_cm_worst']:.1f}", "", "0"),
-        ("largest change of the box's step cm (median / worst)", f"{s['box_jolt_cm_median']:.1f} / {s['box_jolt_cm_worst']:.1f}", "", ""),
-        ("box inside solids cm (median / worst)", f"{s['box_in_solids_cm_median']:.1f} / {s['box_in_solids_cm_worst']:.1f}", "", "0"),
+        (
+            "line of the hands off level deg (median / worst)",
+            f"{s['hands_tilt_deg_median']:.0f} / {s['hands_tilt_deg_worst']:.0f}",
+            "",
+            "",
+        ),
+        (
+            "box moves without hands cm (median / worst)",
+            f"{s['box_unheld_cm_median']:.1f} / {s['box_unheld_cm_worst']:.1f}",
+            "",
+            "0",
+        ),
+        (
+            "largest change of the box's step cm (median / worst)",
+            f"{s['box_jolt_cm_median']:.1f} / {s['box_jolt_cm_worst']:.1f}",
+            "",
+            "",
+        ),
+        (
+            "box inside solids cm (median / worst)",
+            f"{s['box_in_solids_cm_median']:.1f} / {s['box_in_solids_cm_worst']:.1f}",
+            "",
+            "0",
+        ),
         ("seconds to carry (median)", f"{s['seconds_median']:.1f}", "", ""),
     ]
 

@@ -1,4 +1,6 @@
-"""Carrying trials that are hard to stand at: boxes far from the edges of tables, cabinets and shelves, and a crate of the largest size."""
+"""Carrying trials that are hard to stand at: boxes far from the edges of tables, cabinets and shelves, and a
+crate of the largest size.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,11 @@ from .carry import CarryTrial
 from .part import TrialPart
 from .rollout import SEED, Report
 
-# Name, size of the box, what it stands on and goes to: kind, height of that top, and metres from the edge to the box; metres.
-SETTINGS: tuple[tuple[str, tuple[float, float, float], tuple[str, float, float], tuple[str, float, float]], ...] = (
+# Name, size of the box, what it stands on and goes to: kind, height of that top, and metres from the edge to
+# the box; metres.
+SETTINGS: tuple[
+    tuple[str, tuple[float, float, float], tuple[str, float, float], tuple[str, float, float]], ...
+] = (
     ("table 25 cm to table 5 cm", (0.34, 0.3, 0.26), ("table", 0.72, 0.25), ("table", 0.75, 0.05)),
     ("floor to table 20 cm", (0.3, 0.3, 0.3), ("floor", 0.0, 0.0), ("table", 0.74, 0.2)),
     ("table 8 cm to floor", (0.4, 0.32, 0.24), ("table", 0.75, 0.08), ("floor", 0.0, 0.0)),
@@ -29,7 +34,12 @@ SETTINGS: tuple[tuple[str, tuple[float, float, float], tuple[str, float, float],
     ("cabinet 12 cm to floor", (0.36, 0.3, 0.28), ("cabinet", 0.9, 0.12), ("floor", 0.0, 0.0)),
     ("low table 20 cm to cabinet 10 cm", (0.3, 0.3, 0.25), ("table", 0.45, 0.2), ("cabinet", 0.85, 0.1)),
     ("crate of 0.6 m, floor to floor", (0.6, 0.6, 0.6), ("floor", 0.0, 0.0), ("floor", 0.0, 0.0)),
-    ("crate of 0.5 m, table 12 cm to table 18 cm", (0.5, 0.4, 0.35), ("table", 0.6, 0.12), ("table", 0.72, 0.18)),
+    (
+        "crate of 0.5 m, table 12 cm to table 18 cm",
+        (0.5, 0.4, 0.35),
+        ("table", 0.6, 0.12),
+        ("table", 0.72, 0.18),
+    ),
 )
 
 
@@ -43,16 +53,28 @@ def inner_shelf(rng: np.random.Generator, board: float, width: float, depth: flo
 
 
 def support(
-    rng: np.random.Generator, kind: str, height: float, edge: float, crate: Furniture, centre: Array, facing: float
+    rng: np.random.Generator,
+    kind: str,
+    height: float,
+    edge: float,
+    crate: Furniture,
+    centre: Array,
+    facing: float,
 ) -> list[tuple[Furniture, Array, float]]:
-    """What stands under a box at ``centre`` (2,) that is taken or put by one who faces ``facing``, its near face ``edge`` metres in."""
+    """What stands under a box at ``centre`` (2,) that is taken or put by one who faces ``facing``, its near
+    face ``edge`` metres in.
+    """
     if kind == "floor":
         return []
     depth = float(crate.size[1])
     if kind == "inner":
-        piece = inner_shelf(rng, height, float(crate.size[0]) + 0.35, depth + edge + 0.1, float(crate.size[2]) + 0.12)
+        piece = inner_shelf(
+            rng, height, float(crate.size[0]) + 0.35, depth + edge + 0.1, float(crate.size[2]) + 0.12
+        )
     else:
-        deep = max(0.35 if kind == "shelf" else 0.7, depth + 2 * edge + 0.1)  # so that the other side is no nearer
+        deep = max(
+            0.35 if kind == "shelf" else 0.7, depth + 2 * edge + 0.1
+        )  # so that the other side is no nearer
         piece = furniture.make(kind, rng, width=float(rng.uniform(0.9, 1.4)), depth=deep, height=height)
     inner = np.array((0.0, float(piece.mins[:, 1].min()) + edge + depth / 2))
     turn = facing + np.pi
@@ -84,12 +106,16 @@ def trials(starts: int = 1, settings: Sequence[int] = range(len(SETTINGS))) -> l
 
 
 def run_trial(model: Model, trial: CarryTrial, **more: object) -> tuple[TakeResult, Report]:
-    """Roll one trial out; returns the take and its figures, those of ``carrying`` and whether it was ``sound``.
+    """Roll one trial out; returns the take and its figures, those of ``carrying`` and whether it was
+    ``sound``.
 
-    Sound: placed, the body deeper than 3 cm in at most 3 % of the frames, and the box nowhere deeper than 1 cm in anything.
+    Sound: placed, the body deeper than 3 cm in at most 3 % of the frames, and the box nowhere deeper than 1
+    cm in anything.
     """
     take, report = carry.run_trial(model, trial, **more)
-    report["sound"] = float(report["placed"] > 0 and report["penetration_share"] <= DEEP and report["box_in_solids_cm"] <= 1)
+    report["sound"] = float(
+        report["placed"] > 0 and report["penetration_share"] <= DEEP and report["box_in_solids_cm"] <= 1
+    )
     return take, report
 
 

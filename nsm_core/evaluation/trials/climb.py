@@ -35,9 +35,13 @@ SETTINGS = (
     ("low wall of 0.25 m", "low_wall", {"height": 0.25, "depth": 0.1}),
     ("low wall of 0.45 m", "low_wall", {"height": 0.45, "depth": 0.2}),
 )
-NEAR, UPRIGHT = 0.35, 0.75  # metres: root from its place, and hips over the ground, that count as standing there
+NEAR, UPRIGHT = (
+    0.35,
+    0.75,
+)  # metres: root from its place, and hips over the ground, that count as standing there
 FEET = 0.06  # metres that the higher foot may be off the ground it stands on
-# Centimetres that the joints of the feet, and the body at all, may be inside the piece: who walks through it does not climb.
+# Centimetres that the joints of the feet, and the body at all, may be inside the piece: who walks through it
+# does not climb.
 THROUGH, BODY_THROUGH = 5.0, 10.0
 
 
@@ -54,7 +58,9 @@ class ClimbTrial:
 
 
 def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = None) -> list[ClimbTrial]:
-    """The same ``starts`` times ``settings`` trials at every call; the pieces are made, never drawn from a ``pool``."""
+    """The same ``starts`` times ``settings`` trials at every call; the pieces are made, never drawn from a
+    ``pool``.
+    """
     result = []
     for n in range(settings):
         name, kind, measures = SETTINGS[n % len(SETTINGS)]
@@ -69,9 +75,11 @@ def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = 
 
 
 def climb_goal(piece: Furniture, place: Array, turn: float, coming_from: Array, hold: float = 1.0) -> Goal:
-    """The goal to climb ``piece``, which stands at ``place`` (2,) with heading ``turn``, for one who comes from ``coming_from`` (2,).
+    """The goal to climb ``piece``, which stands at ``place`` (2,) with heading ``turn``, for one who comes
+    from ``coming_from`` (2,).
 
-    A step is climbed from the side nearest to the start, a low wall across; the sensor looks at it from that side, as in Blender.
+    A step is climbed from the side nearest to the start, a low wall across; the sensor looks at it from that
+    side, as in Blender.
     """
     half = piece.size[:2] / 2
     local = rotate_planar(np.asarray(coming_from, dtype=np.float64)[:2] - place, np.float64(-turn))
@@ -115,7 +123,12 @@ def run_trial(model: Model, trial: ClimbTrial, **more: Any) -> tuple[TakeResult,
         "over_wall": float(trial.piece.kind == "low_wall"),
     }
     on_level = bool((np.abs(np.asarray(ground(end[TOES, :2])) - goal.position[2]) < 0.05).all())
-    stands = report["end_off_cm"] < 100 * NEAR and report["hips_over_m"] > UPRIGHT and on_level and report["feet_off_cm"] < 100 * FEET
+    stands = (
+        report["end_off_cm"] < 100 * NEAR
+        and report["hips_over_m"] > UPRIGHT
+        and on_level
+        and report["feet_off_cm"] < 100 * FEET
+    )
     clean = report["feet_through_cm"] <= THROUGH and report["penetration_cm"] <= BODY_THROUGH
     report["stands"] = float(bool(report["reached"]) and stands and clean)
     return take, report
@@ -125,20 +138,44 @@ def summarise(reports: Sequence[Report]) -> Report:
     """Figures over trials; see ``rollout.summarise``."""
     return rollout.summarise(reports) | {
         "stands": rollout.share(reports, lambda r: r["stands"] > 0),
-        "stands_on_top": rollout.share([r for r in reports if not r.get("over_wall", 0)], lambda r: r["stands"] > 0),
-        "stands_behind": rollout.share([r for r in reports if r.get("over_wall", 0)], lambda r: r["stands"] > 0),
+        "stands_on_top": rollout.share(
+            [r for r in reports if not r.get("over_wall", 0)], lambda r: r["stands"] > 0
+        ),
+        "stands_behind": rollout.share(
+            [r for r in reports if r.get("over_wall", 0)], lambda r: r["stands"] > 0
+        ),
     }
 
 
 def rows(s: Report) -> list[tuple[str, str, str, str]]:
     """Lines of the table: what, ours, the paper's, the aim."""
     return [
-        ("stands on top or behind, and did not walk through", f"{s['stands']:.0%}", "99.8 % (TokenHSI)", "95 %"),
+        (
+            "stands on top or behind, and did not walk through",
+            f"{s['stands']:.0%}",
+            "99.8 % (TokenHSI)",
+            "95 %",
+        ),
         ("of these, on top of steps", f"{s['stands_on_top']:.0%}", "", ""),
         ("of these, behind low walls", f"{s['stands_behind']:.0%}", "", ""),
-        ("standing feet off the ground cm (median / worst)", f"{s['feet_off_cm_median']:.1f} / {s['feet_off_cm_worst']:.1f}", "", ""),
-        ("root off its place cm (median / worst)", f"{s['end_off_cm_median']:.1f} / {s['end_off_cm_worst']:.1f}", "", ""),
-        ("feet through the piece cm (median / worst)", f"{s['feet_through_cm_median']:.1f} / {s['feet_through_cm_worst']:.1f}", "", "5"),
+        (
+            "standing feet off the ground cm (median / worst)",
+            f"{s['feet_off_cm_median']:.1f} / {s['feet_off_cm_worst']:.1f}",
+            "",
+            "",
+        ),
+        (
+            "root off its place cm (median / worst)",
+            f"{s['end_off_cm_median']:.1f} / {s['end_off_cm_worst']:.1f}",
+            "",
+            "",
+        ),
+        (
+            "feet through the piece cm (median / worst)",
+            f"{s['feet_through_cm_median']:.1f} / {s['feet_through_cm_worst']:.1f}",
+            "",
+            "5",
+        ),
         ("share of frames with a sole under the ground (mean)", f"{s['below_floor_share_mean']:.2f}", "", ""),
         ("seconds to climb (median)", f"{s['seconds_median']:.1f}", "", ""),
     ]

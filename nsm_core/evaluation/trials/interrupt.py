@@ -39,11 +39,16 @@ class InterruptTrial:
 
 
 def trials(starts: int = 10, pool: Pool | None = None) -> list[InterruptTrial]:
-    """The same ``starts`` trials of each of ``PAIRS`` at every call; the rooms are made, never drawn from a ``pool``."""
+    """The same ``starts`` trials of each of ``PAIRS`` at every call; the rooms are made, never drawn from a
+    ``pool``.
+    """
     result = []
     for n, (first, second) in enumerate(PAIRS):
         rng = np.random.default_rng((SEED, 10, n))
-        result += [InterruptTrial(n, f"{first} to {second}", int(rng.integers(EARLIEST, LATEST)), k) for k in range(starts)]
+        result += [
+            InterruptTrial(n, f"{first} to {second}", int(rng.integers(EARLIEST, LATEST)), k)
+            for k in range(starts)
+        ]
     return result
 
 
@@ -61,7 +66,9 @@ def request(trial: InterruptTrial, **more: object) -> TakeRequest:
 
 
 def run_trial(model: Model, trial: InterruptTrial, **more: object) -> tuple[TakeResult, Report]:
-    """Roll one trial out; without a way to interrupt a take, the goals follow one another and ``no_hook`` says so."""
+    """Roll one trial out; without a way to interrupt a take, the goals follow one another and ``no_hook``
+    says so.
+    """
     asked = request(trial, **more)
     before, after = asked.goals
     hook = hasattr(TakeRunner, "interrupt")
@@ -79,13 +86,20 @@ def run_trial(model: Model, trial: InterruptTrial, **more: object) -> tuple[Take
 
 
 def jump_report(take: TakeResult, frame: int, window: int = WINDOW) -> Report:
-    """Largest changes per frame from ``frame`` on for ``window`` frames, those of the rest of the take, and whether it popped."""
+    """Largest changes per frame from ``frame`` on for ``window`` frames, those of the rest of the take, and
+    whether it popped.
+    """
     inside = slice(max(0, frame - 1), frame + window)
     there = jumps(take.hips_position[inside], take.local_rotations[inside])
-    rest = [jumps(take.hips_position[s], take.local_rotations[s]) for s in (slice(0, inside.start), slice(inside.stop, None))]
+    rest = [
+        jumps(take.hips_position[s], take.local_rotations[s])
+        for s in (slice(0, inside.start), slice(inside.stop, None))
+    ]
     usual = {k: max(r[k] for r in rest) for k in there}
     out = {f"there_{k}": v for k, v in there.items()} | {f"rest_{k}": v for k, v in usual.items()}
-    out["popped"] = float(any(there[k] > POP * max(usual[k], 1e-3) for k in ("turn_per_frame_deg", "jolt_cm")))
+    out["popped"] = float(
+        any(there[k] > POP * max(usual[k], 1e-3) for k in ("turn_per_frame_deg", "jolt_cm"))
+    )
     return out
 
 
@@ -100,7 +114,10 @@ def rows(s: Report) -> list[tuple[str, str, str, str]]:
         ("the new goal reached", f"{s['reached']:.0%}", "", ""),
         ("takes with a change 1.5 times the largest of their rest", f"{s['popped']:.0%}", "", "0 %"),
     ]
-    for what, unit in (("turn_per_frame_deg", "turn of a joint deg"), ("jolt_cm", "change of a joint's step cm")):
+    for what, unit in (
+        ("turn_per_frame_deg", "turn of a joint deg"),
+        ("jolt_cm", "change of a joint's step cm"),
+    ):
         for where, name in (("there", "within 1 s of the new goal"), ("rest", "elsewhere")):
             value = f"{s[f'{where}_{what}_median']:.1f} / {s[f'{where}_{what}_worst']:.1f}"
             lines.append((f"largest {unit} per frame {name} (median / worst)", value, "", ""))

@@ -1,4 +1,6 @@
-"""Locomotion trials: how soon an order is answered, walks between furniture and through holes in walls, runs in the open."""
+"""Locomotion trials: how soon an order is answered, walks between furniture and through holes in walls, runs
+in the open.
+"""
 
 from __future__ import annotations
 
@@ -45,11 +47,14 @@ class WalkTrial:
     action: str = "walk"
 
 
-# --- ways ------------------------------------------------------------------------------------------------------
+# --- ways
+# ------------------------------------------------------------------------------------------------------
 
 
 def trials(starts: int = 10, pool: Pool | None = None) -> list[WalkTrial]:
-    """Twice ``starts`` furnished rooms, ``starts`` walls with a hole, ``starts`` runs in the open; the same at every call."""
+    """Twice ``starts`` furnished rooms, ``starts`` walls with a hole, ``starts`` runs in the open; the same
+    at every call.
+    """
     rooms = [_room(n, pool) for n in range(2 * starts)]
     holes = [_hole(n, pool) for n in range(starts)]
     return rooms + holes + [_open(n) for n in range(starts)]
@@ -65,9 +70,15 @@ def _room(number: int, pool: Pool | None) -> WalkTrial:
             kind = str(rng.choice(OBSTACLES))
             piece = pool.draw(kind, rng) if pool is not None else furniture.make(kind, rng)
             # The first ones stand in the way, the others about it.
-            along, aside = (rng.uniform(0.3, 0.7), rng.normal(0, 0.3)) if n < 2 else (rng.uniform(-0.1, 1.1), rng.uniform(-2.2, 2.2))
+            along, aside = (
+                (rng.uniform(0.3, 0.7), rng.normal(0, 0.3))
+                if n < 2
+                else (rng.uniform(-0.1, 1.1), rng.uniform(-2.2, 2.2))
+            )
             place, radius = along * way + aside * side, float(max(piece.size[:2])) / 2
-            if all(np.linalg.norm(place - at) > radius + float(max(p.size[:2])) / 2 + 0.05 for p, at, _ in still):
+            if all(
+                np.linalg.norm(place - at) > radius + float(max(p.size[:2])) / 2 + 0.05 for p, at, _ in still
+            ):
                 still.append((piece, place, float(rng.uniform(-np.pi, np.pi))))
         query = furniture.cuboids(still)
         free = rollout.clear_of(query, room=0.5)
@@ -113,7 +124,9 @@ def run_trial(model: Model, trial: WalkTrial, **more: Any) -> tuple[TakeResult, 
 
 
 def summarise(reports: Sequence[Report]) -> Report:
-    """Figures over ways; see ``rollout.summarise``.  Those of rooms, holes and runs have their names before them."""
+    """Figures over ways; see ``rollout.summarise``.  Those of rooms, holes and runs have their names before
+    them.
+    """
     out = rollout.summarise(reports)
     for n, name in enumerate(("room", "hole", "run")):
         part = rollout.summarise([r for r in reports if r.get("way", -1) == n])
@@ -135,10 +148,19 @@ def rows(s: Report) -> list[tuple[str, str, str, str]]:
             (f"{title}: deepest cm (worst)", f"{s[f'{name}_penetration_cm_worst']:.1f}", "", ""),
             (f"{title}: way over the shortest (median)", f"{s[f'{name}_path_ratio_median']:.2f}", "", ""),
         ]
-    return [*lines[:-3], ("runs in the open: top speed of the hips m/s (median)", f"{s['run_top_speed_m_s_median']:.2f}", "", "")]
+    return [
+        *lines[:-3],
+        (
+            "runs in the open: top speed of the hips m/s (median)",
+            f"{s['run_top_speed_m_s_median']:.2f}",
+            "",
+            "",
+        ),
+    ]
 
 
-# --- response --------------------------------------------------------------------------------------------------
+# --- response
+# --------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -153,18 +175,28 @@ class Order:
 
 
 def orders(starts: int = 10, pool: Pool | None = None) -> list[Order]:
-    """Four directions each for walking and running from a stand, ``starts`` each for sitting down out of a walk and of a run."""
-    result = [Order(k, f"idle to {a}", np.zeros(2), d * np.pi / 2) for k, a in enumerate(("walk", "run")) for d in range(4)]
+    """Four directions each for walking and running from a stand, ``starts`` each for sitting down out of a
+    walk and of a run.
+    """
+    result = [
+        Order(k, f"idle to {a}", np.zeros(2), d * np.pi / 2)
+        for k, a in enumerate(("walk", "run"))
+        for d in range(4)
+    ]
     for k, gait in ((2, "walk"), (3, "run")):
         for n in range(starts):
             rng = np.random.default_rng((SEED, 9, n))
             kind = SEATS[n % len(SEATS)]
-            piece = pool.draw(kind, rng) if pool is not None and pool.of_kind(kind) else furniture.make(kind, rng)
+            piece = (
+                pool.draw(kind, rng) if pool is not None and pool.of_kind(kind) else furniture.make(kind, rng)
+            )
             room = float(np.linalg.norm(piece.size[:2])) / 2 + 0.5
             while True:
                 at = rng.uniform(0.9, 3.0) * heading_to_direction(np.array(rng.uniform(-np.pi, np.pi)))
                 heading = float(rng.uniform(-np.pi, np.pi))
-                line = at + np.linspace(-LEAD[gait] - 0.3, 4.0, 60)[:, None] * heading_to_direction(np.array(heading))
+                line = at + np.linspace(-LEAD[gait] - 0.3, 4.0, 60)[:, None] * heading_to_direction(
+                    np.array(heading)
+                )
                 if np.linalg.norm(line, axis=1).min() > room:
                     break
             result.append(Order(k, f"{gait} to sit", at, heading, piece))
@@ -172,7 +204,9 @@ def orders(starts: int = 10, pool: Pool | None = None) -> list[Order]:
 
 
 def run_order(model: Model, order: Order, **more: Any) -> tuple[TakeResult | None, Report]:
-    """Give one order and measure the seconds until its label passes 0.9; nan where it never does, or cannot be given."""
+    """Give one order and measure the seconds until its label passes 0.9; nan where it never does, or cannot
+    be given.
+    """
     before, action = order.name.split(" to ")
     ahead = heading_to_direction(np.array(order.heading))
     if before == "idle":
@@ -203,7 +237,10 @@ def run_order(model: Model, order: Order, **more: Any) -> tuple[TakeResult | Non
             begun = (runner.frames - given) / FPS
             break
     # Who was not walking or running when told to sit tells nothing about sitting down out of it.
-    return runner.result(), _answer(order, begun if moving > 0.5 else None) | {"moving_label": moving, "reached": float(begun is not None)}
+    return runner.result(), _answer(order, begun if moving > 0.5 else None) | {
+        "moving_label": moving,
+        "reached": float(begun is not None),
+    }
 
 
 def _answer(order: Order, seconds: float | None) -> Report:
@@ -214,9 +251,10 @@ def _answer(order: Order, seconds: float | None) -> Report:
 def order_rows(s: Report) -> list[tuple[str, str, str, str]]:
     """Lines of the table: what, ours, the paper's, the aim."""
     paper = {"idle to walk": "1.49", "idle to run": "0.81", "walk to sit": "4.92", "run to sit": "5.10"}
-    return [(f"{name} s (mean)", f"{s[name.replace(' ', '_') + '_s_mean']:.2f}", value, "") for name, value in paper.items()] + [
-        ("orders answered", f"{s['reached']:.0%}", "", "100 %")
-    ]
+    return [
+        (f"{name} s (mean)", f"{s[name.replace(' ', '_') + '_s_mean']:.2f}", value, "")
+        for name, value in paper.items()
+    ] + [("orders answered", f"{s['reached']:.0%}", "", "100 %")]
 
 
 PART = TrialPart(

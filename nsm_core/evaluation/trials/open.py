@@ -28,7 +28,10 @@ from .rollout import SEED, Report
 SETTINGS = (("push, hinge left", True, False), ("push, hinge right", True, True), ("pull, hinge left", False, False),
             ("pull, hinge right", False, True))  # fmt: skip
 WALL = 3.5  # metres of wall on either side, so that there is no way around
-IN_TIME, BEYOND = 20.0, 0.3  # seconds in which, and metres beyond the wall's middle from which, the door counts as passed
+IN_TIME, BEYOND = (
+    20.0,
+    0.3,
+)  # seconds in which, and metres beyond the wall's middle from which, the door counts as passed
 DEEPEST = 5.0  # cm
 
 
@@ -46,14 +49,17 @@ class DoorTrial:
 
 
 def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = None) -> list[DoorTrial]:
-    """The same ``starts`` times ``settings`` trials at every call; doors are made, never drawn from a ``pool``."""
+    """The same ``starts`` times ``settings`` trials at every call; doors are made, never drawn from a
+    ``pool``.
+    """
     result = []
     for n in range(settings):
         name, push, hinge_right = SETTINGS[n % len(SETTINGS)]
         rng = np.random.default_rng((SEED, 3, n))
         door = make_door(rng, near=WALL, far=WALL)
         pose = np.array((*rng.uniform(-1, 1, 2), 0.0, rng.uniform(-np.pi, np.pi)))
-        # Who comes from the frame's -Y side has the hinge on the left; a leaf that swings to the other side is pushed.
+        # Who comes from the frame's -Y side has the hinge on the left; a leaf that swings to the other side
+        # is pushed.
         side = 1.0 if hinge_right else -1.0
         swing = -side if push else side
         leaf = door.leaf(pose, swing)
@@ -79,7 +85,9 @@ def request(trial: DoorTrial, hold: float = 1.0, **more: Any) -> TakeRequest:
 
 
 def passed_at(root: Array, way: Passage, width: float, beyond: float = BEYOND) -> float:
-    """Seconds until roots (T, 3) are ``beyond`` metres past the wall's middle, having gone through the opening; nan for never."""
+    """Seconds until roots (T, 3) are ``beyond`` metres past the wall's middle, having gone through the
+    opening; nan for never.
+    """
     ahead = heading_to_direction(np.array(way.heading))
     seen = rotate_planar(root[:, :2] - way.middle, np.float64(-way.heading))  # x across, -y ahead
     through = (root[:, :2] - way.middle) @ ahead
@@ -126,7 +134,12 @@ def rows(s: Report) -> list[tuple[str, str, str, str]]:
     return [
         ("doors passed within 20 s, at most 5 cm inside wall or leaf", f"{s['passed']:.0%}", "", "95 %"),
         ("root beyond the opening within 20 s", f"{s['through']:.0%}", "", ""),
-        ("hand at the end of the reach, network alone PE cm (mean)", f"{s['network_hand_pe_cm_mean']:.2f}", "", ""),
+        (
+            "hand at the end of the reach, network alone PE cm (mean)",
+            f"{s['network_hand_pe_cm_mean']:.2f}",
+            "",
+            "",
+        ),
         ("hand at the end of the reach, with contact IK PE cm (mean)", f"{s['hand_pe_cm_mean']:.2f}", "", ""),
         (
             "hand off the grip while it holds cm (median / worst)",
@@ -134,10 +147,25 @@ def rows(s: Report) -> list[tuple[str, str, str, str]]:
             "",
             "",
         ),
-        ("leaf opens without the hand, share of its frames (mean)", f"{s['leaf_alone_share_mean']:.2f}", "", "0"),
+        (
+            "leaf opens without the hand, share of its frames (mean)",
+            f"{s['leaf_alone_share_mean']:.2f}",
+            "",
+            "0",
+        ),
         ("fastest leaf deg per frame (worst)", f"{s['leaf_step_deg_worst']:.1f}", "", ""),
-        ("body inside the wall cm (median / worst)", f"{s['in_wall_cm_median']:.1f} / {s['in_wall_cm_worst']:.1f}", "", "5"),
-        ("body inside the leaf cm (median / worst)", f"{s['in_leaf_cm_median']:.1f} / {s['in_leaf_cm_worst']:.1f}", "", "5"),
+        (
+            "body inside the wall cm (median / worst)",
+            f"{s['in_wall_cm_median']:.1f} / {s['in_wall_cm_worst']:.1f}",
+            "",
+            "5",
+        ),
+        (
+            "body inside the leaf cm (median / worst)",
+            f"{s['in_leaf_cm_median']:.1f} / {s['in_leaf_cm_worst']:.1f}",
+            "",
+            "5",
+        ),
         ("seconds to pass a door (median)", f"{s['pass_seconds_median']:.1f}", "", ""),
     ]
 

@@ -10,7 +10,8 @@ from .rollout import Report
 
 Row = tuple[str, str, str, str]
 
-# What is left out at run time: the switches of the stepper, and sensors that read nothing.  Nothing is trained again.
+# What is left out at run time: the switches of the stepper, and sensors that read nothing.  Nothing is
+# trained again.
 ABLATIONS = {
     "no bi-directional control": "goal-centric trajectory and future pose not used at run time",
     "interaction sensor zeroed": "reads nothing at run time; the network was trained with it",
@@ -20,10 +21,12 @@ ABLATIONS = {
 
 @dataclass(frozen=True)
 class TrialPart:
-    """One part: its trials (starts, pool), one trial's take and figures, the summary over trials and the lines of its table.
+    """One part: its trials (starts, pool), one trial's take and figures, the summary over trials and the
+    lines of its table.
 
-    ``judges`` are the keys of the actions that it is about.  ``ablations`` are run with the paper's PE in cm and RE in degrees, whose
-    sensor ablations are networks trained without the sensor; ``alone`` begins the names of the network's own figures of that.
+    ``judges`` are the keys of the actions that it is about.  ``ablations`` are run with the paper's PE in cm
+    and RE in degrees, whose sensor ablations are networks trained without the sensor; ``alone`` begins the
+    names of the network's own figures of that.
     """
 
     title: str

@@ -23,9 +23,15 @@ Report = dict[str, float]
 
 
 def start_about(
-    rng: np.random.Generator, middle: Array, free: Callable[[Array], bool], nearest: float = NEAREST, furthest: float = FURTHEST
+    rng: np.random.Generator,
+    middle: Array,
+    free: Callable[[Array], bool],
+    nearest: float = NEAREST,
+    furthest: float = FURTHEST,
 ) -> tuple[Array, float]:
-    """Draw a start (2,) in any direction about ``middle`` (2,) that is ``free``, and any facing; GoalError where there is none."""
+    """Draw a start (2,) in any direction about ``middle`` (2,) that is ``free``, and any facing; GoalError
+    where there is none.
+    """
     for _ in range(400):
         away = rng.uniform(nearest, furthest) * heading_to_direction(np.array(rng.uniform(-np.pi, np.pi)))
         start, heading = np.asarray(middle, dtype=np.float64)[:2] + away, float(rng.uniform(-np.pi, np.pi))
@@ -51,7 +57,9 @@ def props_of(asked: TakeRequest) -> dict[str, Prop]:
 
 def shortest_way(asked: TakeRequest, place: Array) -> float | None:
     """Length in metres of the planned way from the start to ``place`` (2,), None where there is none."""
-    ends = np.stack((np.asarray(asked.start_position, dtype=np.float64)[:2], np.asarray(place, dtype=np.float64)[:2]))
+    ends = np.stack(
+        (np.asarray(asked.start_position, dtype=np.float64)[:2], np.asarray(place, dtype=np.float64)[:2])
+    )
     try:
         way = FloorPlan(asked.environment, (ends.min(0) - 3, ends.max(0) + 3)).find(*ends)
     except GoalError:
@@ -66,13 +74,19 @@ def judge(
     shortest: float | None = None,
     goal: int = 0,
 ) -> tuple[Report, Array]:
-    """Figures of a take and of its goal number ``goal``, and the body's depth in solids of each frame (T,), metres.
+    """Figures of a take and of its goal number ``goal``, and the body's depth in solids of each frame (T,),
+    metres.
 
-    ``ground`` and ``shortest`` as in ``motion.travel_report``.  Penetration counts what stands and what moves.
+    ``ground`` and ``shortest`` as in ``motion.travel_report``.  Penetration counts what stands and what
+    moves.
     """
-    report = travel_report(take.hips_position, take.local_rotations, take.action, shortest_path=shortest, ground=ground)
+    report = travel_report(
+        take.hips_position, take.local_rotations, take.action, shortest_path=shortest, ground=ground
+    )
     alone = travel_report(take.network_hips, take.network_rotations, take.action, ground=ground)
-    depths = all_depths(take.hips_position, take.local_rotations, asked.environment, props_of(asked), take.props)
+    depths = all_depths(
+        take.hips_position, take.local_rotations, asked.environment, props_of(asked), take.props
+    )
     outcome = take.goals[goal]
     report |= {
         "penetration_cm": float(100 * depths.max(initial=0.0)),
@@ -112,14 +126,26 @@ def slides(reports: Sequence[Report]) -> dict[str, float]:
 def summarise(reports: Sequence[Report]) -> Report:
     """Medians, means and worst values over trials, and shares of all trials.
 
-    Trials that broke off (``failed``) count as not reached and have no other figure.  ``worst`` is the largest value, of
-    planted shares the smallest; ``deep_share`` is that of all frames of all trials.
+    Trials that broke off (``failed``) count as not reached and have no other figure.  ``worst`` is the
+    largest value, of planted shares the smallest; ``deep_share`` is that of all frames of all trials.
     """
-    keys = sorted({k for r in reports for k in r if k != "error" and (not k.startswith("slide_") or k.startswith("slide_moving"))})
-    summary: Report = {"trials": float(len(reports)), "failed": float(sum(r.get("failed", 0.0) for r in reports))}
+    keys = sorted(
+        {
+            k
+            for r in reports
+            for k in r
+            if k != "error" and (not k.startswith("slide_") or k.startswith("slide_moving"))
+        }
+    )
+    summary: Report = {
+        "trials": float(len(reports)),
+        "failed": float(sum(r.get("failed", 0.0) for r in reports)),
+    }
     summary["reached"] = float(np.mean([r.get("reached", 0.0) for r in reports])) if reports else float("nan")
     frames = sum(r.get("frames", 0.0) for r in reports)
-    summary["deep_share"] = sum(r.get("deep_frames", 0.0) for r in reports) / frames if frames else float("nan")
+    summary["deep_share"] = (
+        sum(r.get("deep_frames", 0.0) for r in reports) / frames if frames else float("nan")
+    )
     for k in keys:
         if k in ("reached", "failed", "frames", "deep_frames"):
             continue
@@ -129,11 +155,17 @@ def summarise(reports: Sequence[Report]) -> Report:
             summary |= {f"{k}_median": float("nan"), f"{k}_mean": float("nan"), f"{k}_worst": float("nan")}
             continue
         worst = good.min() if "planted" in k else good.max()
-        summary |= {f"{k}_median": float(np.median(good)), f"{k}_mean": float(good.mean()), f"{k}_worst": float(worst)}
+        summary |= {
+            f"{k}_median": float(np.median(good)),
+            f"{k}_mean": float(good.mean()),
+            f"{k}_worst": float(worst),
+        }
     summary |= {f"slide_{name}": value for name, value in slides(reports).items()}
     return summary
 
 
 def share(reports: Sequence[Report], true: Callable[[Report], object]) -> float:
     """Share of trials of which ``true`` holds; one that broke off counts as false."""
-    return float(np.mean([not r.get("failed") and bool(true(r)) for r in reports])) if reports else float("nan")
+    return (
+        float(np.mean([not r.get("failed") and bool(true(r)) for r in reports])) if reports else float("nan")
+    )

@@ -32,7 +32,8 @@ _WAY_FREE = 0.45  # metres of room at places that are walked to
 
 @dataclass
 class Room:
-    """Solids that stand (furniture, place, heading), and what can be done: a seat, a step, a box with places for it, a door.
+    """Solids that stand (furniture, place, heading), and what can be done: a seat, a step, a box with places
+    for it, a door.
 
     ``spots`` are box centres and facings (4,): where the box can be set down, the first where it stands.
     """
@@ -52,7 +53,9 @@ class Room:
 
 
 def make_room(rng: np.random.Generator, pool: Pool | None = None) -> Room:
-    """Set things up in a ring that one walks about in: a seat, two tables with a box on one, a step, a door, a cabinet."""
+    """Set things up in a ring that one walks about in: a seat, two tables with a box on one, a step, a door,
+    a cabinet.
+    """
     room = Room()
     turn = rng.uniform(-np.pi, np.pi)
     order = rng.permutation(6)
@@ -60,10 +63,14 @@ def make_room(rng: np.random.Generator, pool: Pool | None = None) -> Room:
         away = turn + slot * np.pi / 3 + rng.uniform(-0.12, 0.12)
         place = rng.uniform(*RADIUS) * heading_to_direction(np.array(away))
         inward = away + np.pi + rng.uniform(-0.5, 0.5)  # which way its front looks
-        (_put_seat, _put_box, _put_table, _put_step, _put_door, _put_cabinet)[what](room, rng, pool, place, float(inward))
+        (_put_seat, _put_box, _put_table, _put_step, _put_door, _put_cabinet)[what](
+            room, rng, pool, place, float(inward)
+        )
     # A place on the floor for the box as well, in the middle.
     assert room.box is not None
-    room.spots.append(np.array((*rng.uniform(-0.6, 0.6, 2), room.box.size[2] / 2, rng.uniform(-np.pi, np.pi))))
+    room.spots.append(
+        np.array((*rng.uniform(-0.6, 0.6, 2), room.box.size[2] / 2, rng.uniform(-np.pi, np.pi)))
+    )
     assert room.seat is not None
     piece, place, turn, _ = room.seat
     if piece.kind in AT_TABLE and rng.random() < UNDER_TABLE:
@@ -105,7 +112,11 @@ def _put_table(room: Room, rng: np.random.Generator, pool: Pool | None, place: A
 
 def _put_step(room: Room, rng: np.random.Generator, pool: Pool | None, place: Array, inward: float) -> None:
     kind = str(rng.choice(("step", "step", "low_wall")))
-    measures = {"height": rng.uniform(0.15, 0.5), "depth": rng.uniform(0.5, 1.0)} if kind == "step" else {"width": rng.uniform(0.9, 1.4)}
+    measures = (
+        {"height": rng.uniform(0.15, 0.5), "depth": rng.uniform(0.5, 1.0)}
+        if kind == "step"
+        else {"width": rng.uniform(0.9, 1.4)}
+    )
     piece = furniture.make(kind, rng, **measures)
     room.step = (piece, place, inward)
     room.still.append(room.step)
@@ -121,7 +132,9 @@ def _put_door(room: Room, rng: np.random.Generator, pool: Pool | None, place: Ar
     room.still.append((door.wall, pose[:3], float(heading)))
 
 
-def _put_cabinet(room: Room, rng: np.random.Generator, pool: Pool | None, place: Array, inward: float) -> None:
+def _put_cabinet(
+    room: Room, rng: np.random.Generator, pool: Pool | None, place: Array, inward: float
+) -> None:
     kind = str(rng.choice(("cabinet", "sofa", "box", "desk", "shelf")))
     piece = pool.draw(kind, rng) if pool is not None else furniture.make(kind, rng)
     room.still.append((piece, place, inward))
@@ -134,7 +147,9 @@ def random_place(room: Room, rng: np.random.Generator, query: DistanceQuery, fur
 
 
 def random_goals(room: Room, rng: np.random.Generator, count: int, hold: float = 0.5) -> list[Goal]:
-    """Draw goals one after the other; the box goes to another spot each time, a door is passed from wherever one comes."""
+    """Draw goals one after the other; the box goes to another spot each time, a door is passed from wherever
+    one comes.
+    """
     return [goal_of(room, str(rng.choice(tuple(OFFERS))), rng, hold) for _ in range(count)]
 
 
@@ -146,7 +161,13 @@ def goal_of(room: Room, action: str, rng: np.random.Generator, hold: float = 0.5
         return goal
     place = random_place(room, rng, room.query)
     away = place if float(np.linalg.norm(place)) > 0.1 else heading_to_direction(np.array(heading))
-    return Goal(action, "place", np.append(place, 0.0), float(direction_to_heading(away)) if rng.random() < 0.5 else heading, hold)
+    return Goal(
+        action,
+        "place",
+        np.append(place, 0.0),
+        float(direction_to_heading(away)) if rng.random() < 0.5 else heading,
+        hold,
+    )
 
 
 def _somewhere(room: Room, hold: float) -> Goal | None:
@@ -180,21 +201,28 @@ def _step(room: Room, hold: float) -> Goal | None:
     return climb_goal(*room.step, np.zeros(2), hold) if room.step is not None else None
 
 
-# What a room has for each action; None where one is sent to a random place.  The order is that of the draws of a seed.
+# What a room has for each action; None where one is sent to a random place.  The order is that of the draws
+# of a seed.
 OFFERS: dict[str, Callable[[Room, float], Goal | None]] = {
     "idle": _here, "walk": _somewhere, "run": _somewhere, "sit": _seat, "carry": _box, "open": _door, "climb": _step,
 }  # fmt: skip
 
 
-def reachable(make: Callable[[np.random.Generator], TakeRequest], seed: tuple[int, ...], tries: int = 8) -> TakeRequest:
-    """The first of the takes that ``make`` draws in which a way leads to every goal; GoalError where none of ``tries`` is one."""
+def reachable(
+    make: Callable[[np.random.Generator], TakeRequest], seed: tuple[int, ...], tries: int = 8
+) -> TakeRequest:
+    """The first of the takes that ``make`` draws in which a way leads to every goal; GoalError where none of
+    ``tries`` is one.
+    """
     problem: GoalError | None = None
     for attempt in range(tries):
         try:
             asked = make(np.random.default_rng((*seed, attempt)))
             places = np.array([asked.start_position, *(g.position[:2] for g in asked.goals)])
             check_reachable(
-                asked.goals, FloorPlan(asked.environment, (places.min(0) - 4, places.max(0) + 4)), np.asarray(asked.start_position)
+                asked.goals,
+                FloorPlan(asked.environment, (places.min(0) - 4, places.max(0) + 4)),
+                np.asarray(asked.start_position),
             )
             return asked
         except GoalError as error:

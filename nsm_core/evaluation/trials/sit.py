@@ -1,4 +1,6 @@
-"""Sitting trials: fixed starts about seats that no training take has seen, and the figures of every roll-out."""
+"""Sitting trials: fixed starts about seats that no training take has seen, and the figures of every
+roll-out.
+"""
 
 from __future__ import annotations
 
@@ -23,15 +25,19 @@ from .rollout import SEED, Report
 
 SEATS = ("chair", "armchair", "stool", "bench", "sofa", "chair")
 AT_TABLE = ("chair", "stool")
-TO_EDGE = (0.26, 0.36)  # metres from the seated hips to the edge of the table that the seat stands partly under
+TO_EDGE = (
+    0.26,
+    0.36,
+)  # metres from the seated hips to the edge of the table that the seat stands partly under
 
 
 @dataclass(frozen=True)
 class SitTrial:
-    """One start before one seat at the world's origin, facing -Y; ``others`` (furniture, place, heading) stand about it.
+    """One start before one seat at the world's origin, facing -Y; ``others`` (furniture, place, heading)
+    stand about it.
 
-    A seat with ``known`` is taken where the piece says it is, one without is found from its mesh, as in Blender.  Who ``leaves``
-    walks back to the start in the end.
+    A seat with ``known`` is taken where the piece says it is, one without is found from its mesh, as in
+    Blender.  Who ``leaves`` walks back to the start in the end.
     """
 
     seat: int
@@ -53,8 +59,11 @@ class SitTrial:
         return self.piece.kind
 
 
-def trials(starts: int = 10, settings: int = len(SEATS), furthest: float = 3.0, pool: Pool | None = None) -> list[SitTrial]:
-    """The same ``starts`` times ``settings`` trials at every call: any direction within ``furthest`` metres, any facing.
+def trials(
+    starts: int = 10, settings: int = len(SEATS), furthest: float = 3.0, pool: Pool | None = None
+) -> list[SitTrial]:
+    """The same ``starts`` times ``settings`` trials at every call: any direction within ``furthest`` metres,
+    any facing.
 
     With a ``pool`` (the held-back part of one) the seats are its meshes, scaled as in training.
     """
@@ -74,8 +83,12 @@ def trials(starts: int = 10, settings: int = len(SEATS), furthest: float = 3.0, 
     return result
 
 
-def trials_at_tables(starts: int = 10, settings: int = len(AT_TABLE), pool: Pool | None = None) -> list[SitTrial]:
-    """Trials on seats that stand partly under a table, so that one has to get in from the side, and out again."""
+def trials_at_tables(
+    starts: int = 10, settings: int = len(AT_TABLE), pool: Pool | None = None
+) -> list[SitTrial]:
+    """Trials on seats that stand partly under a table, so that one has to get in from the side, and out
+    again.
+    """
     result: list[SitTrial] = []
     for n in range(settings):
         rng = np.random.default_rng((SEED, 5, n))
@@ -90,18 +103,29 @@ def trials_at_tables(starts: int = 10, settings: int = len(AT_TABLE), pool: Pool
     return result
 
 
-def table_over(piece: furniture.Furniture, rng: np.random.Generator) -> tuple[furniture.Furniture, Array, float]:
+def table_over(
+    piece: furniture.Furniture, rng: np.random.Generator
+) -> tuple[furniture.Furniture, Array, float]:
     """A table that a seat stands partly under, and its place (2,) and heading in the seat's frame."""
     assert piece.seat is not None
     table = furniture.make(
-        "table", rng, width=rng.uniform(0.9, 1.5), depth=rng.uniform(0.6, 0.8), height=rng.uniform(0.72, 0.78), legs="posts"
+        "table",
+        rng,
+        width=rng.uniform(0.9, 1.5),
+        depth=rng.uniform(0.6, 0.8),
+        height=rng.uniform(0.72, 0.78),
+        legs="posts",
     )
     edge = piece.seat.point[1] - rng.uniform(*TO_EDGE) - float(table.size[1]) / 2
     return table, np.array((piece.seat.point[0], edge)), 0.0
 
 
-def sit_goal(piece: furniture.Furniture, place: Array, turn: float, known: bool = False, hold: float = 1.0) -> Goal:
-    """The goal to sit on ``piece``, which stands at ``place`` (2,) with heading ``turn``; ``known`` as in ``SitTrial``."""
+def sit_goal(
+    piece: furniture.Furniture, place: Array, turn: float, known: bool = False, hold: float = 1.0
+) -> Goal:
+    """The goal to sit on ``piece``, which stands at ``place`` (2,) with heading ``turn``; ``known`` as in
+    ``SitTrial``.
+    """
     angle = np.float64(turn)
     seat = piece.seat if known and piece.seat is not None else find_seat(piece.vertices, piece.triangles)
     centre = np.append(place + rotate_planar(piece.centre[:2], angle), piece.centre[2])
@@ -111,16 +135,28 @@ def sit_goal(piece: furniture.Furniture, place: Array, turn: float, known: bool 
 
 
 def request(
-    trial: SitTrial, hold: float = 1.0, contact_ik: bool = True, place: Array | None = None, turn: float = 0.0, **more: object
+    trial: SitTrial,
+    hold: float = 1.0,
+    contact_ik: bool = True,
+    place: Array | None = None,
+    turn: float = 0.0,
+    **more: object,
 ) -> TakeRequest:
     """Set up one trial's take, the whole scene moved to ``place`` (2,) and turned by ``turn`` radians."""
     place = np.zeros(2) if place is None else place
     angle = np.float64(turn)
-    others = [(f, place + rotate_planar(np.asarray(at)[:2], angle), heading + turn) for f, at, heading in trial.others]
+    others = [
+        (f, place + rotate_planar(np.asarray(at)[:2], angle), heading + turn)
+        for f, at, heading in trial.others
+    ]
     query = furniture.cuboids([(trial.piece, place, turn), *others])
     goal = sit_goal(trial.piece, place, turn, trial.known, hold)
     start = place + rotate_planar(trial.start, angle)
-    goals = [goal, Goal("walk", "the start", np.append(start, 0), trial.heading + turn, 0.5)] if trial.leaves else [goal]
+    goals = (
+        [goal, Goal("walk", "the start", np.append(start, 0), trial.heading + turn, 0.5)]
+        if trial.leaves
+        else [goal]
+    )
     return TakeRequest(start, trial.heading + turn, goals, query, contact_ik=contact_ik, **more)  # type: ignore[arg-type]
 
 
@@ -136,12 +172,21 @@ def run_trial(model: Model, trial: SitTrial, **more: object) -> tuple[TakeResult
 
 
 def summarise(reports: Sequence[Report]) -> Report:
-    """Figures over trials; see ``rollout.summarise``.  Success by the issue's measures and by those of later work."""
+    """Figures over trials; see ``rollout.summarise``.  Success by the issue's measures and by those of later
+    work.
+    """
     return rollout.summarise(reports) | {
-        "within_10cm_10deg_alone": rollout.share(reports, lambda r: r["reached"] and r["network_pe_cm"] < 10 and r["network_re_deg"] < 10),
-        "within_3cm_3deg_ik": rollout.share(reports, lambda r: r["reached"] and r["pe_cm"] < 3 and r["re_deg"] < 3),
+        "within_10cm_10deg_alone": rollout.share(
+            reports, lambda r: r["reached"] and r["network_pe_cm"] < 10 and r["network_re_deg"] < 10
+        ),
+        "within_3cm_3deg_ik": rollout.share(
+            reports, lambda r: r["reached"] and r["pe_cm"] < 3 and r["re_deg"] < 3
+        ),
         "success": rollout.share(
-            reports, lambda r: r["reached"] and r["pe_cm"] < 20 and r["penetration_end_cm"] <= 5 and r["seconds"] <= 20
+            reports,
+            lambda r: (
+                r["reached"] and r["pe_cm"] < 20 and r["penetration_end_cm"] <= 5 and r["seconds"] <= 20
+            ),
         ),
     }
 
@@ -150,13 +195,38 @@ def rows(s: Report) -> list[tuple[str, str, str, str]]:
     """Lines of the table: what, ours, the paper's, the aim."""
     left = [("left again for the start", f"{s['left_mean']:.0%}", "", "")] if "left_mean" in s else []
     return [
-        ("sit, reached within 20 s, PE < 20 cm, end free of penetration", f"{s['success']:.0%}", "99.6 % (TokenHSI)", "97 %"),
+        (
+            "sit, reached within 20 s, PE < 20 cm, end free of penetration",
+            f"{s['success']:.0%}",
+            "99.6 % (TokenHSI)",
+            "97 %",
+        ),
         ("reached, network alone within 10 cm and 10 deg", f"{s['within_10cm_10deg_alone']:.0%}", "", "80 %"),
         ("reached, with contact IK within 3 cm and 3 deg", f"{s['within_3cm_3deg_ik']:.0%}", "", "80 %"),
-        ("sit PE cm, network alone (mean / median)", f"{s['network_pe_cm_mean']:.2f} / {s['network_pe_cm_median']:.2f}", "2.93", "2.9"),
-        ("sit RE deg, network alone (mean / median)", f"{s['network_re_deg_mean']:.2f} / {s['network_re_deg_median']:.2f}", "0.92", "0.9"),
-        ("sit PE cm, with contact IK (mean / median)", f"{s['pe_cm_mean']:.2f} / {s['pe_cm_median']:.2f}", "", "1"),
-        ("sit RE deg, with contact IK (mean / median)", f"{s['re_deg_mean']:.2f} / {s['re_deg_median']:.2f}", "", "0.5"),
+        (
+            "sit PE cm, network alone (mean / median)",
+            f"{s['network_pe_cm_mean']:.2f} / {s['network_pe_cm_median']:.2f}",
+            "2.93",
+            "2.9",
+        ),
+        (
+            "sit RE deg, network alone (mean / median)",
+            f"{s['network_re_deg_mean']:.2f} / {s['network_re_deg_median']:.2f}",
+            "0.92",
+            "0.9",
+        ),
+        (
+            "sit PE cm, with contact IK (mean / median)",
+            f"{s['pe_cm_mean']:.2f} / {s['pe_cm_median']:.2f}",
+            "",
+            "1",
+        ),
+        (
+            "sit RE deg, with contact IK (mean / median)",
+            f"{s['re_deg_mean']:.2f} / {s['re_deg_median']:.2f}",
+            "",
+            "0.5",
+        ),
         ("seconds to sit (median)", f"{s['seconds_median']:.2f}", "4.92", ""),
         ("times seated per take (worst)", f"{s['sit_count_worst']:.0f}", "", "1"),
         *left,

@@ -32,7 +32,8 @@ FROZEN, STILL, RIGID = 20.0, 0.05, np.radians(1.0)  # seconds; metres and radian
 class Outcome:
     """What one take of random goals came to.
 
-    ``tally`` counts (asked, reached) by action; ``error`` is a message or "", ``given_up`` why goals were passed over.
+    ``tally`` counts (asked, reached) by action; ``error`` is a message or "", ``given_up`` why goals were
+    passed over.
     """
 
     seed: int
@@ -56,7 +57,9 @@ def run_seed(model: Model, seed: int, pool: Pool | None = None) -> Outcome:
         room = make_room(rng, pool)
         start = random_place(room, rng, room.query)
         goals = random_goals(room, rng, GOALS)
-        return TakeRequest(start, float(rng.uniform(-np.pi, np.pi)), goals, room.query, seed=seed, time_limit=TIME_LIMIT)
+        return TakeRequest(
+            start, float(rng.uniform(-np.pi, np.pi)), goals, room.query, seed=seed, time_limit=TIME_LIMIT
+        )
 
     try:
         asked = reachable(make, (SEED, 12, seed))
@@ -69,7 +72,9 @@ def run_seed(model: Model, seed: int, pool: Pool | None = None) -> Outcome:
         return outcome
     take = runner.result()
     outcome.seconds = len(take.root) / FPS
-    outcome.not_finite = not all(np.isfinite(a).all() for a in (take.hips_position, take.local_rotations, take.root))
+    outcome.not_finite = not all(
+        np.isfinite(a).all() for a in (take.hips_position, take.local_rotations, take.root)
+    )
     for result in take.goals:
         if result.reason:
             outcome.given_up.append(_without_numbers(result.reason))
@@ -78,7 +83,9 @@ def run_seed(model: Model, seed: int, pool: Pool | None = None) -> Outcome:
             counts[0], counts[1] = counts[0] + 1, counts[1] + int(result.reached)
     outcome.frozen = frozen_goals(take)
     if not outcome.not_finite:
-        depths = all_depths(take.hips_position, take.local_rotations, asked.environment, props_of(asked), take.props)
+        depths = all_depths(
+            take.hips_position, take.local_rotations, asked.environment, props_of(asked), take.props
+        )
         outcome.frames, outcome.deep = deep_frames(depths).values()
         changes = jumps(take.hips_position, take.local_rotations)
         outcome.turn, outcome.jolt = changes["turn_per_frame_deg"], changes["jolt_cm"]
@@ -107,7 +114,9 @@ def frozen_goals(take: TakeResult) -> list[str]:
 
 
 def stands_frozen(root: Array, local_rotations: Array, seconds: float = FROZEN) -> bool:
-    """Whether for ``seconds`` roots (T, 3) stay within 5 cm and joints (T, 23, 4) within 1 degree of where they were."""
+    """Whether for ``seconds`` roots (T, 3) stay within 5 cm and joints (T, 23, 4) within 1 degree of where
+    they were.
+    """
     length = round(seconds * FPS)
     for a in range(0, len(root) - length + 1, FPS):
         way = root[a : a + length, :2]
@@ -125,7 +134,9 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     messages = Counter(o.error for o in outcomes if o.error)
     given_up = Counter(reason for o in outcomes for reason in o.given_up)
     tally = {
-        a: np.sum([o.tally[a] for o in outcomes if a in o.tally], axis=0).tolist() for a in OFFERS if any(a in o.tally for o in outcomes)
+        a: np.sum([o.tally[a] for o in outcomes if a in o.tally], axis=0).tolist()
+        for a in OFFERS
+        if any(a in o.tally for o in outcomes)
     }
     frames = sum(o.frames for o in outcomes)
     return {
@@ -150,8 +161,14 @@ def table(s: dict[str, Any]) -> str:
         ("takes with values that are not numbers", f"{s['not_finite']}", "0"),
         ("goals in which the character stood frozen for 20 s", f"{s['frozen']}", "0"),
         ("takes that broke off with an error", f"{sum(s['errors'].values())}", "0"),
-        *((f"of these: {message}", str(count), "") for message, count in sorted(s["errors"].items(), key=lambda e: -e[1])),
-        *((f"goals passed over: {reason}", str(count), "") for reason, count in sorted(s["given_up"].items(), key=lambda e: -e[1])),
+        *(
+            (f"of these: {message}", str(count), "")
+            for message, count in sorted(s["errors"].items(), key=lambda e: -e[1])
+        ),
+        *(
+            (f"goals passed over: {reason}", str(count), "")
+            for reason, count in sorted(s["given_up"].items(), key=lambda e: -e[1])
+        ),
         *(
             (f"{action}: goals reached", f"{done} of {asked} ({done / asked:.0%})", "")
             for action, (asked, done) in s["asked_reached"].items()

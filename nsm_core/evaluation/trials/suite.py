@@ -31,24 +31,32 @@ PARTS: dict[str, TrialPart] = {
 
 
 def parts_named(name: str) -> list[str]:
-    """Names of the parts that ``name`` stands for: the part of that name, else all that judge the action of that name."""
+    """Names of the parts that ``name`` stands for: the part of that name, else all that judge the action of
+    that name.
+    """
     return [name] if name in PARTS else [key for key, part in PARTS.items() if name in part.judges]
 
 
 def travel_rows(s: Report, data: float | None = None) -> list[Row]:
-    """Lines of the table that every kind of trial has; ``data`` is the training data's own foot slide in cm/s."""
+    """Lines of the table that every kind of trial has; ``data`` is the training data's own foot slide in
+    cm/s.
+    """
     aim = "data + 2" if data is None else f"{data + 2:.1f} (data {data:.1f} + 2)"
     return [
         ("share of all frames deeper than 3 cm in something", f"{s['deep_share']:.1%}", "8.1 % (NSM in SAMP)", "4 %"),
-        ("deepest penetration cm (median / worst)", f"{s['penetration_cm_median']:.1f} / {s['penetration_cm_worst']:.1f}", "", ""),
+        ("deepest penetration cm (median / worst)", f"{s['penetration_cm_median']:.1f} / "
+                                                    f"{s['penetration_cm_worst']:.1f}", "", ""),
         ("foot sliding cm/s (all frames of all trials)", f"{s['slide_all']:.1f}", "Fig. 10", aim),
-        ("slide while moving cm/s (median / worst)", f"{s['slide_moving_cm_s_median']:.1f} / {s['slide_moving_cm_s_worst']:.1f}", "", "15"),
+        ("slide while moving cm/s (median / worst)", f"{s['slide_moving_cm_s_median']:.1f} / "
+                                                     f"{s['slide_moving_cm_s_worst']:.1f}", "", "15"),
         ("slide while moving cm/s, network alone (median)", f"{s['network_slide_moving_cm_s_median']:.1f}", "", ""),
-        ("planted share (median / worst)", f"{s['planted_share_median']:.2f} / {s['planted_share_worst']:.2f}", "", "0.6"),
+        ("planted share (median / worst)", f"{s['planted_share_median']:.2f} / "
+                                           f"{s['planted_share_worst']:.2f}", "", "0.6"),
         ("top speed of the hips m/s (worst)", f"{s['top_speed_m_s_worst']:.2f}", "", ""),
         ("largest turn of a joint per frame deg (median / worst)",
          f"{s['turn_per_frame_deg_median']:.0f} / {s['turn_per_frame_deg_worst']:.0f}", "", ""),
-        ("knee / elbow bent backward deg (worst)", f"{s['knee_backward_deg_worst']:.1f} / {s['elbow_backward_deg_worst']:.1f}", "", "0"),
+        ("knee / elbow bent backward deg (worst)", f"{s['knee_backward_deg_worst']:.1f} / "
+                                                   f"{s['elbow_backward_deg_worst']:.1f}", "", "0"),
         ("ms per frame, one thread (median)", f"{s['ms_per_frame_median']:.1f}", "", "33.3"),
     ]  # fmt: skip
 

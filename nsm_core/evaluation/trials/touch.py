@@ -19,7 +19,11 @@ from .part import TrialPart
 from .rollout import SEED, Report
 
 # Name, kind of the piece, and the height of the point on its front as a share of the piece's.
-SETTINGS = (("low on a cabinet", "cabinet", 0.7), ("high on a cabinet", "cabinet", 0.95), ("on a shelf", "shelf", 0.75))
+SETTINGS = (
+    ("low on a cabinet", "cabinet", 0.7),
+    ("high on a cabinet", "cabinet", 0.95),
+    ("on a shelf", "shelf", 0.75),
+)
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,11 @@ def trials(starts: int = 10) -> list[TouchTrial]:
     for n, (name, kind, share) in enumerate(SETTINGS):
         rng = np.random.default_rng((SEED, 13, n))
         piece, turn = furniture.make(kind, rng), float(rng.uniform(-np.pi, np.pi))
-        front = (piece.mins[:, 0].min() + piece.maxs[:, 0].max()) / 2, piece.mins[:, 1].min(), share * piece.size[2]
+        front = (
+            (piece.mins[:, 0].min() + piece.maxs[:, 0].max()) / 2,
+            piece.mins[:, 1].min(),
+            share * piece.size[2],
+        )
         point = rotate_planar(np.array(front, dtype=np.float64), np.float64(turn))
         free = rollout.clear_of(furniture.cuboids([(piece, np.zeros(2), turn)]))
         for _ in range(starts):
@@ -53,7 +61,13 @@ def trials(starts: int = 10) -> list[TouchTrial]:
 def request(trial: TouchTrial, hold: float = 1.0, **more: Any) -> TakeRequest:
     """Set up one trial's take."""
     goal = Goal("touch", trial.piece.kind, trial.point, trial.turn + np.pi, hold)
-    return TakeRequest(trial.start, trial.heading, [goal], furniture.cuboids([(trial.piece, np.zeros(2), trial.turn)]), **more)
+    return TakeRequest(
+        trial.start,
+        trial.heading,
+        [goal],
+        furniture.cuboids([(trial.piece, np.zeros(2), trial.turn)]),
+        **more,
+    )
 
 
 def run_trial(model: Model, trial: TouchTrial, **more: Any) -> tuple[TakeResult, Report]:
@@ -69,7 +83,12 @@ def rows(s: Report) -> list[tuple[str, str, str, str]]:
     return [
         ("touched", f"{s['reached']:.0%}", "", "95 %"),
         ("hand off its place cm, with contact IK (mean)", f"{s['hand_pe_cm_mean']:.2f}", "", "1"),
-        ("hand off its place cm, network alone, which is told to stand (mean)", f"{s['network_hand_pe_cm_mean']:.2f}", "", ""),
+        (
+            "hand off its place cm, network alone, which is told to stand (mean)",
+            f"{s['network_hand_pe_cm_mean']:.2f}",
+            "",
+            "",
+        ),
         ("seconds to touch (median)", f"{s['seconds_median']:.1f}", "", ""),
     ]
 

@@ -1,8 +1,8 @@
 """States to the network's input, gating and output vectors and back; ``layout`` names every slice of them.
 
 The data set, the roll-outs of training and the stepper all build and read vectors here.  The layout follows
-the paper where it is complete (sensor sizes, planar goal directions) and the published code where the paper is
-silent or the code is later (seven future keys with the pivot, a phase and a phase update for every key).
+the paper where it is complete (sensor sizes, planar goal directions) and the published code where the paper
+is silent or the code is later (seven future keys with the pivot, a phase and a phase update for every key).
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from .state import PIVOT, State
 class SensorReading:
     """What the sensors tell a batch of characters (section 4.3).
 
-    ``environment`` (B, 1408) occupancies at the current root; ``cells`` (B, 512, 3) interaction cell centres, world
-    metres; ``occupancy`` (B, 512).  Without an object the cells lie at the root and are empty.
+    ``environment`` (B, 1408) occupancies at the current root; ``cells`` (B, 512, 3) interaction cell centres,
+    world metres; ``occupancy`` (B, 512).  Without an object the cells lie at the root and are empty.
     """
 
     environment: Array
@@ -32,7 +32,9 @@ class SensorReading:
 
 
 def no_object(root: Array) -> tuple[Array, Array]:
-    """Interaction cells (B, 512, 3) and occupancy (B, 512) of characters at ``root`` (B, 3) without an object."""
+    """Interaction cells (B, 512, 3) and occupancy (B, 512) of characters at ``root`` (B, 3) without an
+    object.
+    """
     cells = np.zeros((len(root), CELLS, 3), dtype=np.float32)
     cells[..., :2] = root[:, None, :2]
     return cells, np.zeros((len(root), CELLS), dtype=np.float32)
@@ -64,10 +66,11 @@ def _unit(v: Array) -> Array:
 
 
 def build_gating(state: State) -> Array:
-    """Gating features (B, 650): per key, its labels, goal action, goal distance and angle, times its phase vector.
+    """Gating features (B, 650): per key, its labels, goal action, goal distance and angle, times its phase
+    vector.
 
-    Equations 5 to 7.  As in the published code each key has its own phase, inactive labels are -1, the distance is
-    in metres; the angle is in radians here, so that its scale is that of the others.
+    Equations 5 to 7.  As in the published code each key has its own phase, inactive labels are -1, the
+    distance is in metres; the angle is in radians here, so that its scale is that of the others.
     """
     roots = state.root_keys()
     phase = 2 * np.pi * state.phase_keys()
@@ -76,7 +79,9 @@ def build_gating(state: State) -> Array:
     distance = np.linalg.norm(roots[..., :2] - state.goal_position[..., :2], axis=-1)
     angle = np.abs(wrap_angle(roots[..., 2] - state.goal_heading))
     scaled = np.stack((np.ones_like(distance), distance, angle), axis=-1)
-    features = np.concatenate((styles, (actions[..., None] * scaled[:, :, None]).reshape(*actions.shape[:2], -1)), axis=-1)
+    features = np.concatenate(
+        (styles, (actions[..., None] * scaled[:, :, None]).reshape(*actions.shape[:2], -1)), axis=-1
+    )
     return GATING.pack(per_key=features[..., None] * wave[:, :, None])
 
 
@@ -97,7 +102,9 @@ def build_inputs(state: State, around: SensorReading) -> Inputs[Array]:
         goal_direction=_turn_in(heading_to_direction(state.goal_heading), root),
         goal_action=state.goal_action,
     )
-    interaction = INTERACTION.pack(cell_position=_to_root(around.cells, root), cell_occupancy=around.occupancy)
+    interaction = INTERACTION.pack(
+        cell_position=_to_root(around.cells, root), cell_occupancy=around.occupancy
+    )
     features = INPUT.pack(frame=frame, goal=goal, environment=around.environment, interaction=interaction)
     return Inputs(features, build_gating(state))
 
@@ -105,8 +112,9 @@ def build_inputs(state: State, around: SensorReading) -> Inputs[Array]:
 def build_targets(state: State, following: State, contacts: Array) -> Array:
     """Network output (B, 605) that turns ``state`` into ``following`` one frame later (section 3.1, Outputs).
 
-    Everything is in the root frame of ``state``, but for the goal-centric trajectory, which is in the frame of the
-    goal at the pivot, and the future joint positions, which are those of ``following`` seen from the root one second
+    Everything is in the root frame of ``state``, but for the goal-centric trajectory, which is in the frame
+    of the goal at the pivot, and the future joint positions, which are those of ``following`` seen from the
+    root one second
     ahead of ``state``.  ``contacts`` (B, 5) belong to ``following``.
     """
     root = state.root
@@ -136,7 +144,9 @@ def build_targets(state: State, following: State, contacts: Array) -> Array:
 
 @dataclass
 class Prediction:
-    """The network's output read back into the world; shapes as in ``State``, trajectories at the pivot and six keys."""
+    """The network's output read back into the world; shapes as in ``State``, trajectories at the pivot and
+    six keys.
+    """
 
     joint_position: Array
     joint_forward: Array
@@ -154,10 +164,14 @@ class Prediction:
 
 
 def read_outputs(output: Array, state: State) -> Prediction:
-    """Turn a network output (B, 605), physical units, back into world quantities for characters at ``state``."""
+    """Turn a network output (B, 605), physical units, back into world quantities for characters at
+    ``state``.
+    """
     root = state.root
     goal = np.concatenate((state.goal_position[:, PIVOT, :2], state.goal_heading[:, PIVOT, None]), axis=1)
-    get = lambda name: OUTPUT.get(output, name)  # noqa: E731
+
+    def get(name: str) -> Array:
+        return OUTPUT.get(output, name)
 
     def planar(position: str, direction: str, frame: Array) -> Array:
         d = get(direction)
@@ -183,5 +197,7 @@ def read_outputs(output: Array, state: State) -> Prediction:
 
 
 def integrate_position(state: State, predicted: Prediction) -> Array:
-    """Half-and-half mix (B, J, 3) of predicted positions and of old positions moved by the predicted velocity."""
+    """Half-and-half mix (B, J, 3) of predicted positions and of old positions moved by the predicted
+    velocity.
+    """
     return 0.5 * (state.joint_position + DT * predicted.joint_velocity) + 0.5 * predicted.joint_position

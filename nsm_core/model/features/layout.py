@@ -19,7 +19,9 @@ T = TypeVar("T")
 
 
 class Inputs(NamedTuple, Generic[T]):
-    """What a network is given of a frame, as arrays or tensors: ``INPUT`` (B, 4018), and ``GATING`` (B, 650) for networks that gate."""
+    """What a network is given of a frame, as arrays or tensors: ``INPUT`` (B, 4018), and ``GATING`` (B, 650)
+    for networks that gate.
+    """
 
     features: T
     gating: T
@@ -58,10 +60,14 @@ class Layout:
 _POSE = {"joint_position": (J, 3), "joint_forward": (J, 3), "joint_up": (J, 3), "joint_velocity": (J, 3)}
 _GOAL = {"goal_position": (KEYS, 3), "goal_direction": (KEYS, 2), "goal_action": (KEYS, _A)}
 _AHEAD = FUTURE + 1  # the pivot and the six keys ahead
-FRAME = Layout(**_POSE, trajectory_position=(KEYS, 2), trajectory_direction=(KEYS, 2), trajectory_style=(KEYS, _S))
+FRAME = Layout(
+    **_POSE, trajectory_position=(KEYS, 2), trajectory_direction=(KEYS, 2), trajectory_style=(KEYS, _S)
+)
 GOAL = Layout(**_GOAL)
 INTERACTION = Layout(cell_position=(CELLS, 3), cell_occupancy=(CELLS,))
-INPUT = Layout(frame=(FRAME.size,), goal=(GOAL.size,), environment=(ENVIRONMENT,), interaction=(INTERACTION.size,))
+INPUT = Layout(
+    frame=(FRAME.size,), goal=(GOAL.size,), environment=(ENVIRONMENT,), interaction=(INTERACTION.size,)
+)
 GATING = Layout(per_key=(KEYS, 2 * _S + 6 * _A))
 OUTPUT = Layout(
     **_POSE,
@@ -79,5 +85,12 @@ OUTPUT = Layout(
 
 def layout_description() -> dict[str, dict[str, list[int]]]:
     """Names and shapes of all blocks, for the metadata of weights."""
-    named = {"frame": FRAME, "goal": GOAL, "interaction": INTERACTION, "input": INPUT, "gating": GATING, "output": OUTPUT}
+    named = {
+        "frame": FRAME,
+        "goal": GOAL,
+        "interaction": INTERACTION,
+        "input": INPUT,
+        "gating": GATING,
+        "output": OUTPUT,
+    }
     return {k: {n: list(s) for n, s in v.shapes.items()} for k, v in named.items()}

@@ -1,7 +1,9 @@
-"""What features and goals of training data mean: rates, sensors, skeleton, distances, by name, kept in weights and compared.
+"""What features and goals of training data mean: rates, sensors, skeleton, distances, by name, kept in
+weights and compared.
 
-``layout`` says which numbers a network is fed; this says what they are numbers of.  Weights keep what was in force when their data
-were composed, with a hash, so that a program in which any of it has changed tells what differs instead of moving oddly.
+``layout`` says which numbers a network is fed; this says what they are numbers of.  Weights keep what was in
+force when their data were composed, with a hash, so that a program in which any of it has changed tells what
+differs instead of moving oddly.
 """
 
 from __future__ import annotations
@@ -40,9 +42,9 @@ _MOST_TOLD = 3  # differences that a sentence names
 def meaning() -> Meaning:
     """Everything by which training data and takes must agree.
 
-    "features": how poses, time and sensors become numbers; a network that is fed by other rules cannot move.  "distances": where
-    bodies of the data stand, hold and turn in what they were asked for, and by which speeds they were labelled; under other
-    values a network misses by as much.
+    "features": how poses, time and sensors become numbers; a network that is fed by other rules cannot move.
+    "distances": where bodies of the data stand, hold and turn in what they were asked for, and by which
+    speeds they were labelled; under other values a network misses by as much.
     """
     ours = {name: value for name, value in vars(distances).items() if name.isupper()}
     features = {
@@ -67,7 +69,10 @@ def meaning() -> Meaning:
         "HIP_BEHIND_EDGE": HIP_BEHIND_EDGE,
         "HIP_FROM_BACK": HIP_FROM_BACK,
     }
-    return {"features": {k: _plain(v) for k, v in features.items()}, "distances": {k: _plain(v) for k, v in {**ours, **body}.items()}}
+    return {
+        "features": {k: _plain(v) for k, v in features.items()},
+        "distances": {k: _plain(v) for k, v in {**ours, **body}.items()},
+    }
 
 
 def _plain(value: Any) -> Value:
@@ -85,9 +90,11 @@ def meaning_hash(told: Mapping[str, Any]) -> str:
 
 
 def differences(theirs: object, part: str) -> list[str]:
-    """What of a stored meaning's ``part`` is otherwise here, in words: "PULL_BACK 0.5 m where this version has 0.55 m".
+    """What of a stored meaning's ``part`` is otherwise here, in words: "PULL_BACK 0.5 m where this version
+    has 0.55 m".
 
-    Names that were not kept yet when ``theirs`` was written are no difference; ``theirs`` may be anything that a file can hold.
+    Names that were not kept yet when ``theirs`` was written are no difference; ``theirs`` may be anything
+    that a file can hold.
     """
     told, ours = theirs.get(part) if isinstance(theirs, dict) else None, meaning()[part]
     if not isinstance(told, dict):
@@ -108,11 +115,16 @@ def sentence_part(found: list[str]) -> str:
 
 
 def remark(metadata: Mapping[str, Any]) -> tuple[str, ...]:
-    """A sentence where weights were trained under other distances than this version commands with; else none."""
+    """A sentence where weights were trained under other distances than this version commands with;
+    else none.
+    """
     found = differences(metadata.get("meaning"), "distances")
     if not found:
         return ()
-    return (f"These weights were trained with {sentence_part(found)}: expect bodies to be off by as much, or train the weights again.",)
+    return (
+        f"These weights were trained with {sentence_part(found)}: expect bodies to be off by as much, or "
+        "train the weights again.",
+    )
 
 
 def _worded(name: str, value: object) -> str:

@@ -1,4 +1,5 @@
-"""Move a batch of characters on by one frame from the network's output: section 4.2 and the reference's order of work.
+"""Move a batch of characters on by one frame from the network's output: section 4.2 and the reference's order
+of work.
 
 The same function advances the roll-outs of training and the takes in Blender.  It changes neither goals nor
 sensors: those are the control's business before the next prediction.
@@ -38,7 +39,9 @@ def goal_centric_weights(distance: Array) -> Array:
 
 
 def restore_bone_lengths(positions: Array) -> Array:
-    """Give bones the skeleton's lengths, parents first: each joint of (B, J, 3) keeps its direction from its parent's new place."""
+    """Give bones the skeleton's lengths, parents first: each joint of (B, J, 3) keeps its direction from its
+    parent's new place.
+    """
     restored = positions.copy()
     for joints, parents in LEVELS:
         above = restored[:, parents]
@@ -57,7 +60,8 @@ def advance(state: State, predicted: Prediction, blending: Blending = Blending()
     positions = restore_bone_lengths(integrate_position(state, predicted))
     velocity = predicted.joint_velocity
     if blending.future_pose:
-        # (1 - lambda) v + lambda (R' j~ - j) with lambda = dt; the difference is per frame, so it counts 1 / dt.
+        # (1 - lambda) v + lambda (R' j~ - j) with lambda = dt; the difference is per frame, so it counts 1 /
+        # dt.
         velocity = (1 - DT) * velocity + (predicted.future_joint_position - state.joint_position)
     future = predicted.root[:, 1:].copy()
     if blending.goal_centric:

@@ -29,8 +29,8 @@ class State:
     """B characters at one moment (papers/000 section 3.1; sizes in ``KEYS``).
 
     ``joint_position`` (B, J, 3) m, ``joint_forward`` and ``joint_up`` (B, J, 3) unit axes, ``joint_velocity``
-    (B, J, 3) m/s, all world.  ``root_past`` (B, 31, 3): x, y, heading of the last second, oldest first, now last;
-    ``style_past`` (B, 31, 7) and ``phase_past`` (B, 31) in cycles likewise.  ``root_future`` (B, 6, 3),
+    (B, J, 3) m/s, all world.  ``root_past`` (B, 31, 3): x, y, heading of the last second, oldest first, now
+    last; ``style_past`` (B, 31, 7) and ``phase_past`` (B, 31) in cycles likewise.  ``root_future`` (B, 6, 3),
     ``style_future`` (B, 6, 7), ``phase_future`` (B, 6) at the keys ahead.  ``goal_position`` (B, 13, 3),
     ``goal_heading`` (B, 13) and ``goal_action`` (B, 13, 6) at all keys.
     """
@@ -81,10 +81,16 @@ def standing_state(positions: Array, forward: Array, up: Array, root: Array) -> 
     Every sample is the current root, the label and the goal are idle, the idle phase has its period.
     """
     n = len(positions)
-    idle, idle_goal = np.zeros((n, 1, len(STYLES)), np.float32), np.zeros((n, KEYS, len(GOAL_ACTIONS)), np.float32)
+    idle, idle_goal = (
+        np.zeros((n, 1, len(STYLES)), np.float32),
+        np.zeros((n, KEYS, len(GOAL_ACTIONS)), np.float32),
+    )
     idle[..., STYLES.index("idle")] = 1
     idle_goal[..., GOAL_ACTIONS.index("idle")] = 1
-    phase = lambda offsets: np.repeat((offsets[None] / (IDLE_PERIOD * FPS) % 1.0).astype(np.float32), n, axis=0)  # noqa: E731
+
+    def phase(offsets: Array) -> Array:
+        return np.repeat((offsets[None] / (IDLE_PERIOD * FPS) % 1.0).astype(np.float32), n, axis=0)
+
     root = root.astype(np.float32)
     goal = np.concatenate((root[:, :2], np.zeros((n, 1), np.float32)), axis=1)
     return State(

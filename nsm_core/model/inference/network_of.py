@@ -14,7 +14,9 @@ MOST_WIDE = 100_000  # a layer's width; the paper's widest has 2,048
 
 
 def network_of(weights: Weights) -> tuple[NetworkKind, NetworkConfig]:
-    """Kind and sizes of the network; WeightsError unless the kind is known and every array is there and fits."""
+    """Kind and sizes of the network; WeightsError unless the kind is known and every array is there
+    and fits.
+    """
     kind = kind_of(weights.network)
     config = _sizes(kind, weights)
     expected = config.shapes()
@@ -22,10 +24,15 @@ def network_of(weights: Weights) -> tuple[NetworkKind, NetworkConfig]:
     for name, shape in expected.items():
         if name not in found or found[name].shape != shape:
             has = "is missing" if name not in found else f"has shape {found[name].shape}"
-            raise WeightsError(f"The weights file is incomplete: {name} {has} where {shape} is needed; copy or train it again.")
+            raise WeightsError(
+                f"The weights file is incomplete: {name} {has} where {shape} is needed; copy or train it "
+                "again."
+            )
     if len(found) > len(expected):
         odd = next(name for name in found if name not in expected)
-        raise WeightsError(f"The weights file holds {odd}, which a network of its sizes has not; copy or train it again.")
+        raise WeightsError(
+            f"The weights file holds {odd}, which a network of its sizes has not; copy or train it again."
+        )
     return kind, config
 
 
@@ -40,5 +47,7 @@ def _sizes(kind: NetworkKind, weights: Weights) -> NetworkConfig:
             elif size.name in told:
                 whole(told[size.name], what, WeightsError, 1, MOST_WIDE)
     except WeightsError as error:
-        raise WeightsError(f"In the weights file, {str(error).removesuffix('.')}; copy or train it again.") from error
+        raise WeightsError(
+            f"In the weights file, {str(error).removesuffix('.')}; copy or train it again."
+        ) from error
     return kind.config.from_dict(told)

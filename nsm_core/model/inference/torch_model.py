@@ -10,7 +10,9 @@ from nsm_core.rotations import Array
 
 
 class TorchModel:
-    """The training module itself as a ``Model``, single precision; raises ImportError where torch is missing."""
+    """The training module itself as a ``Model``, single precision; raises ImportError where torch is
+    missing.
+    """
 
     backend = "torch"
 
@@ -21,7 +23,10 @@ class TorchModel:
         self.config, self.metadata = config, weights.metadata
         self._torch = torch
         self._net = kind.module(config).eval()
-        state = {name: torch.from_numpy(values) for name, values in {**weights.parameters, **weights.statistics}.items()}
+        state = {
+            name: torch.from_numpy(values)
+            for name, values in {**weights.parameters, **weights.statistics}.items()
+        }
         self._net.load_state_dict(state)
 
     def start(self, batch: int = 1) -> Memory:
@@ -35,4 +40,8 @@ class TorchModel:
         with self._torch.inference_mode():
             remembered = {name: tensor(values) for name, values in memory.items()}
             y, remembered, info = self._net.step(Inputs(tensor(x), tensor(gating)), remembered)
-        return y.numpy(), {k: v.numpy() for k, v in remembered.items()}, {k: v.numpy() for k, v in info.items()}
+        return (
+            y.numpy(),
+            {k: v.numpy() for k, v in remembered.items()},
+            {k: v.numpy() for k, v in info.items()},
+        )

@@ -1,9 +1,9 @@
 """Trained weights as one .npz: no pickle, half-precision parameters, metadata as JSON.
 
 Entries: ``metadata`` (UTF-8 JSON bytes), ``parameters/<name>`` in float16 and ``statistics/<name>`` in
-float32, named as in the torch module's state.  The metadata says which network of the registry it is (the NSM where
-it says nothing) and carries the feature layout, so that a network can never be fed with, or read by, another layout than the
-one it was trained on, and what its data meant (``features.meaning``).
+float32, named as in the torch module's state.  The metadata says which network of the registry it is (the NSM
+where it says nothing) and carries the feature layout, so that a network can never be fed with, or read by,
+another layout than the one it was trained on, and what its data meant (``features.meaning``).
 """
 
 from __future__ import annotations
@@ -28,7 +28,9 @@ from nsm_core.model.networks.registry import kind_of
 from nsm_core.rotations import Array
 from nsm_core.validate import is_number, listed, number, shown, table, text
 
-Layout = Mapping[str, Mapping[str, Sequence[int]]]  # vector ("input", "output", ...) -> its blocks in order -> their shapes
+Layout = Mapping[
+    str, Mapping[str, Sequence[int]]
+]  # vector ("input", "output", ...) -> its blocks in order -> their shapes
 
 FORMAT = "nsm-weights"
 VERSION = 1
@@ -39,7 +41,10 @@ LEAST_DEVIATION = 1e-9  # training keeps 1e-4; what is divided by less than this
 
 def plain_layout(layout: Layout) -> dict[str, list[list[Any]]]:
     """Layout as JSON keeps it: lists of [name, shape] by vector, since the order counts."""
-    return {vector: [[name, [int(n) for n in shape]] for name, shape in blocks.items()] for vector, blocks in layout.items()}
+    return {
+        vector: [[name, [int(n) for n in shape]] for name, shape in blocks.items()]
+        for vector, blocks in layout.items()
+    }
 
 
 def layout_hash(layout: Layout) -> str:
@@ -63,10 +68,11 @@ def save_weights(
 ) -> Path:
     """Write a weights file, whole or not at all.
 
-    ``config`` tells which network it is and its sizes; ``parameters`` are stored in half precision, ``statistics`` in single;
-    ``credits`` name the captures the network learned from, ``data`` their version and ``meaning`` what they meant, if that is
-    known; ``more`` joins the metadata and must suit JSON.  Raises WeightsError on values that are not numbers or too large for
-    half precision, OutputError if the file cannot be written.
+    ``config`` tells which network it is and its sizes; ``parameters`` are stored in half precision,
+    ``statistics`` in single; ``credits`` name the captures the network learned from, ``data`` their version
+    and ``meaning`` what they meant, if that is known; ``more`` joins the metadata and must suit JSON.  Raises
+    WeightsError on values that are not numbers or too large for half precision, OutputError if the file
+    cannot be written.
     """
     path = Path(path)
     entries: dict[str, Array] = {}
@@ -74,13 +80,16 @@ def save_weights(
         values = np.asarray(values, dtype=np.float32)
         if not np.all(np.abs(values) < np.finfo(np.float16).max):  # false for NaN too
             raise WeightsError(
-                f"Parameter {name} holds values that half precision cannot keep; the training diverged, resume from an earlier state."
+                f"Parameter {name} holds values that half precision cannot keep; the training diverged, "
+                "resume from an earlier state."
             )
         entries[f"parameters/{name}"] = values.astype(np.float16)
     for name, values in statistics.items():
         values = np.asarray(values, dtype=np.float32)
         if not np.all(np.isfinite(values)):
-            raise WeightsError(f"Statistic {name} holds values that are not numbers; export the training data again.")
+            raise WeightsError(
+                f"Statistic {name} holds values that are not numbers; export the training data again."
+            )
         entries[f"statistics/{name}"] = values
     metadata = {
         **more,
@@ -105,9 +114,11 @@ def save_weights(
 def load_weights(path: str | Path, layout: Layout | None = None) -> Weights:
     """Read a weights file; all arrays come back as float32, finite, and deviations above zero.
 
-    With ``layout``, the file's feature layout must equal it, and its features must mean what they mean here, if it tells what
-    they do.  Nothing is allocated that the file does not hold.  Raises WeightsError if the file is missing, truncated, damaged,
-    foreign, of a newer format, of an unknown network, of another layout or of features of another meaning.
+    With ``layout``, the file's feature layout must equal it, and its features must mean what they mean here,
+    if it tells what
+    they do.  Nothing is allocated that the file does not hold.  Raises WeightsError if the file is missing,
+    truncated, damaged, foreign, of a newer format, of an unknown network, of another layout or of features of
+    another meaning.
     """
     path = Path(path)
     entries = _read(path)
@@ -125,7 +136,10 @@ def load_weights(path: str | Path, layout: Layout | None = None) -> Weights:
         with np.errstate(over="ignore", invalid="ignore"):
             groups[group][name] = np.ascontiguousarray(values, dtype=np.float32)
         if bad := _unusable(name, groups[group][name]):
-            raise WeightsError(f"{path} is damaged or its training diverged: {name} {bad}; copy it again or take another one.")
+            raise WeightsError(
+                f"{path} is damaged or its training diverged: {name} {bad}; copy it again or take another "
+                "one."
+            )
     return weights
 
 
@@ -149,15 +163,23 @@ def _read(path: Path) -> dict[str, Array]:
         with open(path, "rb") as file:
             beginning = file.read(2)
         if beginning != b"PK":
-            raise WeightsError(f"{path} is not a weights file of this project; choose one that `dev.py train` wrote.")
+            raise WeightsError(
+                f"{path} is not a weights file of this project; choose one that `dev.py train` wrote."
+            )
         return npz.read(path, {"metadata": "u", "parameters/": "f", "statistics/": "f"}, MOST_BYTES)
     except FileNotFoundError as error:
-        raise WeightsError(f"There is no weights file at {path}; check the path or run `dev.py train`.") from error
+        raise WeightsError(
+            f"There is no weights file at {path}; check the path or run `dev.py train`."
+        ) from error
     except npz.DamagedArrays as error:
-        raise WeightsError(f"{path} is not a weights file that can be used: {error}; copy or download it again.") from error
+        raise WeightsError(
+            f"{path} is not a weights file that can be used: {error}; copy or download it again."
+        ) from error
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise WeightsError(f"Cannot read {shown(str(path), 300)} ({reason}); check that it is a file you may read.") from error
+        raise WeightsError(
+            f"Cannot read {shown(str(path), 300)} ({reason}); check that it is a file you may read."
+        ) from error
 
 
 def _metadata(path: Path, stored: Array | None) -> dict[str, Any]:
@@ -170,10 +192,13 @@ def _metadata(path: Path, stored: Array | None) -> dict[str, Any]:
     except (LookupError, ValueError, TypeError, RecursionError):
         ours = False
     if not ours:
-        raise WeightsError(f"{path} is not a weights file of this project; choose one that `dev.py train` wrote.")
+        raise WeightsError(
+            f"{path} is not a weights file of this project; choose one that `dev.py train` wrote."
+        )
     if metadata.get("version") != VERSION or isinstance(metadata["version"], bool):
         raise WeightsError(
-            f"{path} has format version {shown(metadata.get('version'))} and this program reads version {VERSION}; "
+            f"{path} has format version {shown(metadata.get('version'))} and this program reads version "
+            f"{VERSION}; "
             "update the program or train the weights again."
         )
     try:
@@ -181,18 +206,30 @@ def _metadata(path: Path, stored: Array | None) -> dict[str, Any]:
         for key in ("credits", "actions"):
             for line in listed(metadata.get(key, []), key, WeightsError):
                 text(line, f"an entry of {key}", WeightsError)
-        if "meaning" in metadata and meaning_hash(table(metadata["meaning"], "meaning", WeightsError)) != metadata.get("meaning_hash"):
+        if "meaning" in metadata and meaning_hash(
+            table(metadata["meaning"], "meaning", WeightsError)
+        ) != metadata.get("meaning_hash"):
             raise WeightsError("meaning is not what its meaning_hash was made of.")
         if (stance := metadata.get("stance")) is not None:
             _check_stance(stance)
     except WeightsError as error:
-        raise WeightsError(f"{path} is damaged: in its metadata, {str(error).removesuffix('.')}; copy or download it again.") from error
+        raise WeightsError(
+            f"{path} is damaged: in its metadata, {str(error).removesuffix('.')}; copy or download it again."
+        ) from error
     return metadata
 
 
 def _check_stance(stance: Any) -> None:
-    """Raise WeightsError unless the pose in which a character stands is one: height of the hips, and a rotation for each joint."""
-    number(table(stance, "stance", WeightsError).get("hips_height"), "hips_height of stance", WeightsError, 0.1, 3)
+    """Raise WeightsError unless the pose in which a character stands is one: height of the hips, and a
+    rotation for each joint.
+    """
+    number(
+        table(stance, "stance", WeightsError).get("hips_height"),
+        "hips_height of stance",
+        WeightsError,
+        0.1,
+        3,
+    )
     rotations = listed(stance.get("local_rotations"), "local_rotations of stance", WeightsError, len(JOINTS))
     fit = [isinstance(q, list) and len(q) == 4 and all(is_number(v, -2, 2) for v in q) for q in rotations]
     if len(fit) != len(JOINTS) or not all(fit):
@@ -205,6 +242,7 @@ def _no_constant(name: str) -> None:
 
 def _difference(theirs: Any, ours: Layout) -> str:
     """First difference of two layouts, in words; ``theirs`` may be anything that a file can hold."""
+
     def block(entry: Any) -> str:
         name, shape = entry
         return f"{name} of {' x '.join(map(str, shape))}"

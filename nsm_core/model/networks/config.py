@@ -1,4 +1,6 @@
-"""Sizes of any network, readable without torch: widths of features from the layout, memory and arrays from the network."""
+"""Sizes of any network, readable without torch: widths of features from the layout, memory and arrays from
+the network.
+"""
 
 from __future__ import annotations
 
@@ -47,12 +49,16 @@ class NetworkConfig:
 
     @property
     def memory_sizes(self) -> dict[str, int]:
-        """Numbers a character that the network remembers from frame to frame, by name; nothing without memory."""
+        """Numbers a character that the network remembers from frame to frame, by name; nothing without
+        memory.
+        """
         return {}
 
     @property
     def info_sizes(self) -> dict[str, int]:
-        """Numbers a character that a step tells of itself, by name; "experts" are coefficients that add up to one."""
+        """Numbers a character that a step tells of itself, by name; "experts" are coefficients that add up to
+        one.
+        """
         return {}
 
     def parameter_shapes(self) -> dict[str, tuple[int, ...]]:
@@ -69,11 +75,19 @@ class NetworkConfig:
         return {name: np.zeros((batch, size), np.float32) for name, size in self.memory_sizes.items()}
 
     def checked(self, inputs: Inputs[Array], memory: Memory) -> Inputs[Array]:
-        """Inputs as contiguous float32; ValueError where they or the memory are of other shapes than the network's."""
+        """Inputs as contiguous float32; ValueError where they or the memory are of other shapes than the
+        network's.
+        """
         x, gating = (np.ascontiguousarray(v, dtype=np.float32) for v in inputs)
         if x.ndim != 2 or x.shape[1] != self.inputs or gating.shape != (len(x), self.gating):
-            raise ValueError(f"step needs features (B, {self.inputs}) and gating (B, {self.gating}), got {x.shape} and {gating.shape}")
-        needed, given = {n: (len(x), s) for n, s in self.memory_sizes.items()}, {n: v.shape for n, v in memory.items()}
+            raise ValueError(
+                f"step needs features (B, {self.inputs}) and gating (B, {self.gating}), got {x.shape} and "
+                f"{gating.shape}"
+            )
+        needed, given = (
+            {n: (len(x), s) for n, s in self.memory_sizes.items()},
+            {n: v.shape for n, v in memory.items()},
+        )
         if given != needed:
             raise ValueError(f"step needs the memory {needed} that start or the last step gave, got {given}")
         return Inputs(x, gating)

@@ -18,7 +18,8 @@ from nsm_core.model.features.layout import Inputs
 from .nsm_config import NsmConfig
 from .trainable import Tensors, Trainable
 
-# A feature whose deviation grows by more than this was not alive in the old data; its weights mean nothing and are kept as drawn.
+# A feature whose deviation grows by more than this was not alive in the old data; its weights mean nothing
+# and are kept as drawn.
 _UNKNOWN = 4.0
 
 
@@ -101,13 +102,18 @@ class NSM(Trainable):
     def __init__(self, config: NsmConfig | None = None) -> None:
         c = config or NsmConfig()
         super().__init__(c)
-        self.encoders = nn.ModuleList(Encoder(i, o, c.dropout) for i, o in zip(c.parts, c.encoded, strict=True))
+        self.encoders = nn.ModuleList(
+            Encoder(i, o, c.dropout) for i, o in zip(c.parts, c.encoded, strict=True)
+        )
         widths = (c.gating, c.gating_hidden, c.gating_hidden, c.experts)
         self.gating = nn.ModuleList(_dense(i, o) for i, o in zip(widths[:-1], widths[1:], strict=True))
-        # A small last layer lets all experts learn from the first step, instead of those that the draw favours.
+        # A small last layer lets all experts learn from the first step, instead of those that the draw
+        # favours.
         self.gating[-1].weight.data.mul_(0.1)
         widths = (sum(c.encoded), c.hidden, c.hidden, c.outputs)
-        self.experts = nn.ModuleList(ExpertLinear(c.experts, i, o) for i, o in zip(widths[:-1], widths[1:], strict=True))
+        self.experts = nn.ModuleList(
+            ExpertLinear(c.experts, i, o) for i, o in zip(widths[:-1], widths[1:], strict=True)
+        )
 
     def coefficients(self, gating: Tensor) -> Tensor:
         """Blending coefficients (B, K), float32, of normalised gating features (B, gating)."""
@@ -117,7 +123,9 @@ class NSM(Trainable):
         return torch.softmax(self.gating[-1](h).float(), dim=-1)
 
     def forward(self, inputs: Inputs[Tensor], memory: Tensors) -> tuple[Tensor, Tensors, Tensors]:
-        """As ``Trainable.forward``; there is no memory, and the info "experts" are the coefficients (B, K)."""
+        """As ``Trainable.forward``; there is no memory, and the info "experts" are the coefficients
+        (B, K).
+        """
         coefficients = self.coefficients(inputs.gating)
         parts = inputs.features.split(self.config.parts, dim=-1)
         h = torch.cat([encoder(part) for encoder, part in zip(self.encoders, parts, strict=True)], dim=-1)
@@ -128,11 +136,18 @@ class NSM(Trainable):
 
     @torch.no_grad()
     def renormalise(self, old: dict[str, Tensor]) -> None:
-        """First and last layers take up the change of means and deviations; features that the old data did not have start as drawn."""
+        """First and last layers take up the change of means and deviations; features that the old data did
+        not have start as drawn.
+        """
         ratio, shift = self._change(old, "input")
         at = 0
         for encoder, width in zip(self.encoders, self.config.parts, strict=True):
-            _into(encoder.layers[0].weight, encoder.layers[0].bias, ratio[at : at + width], shift[at : at + width])
+            _into(
+                encoder.layers[0].weight,
+                encoder.layers[0].bias,
+                ratio[at : at + width],
+                shift[at : at + width],
+            )
             at += width
         _into(self.gating[0].weight, self.gating[0].bias, *self._change(old, "gating"))
         last, scale = self.experts[-1], old["output_std"] / self.output_std

@@ -13,7 +13,8 @@ from .nsm_config import NsmConfig
 from .protocol import Info, Weights
 
 # Experts with a smaller coefficient are not read for a single character: their share of the output stays
-# below the rounding of single precision by which the back ends differ, and reading weights is what a step costs.
+# below the rounding of single precision by which the back ends differ, and reading weights is what a step
+# costs.
 NEGLIGIBLE = 1e-6
 
 
@@ -27,7 +28,10 @@ class NumpyNsm:
         self.config, self.metadata = config, weights.metadata
         p = {name: np.ascontiguousarray(values) for name, values in weights.parameters.items()}
         self._statistics = weights.statistics
-        self._encoders = [[(p[f"encoders.{e}.layers.{i}.weight"], p[f"encoders.{e}.layers.{i}.bias"]) for i in range(2)] for e in range(4)]
+        self._encoders = [
+            [(p[f"encoders.{e}.layers.{i}.weight"], p[f"encoders.{e}.layers.{i}.bias"]) for i in range(2)]
+            for e in range(4)
+        ]
         self._gating = [(p[f"gating.{i}.weight"], p[f"gating.{i}.bias"]) for i in range(3)]
         self._experts = [(p[f"experts.{i}.weight"], p[f"experts.{i}.bias"]) for i in range(3)]
         self._bounds = np.cumsum(self.config.parts)[:-1]
@@ -94,7 +98,10 @@ def _mix_one(weight: Array, h: Array, coefficients: Array) -> Array:
     """Blend the experts' products (K, out, in) for one character: only experts that count are read."""
     c, v = coefficients[0], h[0]
     active = np.flatnonzero(c > NEGLIGIBLE)
-    if len(active) in (0, len(c)):  # none counts where the coefficients are not numbers: let that show in the result
+    if len(active) in (
+        0,
+        len(c),
+    ):  # none counts where the coefficients are not numbers: let that show in the result
         products = (weight.reshape(-1, weight.shape[2]) @ v).reshape(len(c), -1)
         return (c @ products)[None]
     return sum(c[k] * (weight[k] @ v) for k in active)[None]

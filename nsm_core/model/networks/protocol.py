@@ -1,4 +1,6 @@
-"""What a network is to everything that steps one: control, evaluation and bench know this protocol and no network."""
+"""What a network is to everything that steps one: control, evaluation and bench know this protocol and no
+network.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,9 @@ from nsm_core.rotations import Array
 
 from .config import Memory, NetworkConfig
 
-Info = dict[str, Array]  # what a step tells of itself, by name, (B, size) each, as ``NetworkConfig.info_sizes`` says
+Info = dict[
+    str, Array
+]  # what a step tells of itself, by name, (B, size) each, as ``NetworkConfig.info_sizes`` says
 
 
 @dataclass(frozen=True)
@@ -23,7 +27,9 @@ class Weights:
 
     @property
     def network(self) -> str:
-        """Name of the network in the registry; files of before there were several hold the NSM and do not say so."""
+        """Name of the network in the registry; files of before there were several hold the NSM and do not say
+        so.
+        """
         return self.metadata.get("network", "nsm")
 
     @property
@@ -35,8 +41,8 @@ class Weights:
 class Model(Protocol):
     """A trained network, stepped a frame at a time for a batch of B characters; a take is a batch of one.
 
-    Outputs of the same inputs and memory are the same, and neither is changed: whoever steps keeps the memory, one row a character,
-    and may therefore branch, go back or put rows of several batches together.
+    Outputs of the same inputs and memory are the same, and neither is changed: whoever steps keeps the
+    memory, one row a character, and may therefore branch, go back or put rows of several batches together.
     """
 
     backend: str  # "numpy" or "torch"
@@ -48,10 +54,12 @@ class Model(Protocol):
         ...
 
     def step(self, inputs: Inputs[Array], memory: Memory) -> tuple[Array, Memory, Info]:
-        """Predict the next frame: outputs (B, outputs), the memory for the next step, and what the step tells of itself, all float32.
+        """Predict the next frame: outputs (B, outputs), the memory for the next step, and what the step tells
+        of itself, all float32.
 
-        ``inputs`` are those of ``features.codec.build_inputs``: features (B, inputs) and gating (B, gating) in physical units (metres,
-        seconds, the root's frame), as are the outputs, for ``features.codec.read_outputs``; normalisation happens inside.  ``memory``
-        is what ``start`` or the last step gave for these characters.  Raises ValueError on other shapes.
+        ``inputs`` are those of ``features.codec.build_inputs``: features (B, inputs) and gating (B, gating)
+        in physical units (metres, seconds, the root's frame), as are the outputs, for
+        ``features.codec.read_outputs``; normalisation happens inside.  ``memory`` is what ``start`` or the
+        last step gave for these characters.  Raises ValueError on other shapes.
         """
         ...

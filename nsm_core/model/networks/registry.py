@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 class NetworkKind:
     """A network in the three forms it has: sizes, stepped in numpy, and as the torch module that is trained.
 
-    ``numpy`` makes a stepper of sizes and the weights that fit them; ``module`` makes the untrained module of sizes, and is the
-    first to import torch.
+    ``numpy`` makes a stepper of sizes and the weights that fit them; ``module`` makes the untrained module of
+    sizes, and is the first to import torch.
     """
 
     config: type[NetworkConfig]

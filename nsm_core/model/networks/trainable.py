@@ -1,4 +1,6 @@
-"""What every network is as a torch module: the protocol's step on tensors, and normalisation that travels with it."""
+"""What every network is as a torch module: the protocol's step on tensors, and normalisation that travels
+with it.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ Tensors = dict[str, Tensor]  # memory or info by name, (B, size) each
 
 
 class Trainable(nn.Module):
-    """Base of the networks: a subclass defines ``forward`` and ``renormalise`` and names its parameters as its config does.
+    """Base of the networks: a subclass defines ``forward`` and ``renormalise`` and names its parameters as
+    its config does.
 
     Normalisation statistics travel with the module as float32 buffers, so that a snapshot is complete.
     """
@@ -25,7 +28,9 @@ class Trainable(nn.Module):
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
         self.config = config
-        for name, size in zip(("input", "gating", "output"), (config.inputs, config.gating, config.outputs), strict=True):
+        for name, size in zip(
+            ("input", "gating", "output"), (config.inputs, config.gating, config.outputs), strict=True
+        ):
             self.register_buffer(f"{name}_mean", torch.zeros(size))
             self.register_buffer(f"{name}_std", torch.ones(size))
 
@@ -34,12 +39,17 @@ class Trainable(nn.Module):
         raise NotImplementedError
 
     def renormalise(self, old: dict[str, Tensor]) -> None:
-        """Change the parameters so that ``step`` gives what it gave under the statistics ``old``, by name; for warm starts."""
+        """Change the parameters so that ``step`` gives what it gave under the statistics ``old``, by name;
+        for warm starts.
+        """
         raise NotImplementedError
 
     def start(self, batch: int) -> Tensors:
         """Memory of ``batch`` characters before their first frame, where the parameters are."""
-        return {name: torch.from_numpy(values).to(self.input_mean.device) for name, values in self.config.start(batch).items()}
+        return {
+            name: torch.from_numpy(values).to(self.input_mean.device)
+            for name, values in self.config.start(batch).items()
+        }
 
     def normalised(self, inputs: Inputs[Tensor]) -> Inputs[Tensor]:
         """Inputs in physical units as ``forward`` takes them."""

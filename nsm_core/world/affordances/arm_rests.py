@@ -9,12 +9,16 @@ from nsm_core.world.scene import furniture
 
 
 def arm_rests(piece: furniture.Furniture) -> list[Array | None]:
-    """Where the right and left wrist rest on a seat's arms, (3,) in the object frame; None on a side without one."""
+    """Where the right and left wrist rest on a seat's arms, (3,) in the object frame; None on a side without
+    one.
+    """
     seat = piece.seat
     result: list[Array | None] = [None, None]
     if seat is None:
         return result
-    across = rotate_planar((piece.mins + piece.maxs) / 2 - seat.point, np.full(len(piece.mins), -seat.heading))[:, 0]
+    across = rotate_planar(
+        (piece.mins + piece.maxs) / 2 - seat.point, np.full(len(piece.mins), -seat.heading)
+    )[:, 0]
     for side, sign in enumerate((-1, 1)):  # a sitter who faces -Y has the right side on -X
         tops = [
             k

@@ -17,10 +17,10 @@ TAKEN_AJAR = np.radians(40)  # angle of a leaf that is ajar up to which who pull
 class Passage:
     """The way through a door from one side: planar places (2,), metres, and headings, world.
 
-    ``heading`` the way to pass; ``push`` whether the leaf swings away; ``side`` +1 or -1, the leaf's side on which the handle is
-    reached; ``hand`` 0 right, 1 left; ``reach`` where one stands to take the handle and ``facing`` the heading there; ``back``
-    where one stands once a leaf is pulled open (the same as ``reach`` for a push); ``middle`` of the opening; ``beyond`` where
-    one stands at the end.
+    ``heading`` the way to pass; ``push`` whether the leaf swings away; ``side`` +1 or -1, the leaf's side on
+    which the handle is reached; ``hand`` 0 right, 1 left; ``reach`` where one stands to take the handle and
+    ``facing`` the heading there; ``back`` where one stands once a leaf is pulled open (the same as ``reach``
+    for a push); ``middle`` of the opening; ``beyond`` where one stands at the end.
     """
 
     heading: float
@@ -37,8 +37,8 @@ class Passage:
 def passage(leaf: Leaf, coming_from: Array, beyond: float = PASS_BEYOND) -> Passage:
     """Work out how to pass a door for someone who comes from ``coming_from`` (2,), world.
 
-    The hand on the handle's side opens the door: its shoulder is nearly before the handle while the body is before the opening,
-    and the leaf swings clear of the body.
+    The hand on the handle's side opens the door: its shoulder is nearly before the handle while the body is
+    before the opening, and the leaf swings clear of the body.
     """
     along = heading_to_direction(np.array(leaf.closed + np.pi / 2))  # +X of the frame: heading 0 faces -Y
     through = np.array((-along[1], along[0]))  # +Y of the frame
@@ -58,4 +58,14 @@ def passage(leaf: Leaf, coming_from: Array, beyond: float = PASS_BEYOND) -> Pass
     # A leaf that stands ajar towards one is taken where it stands.
     turn = 0.0 if push else leaf.swing * float(np.clip(leaf.angle, 0.0, TAKEN_AJAR))
     reach = hinge + rotate_planar(reach - hinge, np.float64(turn))
-    return Passage(heading, push, side, hand, reach, float(wrap_angle(heading + turn)), back, middle, middle + beyond * go)
+    return Passage(
+        heading,
+        push,
+        side,
+        hand,
+        reach,
+        float(wrap_angle(heading + turn)),
+        back,
+        middle,
+        middle + beyond * go,
+    )

@@ -1,7 +1,7 @@
 """Where a person sits on a piece of furniture, found from its mesh alone.
 
-The mesh is seen from above as a map of heights.  The seat is the level with the most area that is wide enough for a
-person; the front is the side from which it can be reached, with the back rest opposite.
+The mesh is seen from above as a map of heights.  The seat is the level with the most area that is wide enough
+for a person; the front is the side from which it can be reached, with the back rest opposite.
 """
 
 from __future__ import annotations
@@ -26,16 +26,22 @@ _REST = 0.10  # what stands this much over the seat is a back or an arm
 def find_seat(vertices: Array, triangles: Array) -> Seat:
     """Find where to sit on a mesh: height, place of the hips, front, size, back and arm rests.
 
-    ``vertices`` (V, 3) metres with Z up and the floor at z = 0, ``triangles`` (F, 3); the mesh may be open, broken or
-    inside out.  The result is in the same frame.  Without a back rest the front is a long side; where all sides are
-    alike it is -Y.  Raises GeometryError on an empty or broken mesh and when nothing on it can be sat on.
+    ``vertices`` (V, 3) metres with Z up and the floor at z = 0, ``triangles`` (F, 3); the mesh may be open,
+    broken or inside out.  The result is in the same frame.  Without a back rest the front is a long side;
+    where all sides are alike it is -Y.  Raises GeometryError on an empty or broken mesh and when nothing on
+    it can be sat on.
     """
     vertices, triangles = check_mesh(vertices, triangles)
     corners = vertices[triangles]
     z = corners[..., 2]
     # Seen from above, steep faces need few samples: cut them by a length that counts height less.
     squeeze = np.array((1, 1, 0.3))
-    samples = cut_triangles(corners[(z.max(1) > LOWEST / 2) & (z.min(1) < _TOP)] * squeeze, 0.85 * _STEP).reshape(-1, 3) / squeeze
+    samples = (
+        cut_triangles(corners[(z.max(1) > LOWEST / 2) & (z.min(1) < _TOP)] * squeeze, 0.85 * _STEP).reshape(
+            -1, 3
+        )
+        / squeeze
+    )
     samples = samples[samples[:, 2] > LOWEST / 2]
     samples[:, 2] = np.minimum(samples[:, 2], _TOP)
     if not len(samples):
@@ -61,16 +67,22 @@ def find_seat(vertices: Array, triangles: Array) -> Seat:
 
 
 _NO_SEAT = (
-    f"Nothing on this object can be sat on: it needs a level patch at least {_LEAST * 100:.0f} cm wide between "
-    f"{LOWEST:.2f} and {HIGHEST:.2f} m over the floor; check its scale and that it stands on the floor, or move its goal empty by hand."
+    f"Nothing on this object can be sat on: it needs a level patch at least {_LEAST * 100:.0f} cm wide "
+    "between "
+    f"{LOWEST:.2f} and {HIGHEST:.2f} m over the floor; check its scale and that it stands on the floor, or "
+    "move its goal empty by hand."
 )
 
 
 def _main_direction(samples: Array) -> float:
-    """Turn, in -45..45 degrees, of the smallest rectangle around the footprint; 0 unless that is much smaller."""
+    """Turn, in -45..45 degrees, of the smallest rectangle around the footprint; 0 unless that is much
+    smaller.
+    """
     flat = samples[:: max(1, len(samples) // 20000), :2]
     angles = np.deg2rad(np.arange(-45, 45))
-    along = np.stack((np.cos(angles), np.sin(angles)), 1) @ flat.T  # a row an angle: many times faster to go through
+    along = (
+        np.stack((np.cos(angles), np.sin(angles)), 1) @ flat.T
+    )  # a row an angle: many times faster to go through
     across = np.stack((-np.sin(angles), np.cos(angles)), 1) @ flat.T
     area = np.ptp(along, axis=1) * np.ptp(across, axis=1)
     best = int(area.argmin())
@@ -107,7 +119,9 @@ def _seat_height(tops: Array) -> float:
 
 
 def _places(level: Array) -> Array:
-    """Keep what is wide enough to sit on: close the slots (X, Y), then drop what is narrower than a person."""
+    """Keep what is wide enough to sit on: close the slots (X, Y), then drop what is narrower than a
+    person.
+    """
     slot, least = round(_SLOT / _STEP / 2), round(_LEAST / _STEP)
     padded = np.pad(level, least)
     size = 2 * slot + 1
@@ -120,14 +134,19 @@ def _spread(mask: Array, size: int, back: bool = False) -> Array:
     """Set every cell that has a set cell in a window of ``size`` cells around it."""
     before = (size - 1) // 2 if not back else size // 2
     for axis in (0, 1):
-        total = np.cumsum(np.pad(mask, [(before + 1, size - 1 - before) if a == axis else (0, 0) for a in (0, 1)]), axis=axis)
+        total = np.cumsum(
+            np.pad(mask, [(before + 1, size - 1 - before) if a == axis else (0, 0) for a in (0, 1)]),
+            axis=axis,
+        )
         length = mask.shape[axis]
         mask = np.take(total, np.arange(size, size + length), axis) > np.take(total, np.arange(length), axis)
     return mask
 
 
 def _sit_facing_front(tops: Array, origin: Array, height: float) -> tuple[float, Seat | None]:
-    """How well one sits facing -Y, and the seat; each column of the map (X, Y) is followed from the front to the back."""
+    """How well one sits facing -Y, and the seat; each column of the map (X, Y) is followed from the front to
+    the back.
+    """
     seat = _places(np.abs(tops - height) < _SOFT)
     rest = tops > height + _REST
     columns = len(tops)
@@ -146,18 +165,29 @@ def _sit_facing_front(tops: Array, origin: Array, height: float) -> tuple[float,
         return 0.0, None
     start, stop = _longest_run(quality > 0.5 * np.sort(quality)[-max(1, round(_LEAST / _STEP))])
     middle = (start + stop - 1) / 2
-    place = np.arange(max(start, int(middle - _LEAST / 2 / _STEP)), min(stop, int(middle + _LEAST / 2 / _STEP) + 1))
+    place = np.arange(
+        max(start, int(middle - _LEAST / 2 / _STEP)), min(stop, int(middle + _LEAST / 2 / _STEP) + 1)
+    )
     seat_depth = float(np.median(depth[place])) * _STEP
     hip = np.array((middle + 0.5, np.median(front[place]) + hip_setback(seat_depth) / _STEP))
     around = tops[place, max(0, int(hip[1]) - 4) : int(hip[1]) + 5]
-    level = float(np.median(around[np.abs(around - height) < 2 * _SOFT])) if (np.abs(around - height) < 2 * _SOFT).any() else height
+    level = (
+        float(np.median(around[np.abs(around - height) < 2 * _SOFT]))
+        if (np.abs(around - height) < 2 * _SOFT).any()
+        else height
+    )
     run = slice(start, stop)
     first, last = int(np.median(front[run])), int(np.median((front + depth)[run]))
     beside = round(0.2 / _STEP)
-    sides = [rest[max(0, start - beside) : start + 2, first:last].any(0), rest[stop - 2 : stop + beside, first:last].any(0)]
+    sides = [
+        rest[max(0, start - beside) : start + 2, first:last].any(0),
+        rest[stop - 2 : stop + beside, first:last].any(0),
+    ]
     arms = all(s.size and s.mean() > 0.35 for s in sides)
     point = np.append(hip * _STEP + origin, level).astype(np.float32)
-    found = Seat(point, 0.0, level, (stop - start) * _STEP, seat_depth, bool(backed[run].mean() > 0.5), bool(arms))
+    found = Seat(
+        point, 0.0, level, (stop - start) * _STEP, seat_depth, bool(backed[run].mean() > 0.5), bool(arms)
+    )
     return float(quality[run].sum() * _STEP), found
 
 

@@ -19,10 +19,11 @@ LIMITS = {"width": (0.72, 1.1), "height": (1.9, 2.2), "panel": (0.025, 0.08), "g
 
 
 def door_measures(parts: list[tuple[str, Array, Array]]) -> dict[str, float]:
-    """Measure a door, width along X: the overrides of ``door.make_door`` that make one like it, metres, within ``LIMITS``.
+    """Measure a door, width along X: the overrides of ``door.make_door`` that make one like it, metres,
+    within ``LIMITS``.
 
-    ``parts`` are names, vertices (V, 3) and triangles; the leaf is told from its frame by name and size.  Raises GeometryError
-    where there is no single leaf or no handle.
+    ``parts`` are names, vertices (V, 3) and triangles; the leaf is told from its frame by name and size.
+    Raises GeometryError where there is no single leaf or no handle.
     """
     bounds = [(name, v.min(0), v.max(0)) for name, v, _ in parts]
     low, high = min(b[1][2] for b in bounds), np.max([b[2] for b in bounds], axis=0)
@@ -31,7 +32,10 @@ def door_measures(parts: list[tuple[str, Array, Array]]) -> dict[str, float]:
     leaves = [x for x in leaves if not any(y is not x and (y[1] <= x[1] + 0.01)[[0, 2]].all() and (y[2] >= x[2] - 0.01)[[0, 2]].all()
                                            for y in leaves)]  # fmt: skip
     if len(leaves) != 1:
-        raise GeometryError(f"It has {len(leaves)} parts that could be the leaf; name the frame's parts so, and choose doors of one leaf.")
+        raise GeometryError(
+            f"It has {len(leaves)} parts that could be the leaf; name the frame's parts so, and choose "
+            "doors of one leaf."
+        )
     leaf, a, b = leaves[0]
     middle, half = (a + b) / 2, (b - a) / 2
     handles = [
@@ -66,4 +70,6 @@ def door_measures(parts: list[tuple[str, Array, Array]]) -> dict[str, float]:
 
 
 def _is_leaf(size: Array) -> bool:
-    return bool(_LEAF_WIDTH[0] < size[0] < _LEAF_WIDTH[1] and size[2] > _LEAF_HEIGHT and size[1] < _LEAF_THICKEST)
+    return bool(
+        _LEAF_WIDTH[0] < size[0] < _LEAF_WIDTH[1] and size[2] > _LEAF_HEIGHT and size[1] < _LEAF_THICKEST
+    )

@@ -25,8 +25,8 @@ OPENING = (0.7, 2.2, 1.9)  # least and greatest width and least height of an ope
 def boxes_of(vertices: Array, triangles: Array, most: int = MOST_BOXES) -> tuple[Array, Array]:
     """Cover a mesh by at most about ``most`` boxes: mins, maxs (M, 3) metres, frame of the mesh.
 
-    ``vertices`` (V, 3) metres, ``triangles`` (F, 3).  Voxels are merged as for a collider, the coarser the more detail there is;
-    then every box shrinks to the fine voxels inside it, so that thin legs stay thin.
+    ``vertices`` (V, 3) metres, ``triangles`` (F, 3).  Voxels are merged as for a collider, the coarser the
+    more detail there is; then every box shrinks to the fine voxels inside it, so that thin legs stay thin.
     """
     fine = voxelise(vertices, triangles, FINE)
     for factor in _COARSER:
@@ -47,16 +47,19 @@ def boxes_of(vertices: Array, triangles: Array, most: int = MOST_BOXES) -> tuple
 def piece_of(vertices: Array, triangles: Array, kind: str, sits: bool, front_known: bool = True) -> Furniture:
     """Make a piece of furniture of a mesh.
 
-    ``vertices`` (V, 3) metres, Z up, front -Y; ``triangles`` (F, 3).  ``sits`` asks for a seat; where the front of such a mesh is
-    not known it is turned so that a sitter faces -Y.  The piece stands on the floor at its footprint's centre.
-    Raises GeometryError where no seat is found, it faces another way than the front, or there is no room for a sitter.
+    ``vertices`` (V, 3) metres, Z up, front -Y; ``triangles`` (F, 3).  ``sits`` asks for a seat; where the
+    front of such a mesh is not known it is turned so that a sitter faces -Y.  The piece stands on the floor
+    at its footprint's centre.  Raises GeometryError where no seat is found, it faces another way than the
+    front, or there is no room for a sitter.
     """
     vertices = _stand(np.asarray(vertices, dtype=np.float64))
     seat = None
     if sits:
         seat = find_seat(vertices, triangles)
         if front_known and abs(wrap_angle(seat.heading)) > np.radians(30):
-            raise GeometryError(f"The seat faces {np.degrees(seat.heading):.0f} degrees away from the front; turn the mesh.")
+            raise GeometryError(
+                f"The seat faces {np.degrees(seat.heading):.0f} degrees away from the front; turn the mesh."
+            )
         if abs(seat.heading) > 1e-3:
             vertices = _stand(rotate_planar(vertices, np.float64(-seat.heading)))
             seat = find_seat(vertices, triangles)
@@ -70,8 +73,12 @@ def piece_of(vertices: Array, triangles: Array, kind: str, sits: bool, front_kno
         mins, maxs = _even_seat(mins, maxs, seat)
         query = Cuboids([((0, 0), 0.0, mins, maxs)])
         feet = seat.point * (1, 1, 0) - (0, hip_setback(seat.depth), 0) + _FEET
-        if (query.signed_distance(seat.point + _HEADROOM, 1.0) <= 0).any() or (query.signed_distance(feet, 1.0) <= 0).any():
-            raise GeometryError("Something stands in the way over the seat or before it; choose another mesh.")
+        if (query.signed_distance(seat.point + _HEADROOM, 1.0) <= 0).any() or (
+            query.signed_distance(feet, 1.0) <= 0
+        ).any():
+            raise GeometryError(
+                "Something stands in the way over the seat or before it; choose another mesh."
+            )
     mins, maxs = mins.astype(np.float32), maxs.astype(np.float32)
     piece = Furniture(kind, *box_mesh(mins, maxs), mins, maxs, seat)
     if kind in ("wall", "hole_wall"):
@@ -90,7 +97,12 @@ def _even_seat(mins: Array, maxs: Array, seat: Seat) -> tuple[Array, Array]:
     """Bring the boxes under a sitter exactly to the height of the seat: voxels are up to one too high."""
     half, ahead = _PATCH
     x, y, h = seat.point[0], seat.point[1], float(seat.height)
-    under = (mins[:, 0] < x + half) & (maxs[:, 0] > x - half) & (mins[:, 1] < y + half / 2) & (maxs[:, 1] > y - ahead)
+    under = (
+        (mins[:, 0] < x + half)
+        & (maxs[:, 0] > x - half)
+        & (mins[:, 1] < y + half / 2)
+        & (maxs[:, 1] > y - ahead)
+    )
     near = under & (np.abs(maxs[:, 2] - h) < 0.09)
     keep = ~(near & (mins[:, 2] >= h - 0.005))
     maxs = maxs.copy()
@@ -99,7 +111,9 @@ def _even_seat(mins: Array, maxs: Array, seat: Seat) -> tuple[Array, Array]:
 
 
 def opening_of(piece: Furniture) -> tuple[float, float, float] | None:
-    """Find the widest opening that a person walks through along X: x0, x1 and height, metres; None where there is none."""
+    """Find the widest opening that a person walks through along X: x0, x1 and height, metres; None where
+    there is none.
+    """
     edges = np.unique(np.round(np.concatenate((piece.mins[:, 0], piece.maxs[:, 0])), 3))
     middle = (edges[1:] + edges[:-1]) / 2
     covers = (piece.mins[:, 0, None] < middle) & (middle < piece.maxs[:, 0, None])

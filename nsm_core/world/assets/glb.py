@@ -1,4 +1,6 @@
-"""Read GLB meshes for the object pool; trimesh, which does it, is a package of training alone and imported only here."""
+"""Read GLB meshes for the object pool; trimesh, which does it, is a package of training alone and imported
+only here.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,8 @@ _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 def read_parts(path: Path) -> list[tuple[str, Array, Array]]:
     """Read the parts of a GLB: name, vertices (V, 3) metres, Z up and front -Y, and triangles (F, 3) of each.
 
-    What the file declares is checked before anything is allocated for it.  Raises GeometryError where the file is broken, too
-    large or has no faces; ModuleNotFoundError where trimesh is missing.
+    What the file declares is checked before anything is allocated for it.  Raises GeometryError where the
+    file is broken, too large or has no faces; ModuleNotFoundError where trimesh is missing.
     """
     import trimesh
 
@@ -38,7 +40,9 @@ def read_parts(path: Path) -> list[tuple[str, Array, Array]]:
             mesh = scene.geometry[name]
             if len(getattr(mesh, "faces", ())):
                 v = trimesh.transform_points(mesh.vertices, matrix)
-                parts.append((str(node), np.stack((v[:, 0], -v[:, 2], v[:, 1]), axis=1), np.asarray(mesh.faces)))
+                parts.append(
+                    (str(node), np.stack((v[:, 0], -v[:, 2], v[:, 1]), axis=1), np.asarray(mesh.faces))
+                )
     except Exception as error:  # whatever the reader stumbles over
         reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise GeometryError(f"{path} cannot be read ({reason}); export it again as GLB.") from error
@@ -46,14 +50,20 @@ def read_parts(path: Path) -> list[tuple[str, Array, Array]]:
         raise GeometryError(f"{path} has no faces; export it again with its meshes.")
     for name, v, f in parts:
         if not np.isfinite(v).all() or np.abs(v).max(initial=0) > _FAR:
-            raise GeometryError(f"{path}: {name} has corners that are no places within {_FAR:g} m; export it again.")
+            raise GeometryError(
+                f"{path}: {name} has corners that are no places within {_FAR:g} m; export it again."
+            )
         if f.min() < 0 or f.max() >= len(v):
-            raise GeometryError(f"{path}: {name} has faces between corners that are not there; export it again.")
+            raise GeometryError(
+                f"{path}: {name} has faces between corners that are not there; export it again."
+            )
     return parts
 
 
 def check(path: Path) -> None:
-    """Raise GeometryError where a GLB declares what its bytes do not hold: sizes, counts and places of its arrays, and its nodes."""
+    """Raise GeometryError where a GLB declares what its bytes do not hold: sizes, counts and places of its
+    arrays, and its nodes.
+    """
     data = read_bytes(path, GeometryError, "check the index", MOST_BYTES)
     where = path.name
     if len(data) < 20 or data[:4] != b"glTF":
@@ -64,14 +74,21 @@ def check(path: Path) -> None:
     try:
         found = json.loads(data[20 : 20 + size])
     except (ValueError, RecursionError) as error:
-        raise GeometryError(f"{where}: its description is damaged ({str(error)[:80]}); export it again as GLB.") from error
+        raise GeometryError(
+            f"{where}: its description is damaged ({str(error)[:80]}); export it again as GLB."
+        ) from error
     found = table(found, where, GeometryError)
-    entries = {key: _entries(found, key, where) for key in ("buffers", "bufferViews", "accessors", "meshes", "nodes")}
+    entries = {
+        key: _entries(found, key, where) for key in ("buffers", "bufferViews", "accessors", "meshes", "nodes")
+    }
     views = [_view(v, f"{where}: buffer view {k}", len(data)) for k, v in enumerate(entries["bufferViews"])]
     counts = [_accessor(a, f"{where}: array {k}", views) for k, a in enumerate(entries["accessors"])]
     for k, buffer in enumerate(entries["buffers"]):
         if "uri" in buffer:
-            raise GeometryError(f"{where}: its numbers lie in another file ({shown(buffer['uri'])}); export it again as GLB alone.")
+            raise GeometryError(
+                f"{where}: its numbers lie in another file ({shown(buffer['uri'])}); export it again as GLB "
+                "alone."
+            )
         whole(buffer.get("byteLength"), f"{where}: the length of buffer {k}", GeometryError, 0, len(data))
     _nodes(entries["nodes"], [_corners(m, counts, where) for m in entries["meshes"]], where)
 
@@ -88,13 +105,26 @@ def _view(view: dict[str, Any], where: str, size: int) -> int:
 
 
 def _accessor(array: dict[str, Any], where: str, views: list[int]) -> int:
-    """How many entries an array has, which its view must hold; one without a view is filled with zeros and refused."""
+    """How many entries an array has, which its view must hold; one without a view is filled with zeros and
+    refused.
+    """
     kind, letter = array.get("type"), array.get("componentType")
-    if not isinstance(kind, str) or kind not in _WIDTHS or not isinstance(letter, int) or letter not in _BYTES:
+    if (
+        not isinstance(kind, str)
+        or kind not in _WIDTHS
+        or not isinstance(letter, int)
+        or letter not in _BYTES
+    ):
         raise GeometryError(f"{where} is of an unknown type; export it again as GLB.")
     view = whole(array.get("bufferView", -1), f"{where}: its view", GeometryError, 0, len(views) - 1)
     start = whole(array.get("byteOffset", 0), f"{where}: its begin", GeometryError, 0, views[view])
-    return whole(array.get("count"), f"{where}: its count", GeometryError, 0, (views[view] - start) // (_WIDTHS[kind] * _BYTES[letter]))
+    return whole(
+        array.get("count"),
+        f"{where}: its count",
+        GeometryError,
+        0,
+        (views[view] - start) // (_WIDTHS[kind] * _BYTES[letter]),
+    )
 
 
 def _corners(mesh: dict[str, Any], counts: list[int], where: str) -> int:
@@ -103,12 +133,16 @@ def _corners(mesh: dict[str, Any], counts: list[int], where: str) -> int:
     for part in _entries(mesh, "primitives", where):
         attributes = table(part.get("attributes", {}), f"{where}: attributes", GeometryError)
         for index in (*attributes.values(), part.get("indices", 0)):
-            total += counts[whole(index, f"{where}: the number of an array", GeometryError, 0, len(counts) - 1)]
+            total += counts[
+                whole(index, f"{where}: the number of an array", GeometryError, 0, len(counts) - 1)
+            ]
     return total
 
 
 def _nodes(nodes: list[dict[str, Any]], corners: list[int], where: str) -> None:
-    """Check that nodes are few, hang on one another as a tree, are placed by numbers, and do not multiply meshes beyond measure."""
+    """Check that nodes are few, hang on one another as a tree, are placed by numbers, and do not multiply
+    meshes beyond measure.
+    """
     if len(nodes) > MOST_NODES:
         raise GeometryError(f"{where} has {len(nodes)} nodes; join its parts and export it again.")
     parents = [-1] * len(nodes)
@@ -120,16 +154,23 @@ def _nodes(nodes: list[dict[str, Any]], corners: list[int], where: str) -> None:
                 raise GeometryError(f"{where}: node {child} hangs on two others; export it again.")
             parents[child] = k
         for key in ("matrix", "translation", "rotation", "scale"):
-            if not all(is_number(v, -1e9, 1e9) for v in listed(node.get(key, []), f"{where}: {key} of node {k}", GeometryError)):
+            if not all(
+                is_number(v, -1e9, 1e9)
+                for v in listed(node.get(key, []), f"{where}: {key} of node {k}", GeometryError)
+            ):
                 raise GeometryError(f"{where}: the {key} of node {k} is no place; export it again.")
         if "mesh" in node:
-            total += corners[whole(node["mesh"], f"{where}: the mesh of node {k}", GeometryError, 0, len(corners) - 1)]
+            total += corners[
+                whole(node["mesh"], f"{where}: the mesh of node {k}", GeometryError, 0, len(corners) - 1)
+            ]
     for k in range(len(nodes)):
         steps, at = 0, k
         while at >= 0:
             at, steps = parents[at], steps + 1
             if steps > 1000:
-                raise GeometryError(f"{where}: its nodes hang on one another in a ring or too deep; export it again.")
+                raise GeometryError(
+                    f"{where}: its nodes hang on one another in a ring or too deep; export it again."
+                )
     if total > MOST_CORNERS:
         raise GeometryError(f"{where} has {total} corners; simplify its meshes and export it again.")
 
@@ -137,4 +178,6 @@ def _nodes(nodes: list[dict[str, Any]], corners: list[int], where: str) -> None:
 def joined(parts: list[tuple[str, Array, Array]]) -> tuple[Array, Array]:
     """Vertices (V, 3) and triangles (F, 3) of all parts as one mesh."""
     starts = np.cumsum([0, *(len(v) for _, v, _ in parts)])
-    return np.concatenate([v for _, v, _ in parts]), np.concatenate([f + at for (_, _, f), at in zip(parts, starts[:-1], strict=True)])
+    return np.concatenate([v for _, v, _ in parts]), np.concatenate(
+        [f + at for (_, _, f), at in zip(parts, starts[:-1], strict=True)]
+    )

@@ -1,7 +1,9 @@
-"""The object pool of the augmentation: furniture meshes and parametric pieces, drawn by kind at random scales.
+"""The object pool of the augmentation: furniture meshes and parametric pieces, drawn by kind at random
+scales.
 
-A pool folder has an ``index.csv`` with the columns file, class and, optionally, front and scale; its GLB files are Y up, front +Z.
-Some pieces of every class are held back for testing, by name, so that it is the same ones on every machine.
+A pool folder has an ``index.csv`` with the columns file, class and, optionally, front and scale; its GLB
+files are Y up, front +Z. Some pieces of every class are held back for testing, by name, so that it is the
+same ones on every machine.
 """
 
 from __future__ import annotations
@@ -31,8 +33,8 @@ from .glb import joined, read_parts
 # Kinds of furniture by the classes of an index; anything else is left out.
 KIND_OF = {"chair": "chair", "armchair": "armchair", "sofa": "sofa", "stool": "stool", "bench": "bench", "table": "table", "desk": "desk",
            "cabinet": "cabinet", "drawer": "cabinet", "shelf": "shelf", "box": "box", "wall": "wall"}  # fmt: skip
-# Random scales along x, y and z (papers/000 section 5.2 gives none; these are those of its published objects, narrowed for
-# meshes that are large already).
+# Random scales along x, y and z (papers/000 section 5.2 gives none; these are those of its published objects,
+# narrowed for meshes that are large already).
 SCALES = {
     "chair": ((1, 1), (1, 1), (0.7, 1.3)),
     "armchair": ((0.75, 1.3), (0.9, 1.1), (0.75, 1.25)),
@@ -55,7 +57,9 @@ MESH_SHARE = 0.5  # of the draws where there are both meshes and parametric piec
 
 @dataclass(frozen=True)
 class Entry:
-    """A piece of the pool: its file's ``name``, class in the index, furniture kind, and whether it is held back."""
+    """A piece of the pool: its file's ``name``, class in the index, furniture kind, and whether it is held
+    back.
+    """
 
     name: str
     group: str
@@ -65,7 +69,9 @@ class Entry:
 
 @dataclass(frozen=True)
 class DoorEntry:
-    """A door of the pool: its file's ``name``, its measures (see ``door.make_door``), and whether it is held back."""
+    """A door of the pool: its file's ``name``, its measures (see ``door.make_door``), and whether it is held
+    back.
+    """
 
     name: str
     measures: dict[str, float]
@@ -74,7 +80,8 @@ class DoorEntry:
 
 @dataclass
 class Pool:
-    """Pieces and doors to draw from.  ``rejected`` tells why a mesh is not among them; ``mesh_share`` how often a mesh is drawn at all.
+    """Pieces and doors to draw from.  ``rejected`` tells why a mesh is not among them; ``mesh_share`` how
+    often a mesh is drawn at all.
 
     A pool without entries draws parametric pieces alone.
     """
@@ -88,13 +95,16 @@ class Pool:
     def load(cls, folder: str | Path, held_back: float = 0.2, cache: str | Path | None = None) -> Pool:
         """Read a pool folder, through the ``cache`` (.npz) where that was written from the same index.
 
-        At least the share ``held_back`` of the pieces of every class and kind is held back.  Raises GeometryError where
-        the folder has no index; ModuleNotFoundError where trimesh is missing and the cache does not serve.
+        At least the share ``held_back`` of the pieces of every class and kind is held back.  Raises
+        GeometryError where the folder has no index; ModuleNotFoundError where trimesh is missing and the
+        cache does not serve.
         """
         index = Path(folder) / "index.csv"
         if not index.is_file():
             raise GeometryError(f"The object pool {folder} has no index.csv; give the folder that holds it.")
-        stamp = hashlib.sha256(read_bytes(index, GeometryError) + repr((_VERSION, held_back)).encode()).hexdigest()
+        stamp = hashlib.sha256(
+            read_bytes(index, GeometryError) + repr((_VERSION, held_back)).encode()
+        ).hexdigest()
         if cache is not None and (kept := _read_cache(Path(cache), stamp)) is not None:
             return kept
         pool = cls()
@@ -128,17 +138,22 @@ class Pool:
         return replace(self._only(True), mesh_share=1.0)
 
     def _only(self, held: bool) -> Pool:
-        return replace(self, entries=[e for e in self.entries if e.held == held], doors=[d for d in self.doors if d.held == held])
+        return replace(
+            self,
+            entries=[e for e in self.entries if e.held == held],
+            doors=[d for d in self.doors if d.held == held],
+        )
 
     def of_kind(self, kind: str) -> list[Entry]:
         """Entries that serve as furniture of ``kind``: crates are made of boxes."""
         return [e for e in self.entries if e.piece.kind == ("box" if kind == "crate" else kind)]
 
     def draw(self, kind: str, rng: np.random.Generator, augment: bool = True) -> Furniture:
-        """Draw a piece of ``kind`` (one of ``furniture.KINDS``); the same draws of ``rng`` give the same piece.
+        """Draw a piece of ``kind`` (one of ``furniture.KINDS``); the same draws of ``rng`` give the same
+        piece.
 
-        Meshes are scaled at random with ``augment``; seats stay within ``SEAT_RANGE``, crates within ``CRATE_SIDE``.  Draws from
-        all entries: call it on ``training()`` or ``held_back()``.
+        Meshes are scaled at random with ``augment``; seats stay within ``SEAT_RANGE``, crates within
+        ``CRATE_SIDE``.  Draws from all entries: call it on ``training()`` or ``held_back()``.
         """
         choice = self.of_kind(kind)
         if rng.random() >= self.mesh_share or not choice:
@@ -149,7 +164,9 @@ class Pool:
         return scaled(piece, random_scale(piece, rng), kind) if augment else piece
 
     def door_like(self, rng: np.random.Generator) -> dict[str, float]:
-        """Draw the measures of a mesh's door (see ``door.make_door``), up to 8 % larger or smaller; none for a parametric door."""
+        """Draw the measures of a mesh's door (see ``door.make_door``), up to 8 % larger or smaller; none for
+        a parametric door.
+        """
         if rng.random() >= self.mesh_share or not self.doors:
             return {}
         measures = dict(self.doors[int(rng.integers(len(self.doors)))].measures)
@@ -158,11 +175,15 @@ class Pool:
         return measures
 
     def draw_door(self, rng: np.random.Generator, **walls: float) -> Door:
-        """Draw a door like a mesh's or a parametric one; ``walls`` are measures of what is around it (see ``door.make_door``)."""
+        """Draw a door like a mesh's or a parametric one; ``walls`` are measures of what is around it (see
+        ``door.make_door``).
+        """
         return make_door(rng, **self.door_like(rng) | walls)
 
     def table(self) -> str:
-        """Count the pieces by class and kind, training and held back, and the reasons of what was left out, as text."""
+        """Count the pieces by class and kind, training and held back, and the reasons of what was left out,
+        as text.
+        """
         groups = sorted({(e.group, e.piece.kind) for e in self.entries})
         lines = [f"{'class':10s}{'kind':11s}{'training':>9s}{'held back':>10s}{'boxes':>7s}"]
         for group, kind in groups:
@@ -172,7 +193,9 @@ class Pool:
         held = sum(d.held for d in self.doors)
         if self.doors:
             lines.append(f"{'door':10s}{'door':11s}{len(self.doors) - held:9d}{held:10d}")
-        lines.append(f"{'all furniture':21s}{sum(not e.held for e in self.entries):9d}{sum(e.held for e in self.entries):10d}")
+        lines.append(
+            f"{'all furniture':21s}{sum(not e.held for e in self.entries):9d}{sum(e.held for e in self.entries):10d}"
+        )
         return "\n".join(lines + [f"left out: {name} ({reason})" for name, _, reason in self.rejected])
 
 
@@ -182,25 +205,41 @@ def random_scale(piece: Furniture, rng: np.random.Generator) -> Array:
     if piece.seat is not None:
         low, high = (limit / piece.seat.height for limit in SEAT_RANGE)
         a, b = ranges[2]
-        ranges[2] = (max(a, low), min(b, high)) if max(a, low) <= min(b, high) else (low, low) if low > b else (high, high)
+        ranges[2] = (
+            (max(a, low), min(b, high))
+            if max(a, low) <= min(b, high)
+            else (low, low)
+            if low > b
+            else (high, high)
+        )
     return np.array([rng.uniform(*r) for r in ranges])
 
 
 def scaled(piece: Furniture, factors: Array, kind: str | None = None) -> Furniture:
-    """Return a piece scaled by ``factors`` (3,) about its origin, seat (which faces -Y) and opening included."""
+    """Return a piece scaled by ``factors`` (3,) about its origin, seat (which faces -Y) and opening
+    included.
+    """
     f = np.asarray(factors, dtype=np.float64)
     mins, maxs = ((a * f).astype(np.float32) for a in (piece.mins, piece.maxs))
     seat, opening = piece.seat, piece.opening
     if seat is not None:
         point = (seat.point * f).astype(np.float32)
-        seat = replace(seat, point=point, height=float(point[2]), width=float(seat.width * f[0]), depth=float(seat.depth * f[1]))
+        seat = replace(
+            seat,
+            point=point,
+            height=float(point[2]),
+            width=float(seat.width * f[0]),
+            depth=float(seat.depth * f[1]),
+        )
     if opening is not None:
         opening = (opening[0] * f[0], opening[1] * f[0], opening[2] * f[2])
     return Furniture(kind or piece.kind, *box_mesh(mins, maxs), mins, maxs, seat, opening)
 
 
 def split(entries: Iterable[Entry], held_back: float) -> list[Entry]:
-    """Hold back at least the share ``held_back`` of every class and kind, by the hash of the names, and what has the same shape."""
+    """Hold back at least the share ``held_back`` of every class and kind, by the hash of the names, and what
+    has the same shape.
+    """
     entries = list(entries)
     held: set[str] = set()
     for key in {(e.group, e.piece.kind) for e in entries}:
@@ -214,7 +253,9 @@ def _shape(piece: Furniture) -> bytes:
 
 
 def first_names(names: list[str], share: float) -> set[str]:
-    """Choose at least a ``share`` of names by their hashes: the same ones everywhere, whatever their order."""
+    """Choose at least a ``share`` of names by their hashes: the same ones everywhere, whatever their
+    order.
+    """
     ordered = sorted(names, key=lambda name: hashlib.sha256(Path(name).stem.encode()).hexdigest())
     return set(ordered[: int(np.ceil(share * len(names) - 1e-9))])
 
@@ -226,7 +267,10 @@ def _scale(said: str) -> float:
     except ValueError:
         factor = np.nan
     if not SCALE_RANGE[0] <= factor <= SCALE_RANGE[1]:
-        raise GeometryError(f"Its scale is {shown(said)}; write a number from {SCALE_RANGE[0]:g} to {SCALE_RANGE[1]:g} into the index.")
+        raise GeometryError(
+            f"Its scale is {shown(said)}; write a number from {SCALE_RANGE[0]:g} to {SCALE_RANGE[1]:g} into "
+            "the index."
+        )
     return factor
 
 
@@ -257,8 +301,12 @@ def _write_cache(path: Path, stamp: str, pool: Pool) -> None:
         entries=np.array([(e.name, e.group, e.piece.kind) for e in pool.entries]).reshape(-1, 3),
         held=np.array([e.held for e in pool.entries]),
         counts=np.array([len(e.piece.mins) for e in pool.entries], dtype=int),
-        boxes=np.concatenate([np.concatenate((e.piece.mins, e.piece.maxs), 1) for e in pool.entries] or [np.zeros((0, 6))]),
-        seats=np.array([(*s.point, s.height, s.width, s.depth, s.back, s.arms) if s else (np.nan,) * 8 for s in seats]).reshape(-1, 8),
+        boxes=np.concatenate(
+            [np.concatenate((e.piece.mins, e.piece.maxs), 1) for e in pool.entries] or [np.zeros((0, 6))]
+        ),
+        seats=np.array(
+            [(*s.point, s.height, s.width, s.depth, s.back, s.arms) if s else (np.nan,) * 8 for s in seats]
+        ).reshape(-1, 8),
         openings=np.array([e.piece.opening or (np.nan,) * 3 for e in pool.entries]).reshape(-1, 3),
         doors=np.array([(d.name, d.held) for d in pool.doors], dtype=str).reshape(-1, 2),
         measures=np.array([[d.measures[k] for k in LIMITS] for d in pool.doors]).reshape(-1, len(LIMITS)),
@@ -290,10 +338,23 @@ def _cached(path: Path, stamp: str) -> Pool | None:
         ]
         ends = np.cumsum(f["counts"])
         pool = Pool(rejected=[tuple(map(str, r)) for r in f["rejected"]], doors=doors)
-        rows = zip(f["entries"], f["held"], np.split(f["boxes"].astype(np.float32), ends[:-1]), f["seats"], f["openings"], strict=True)
+        rows = zip(
+            f["entries"],
+            f["held"],
+            np.split(f["boxes"].astype(np.float32), ends[:-1]),
+            f["seats"],
+            f["openings"],
+            strict=True,
+        )
         for (name, group, kind), held, boxes, s, opening in rows if len(ends) else ():
-            seat = None if np.isnan(s[0]) else Seat(s[:3].astype(np.float32), 0.0, *map(float, s[3:6]), bool(s[6]), bool(s[7]))
+            seat = (
+                None
+                if np.isnan(s[0])
+                else Seat(s[:3].astype(np.float32), 0.0, *map(float, s[3:6]), bool(s[6]), bool(s[7]))
+            )
             gap = None if np.isnan(opening[0]) else tuple(map(float, opening))
-            piece = Furniture(str(kind), *box_mesh(boxes[:, :3], boxes[:, 3:]), boxes[:, :3], boxes[:, 3:], seat, gap)
+            piece = Furniture(
+                str(kind), *box_mesh(boxes[:, :3], boxes[:, 3:]), boxes[:, :3], boxes[:, 3:], seat, gap
+            )
             pool.entries.append(Entry(str(name), str(group), piece, bool(held)))
     return pool

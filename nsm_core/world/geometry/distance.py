@@ -21,7 +21,9 @@ class DistanceQuery(Protocol):
     """Anything that tells how far points are from solids."""
 
     def signed_distance(self, points: Array, max_distance: float) -> Array:
-        """Distances (N,) float32 in metres of world ``points`` (N, 3): negative inside, never over ``max_distance``."""
+        """Distances (N,) float32 in metres of world ``points`` (N, 3): negative inside, never over
+        ``max_distance``.
+        """
         ...
 
 
@@ -29,8 +31,8 @@ class DistanceQuery(Protocol):
 class BoxGroup:
     """Boxes of one object that share its pose.
 
-    ``position`` (3,) world metres; ``matrix`` (3, 3) object to world; ``centres`` and ``halves`` (M, 3) metres,
-    object frame; ``heading`` in radians where the object stands upright, None where it is tilted.
+    ``position`` (3,) world metres; ``matrix`` (3, 3) object to world; ``centres`` and ``halves`` (M, 3)
+    metres, object frame; ``heading`` in radians where the object stands upright, None where it is tilted.
     """
 
     position: Array
@@ -63,9 +65,14 @@ def box_group(position: ArrayLike, rotation: ArrayLike, mins: ArrayLike, maxs: A
     rotation = np.asarray(rotation, dtype=np.float64)
     mins, maxs = (np.asarray(a, dtype=np.float64).reshape(-1, 3) for a in (mins, maxs))
     if position.shape != (3,) or rotation.shape not in ((), (4,)) or mins.shape != maxs.shape:
-        raise GeometryError("A collider needs a position of 3 numbers, a heading or a quaternion, and as many box minima as maxima.")
+        raise GeometryError(
+            "A collider needs a position of 3 numbers, a heading or a quaternion, and as many box minima as "
+            "maxima."
+        )
     if not all(np.isfinite(a).all() for a in (position, rotation, mins, maxs)):
-        raise GeometryError("A collider holds coordinates that are not numbers; repair the object's mesh or its transform.")
+        raise GeometryError(
+            "A collider holds coordinates that are not numbers; repair the object's mesh or its transform."
+        )
     if (mins > maxs).any():
         raise GeometryError("A collider box has a minimum above its maximum; swap them.")
     if rotation.shape == (4,) and np.linalg.norm(rotation) < 1e-6:
@@ -78,7 +85,11 @@ def box_group(position: ArrayLike, rotation: ArrayLike, mins: ArrayLike, maxs: A
         if abs(quaternion[1]) < 1e-6 and abs(quaternion[2]) < 1e-6:
             heading = float(2 * np.arctan2(quaternion[3], quaternion[0]))
     return BoxGroup(
-        position, quat_to_matrix(quaternion), ((mins + maxs) / 2).astype(np.float32), ((maxs - mins) / 2).astype(np.float32), heading
+        position,
+        quat_to_matrix(quaternion),
+        ((mins + maxs) / 2).astype(np.float32),
+        ((maxs - mins) / 2).astype(np.float32),
+        heading,
     )
 
 
@@ -90,12 +101,16 @@ class Cuboids:
     """
 
     def __init__(self, objects: Iterable[tuple[ArrayLike, ArrayLike, ArrayLike, ArrayLike]] = ()) -> None:
-        """Take (position, heading or quaternion, mins (M, 3), maxs (M, 3)) for each object; see ``box_group``."""
+        """Take (position, heading or quaternion, mins (M, 3), maxs (M, 3)) for each object; see
+        ``box_group``.
+        """
         packed = (box_group(*o) for o in objects)
         self.groups: list[BoxGroup] = [g for g in packed if len(g.centres)]
 
     def signed_distance(self, points: Array, max_distance: float) -> Array:
-        """Distances (N,) float32 in metres of world ``points`` (N, 3): negative inside, never over ``max_distance``."""
+        """Distances (N,) float32 in metres of world ``points`` (N, 3): negative inside, never over
+        ``max_distance``.
+        """
         points = np.asarray(points)
         out = np.full(len(points), max_distance, dtype=np.float32)
         if not len(points):
@@ -122,7 +137,9 @@ class Union:
         self.parts = list(parts)
 
     def signed_distance(self, points: Array, max_distance: float) -> Array:
-        """Distances (N,) float32 in metres of world ``points`` (N, 3): negative inside, never over ``max_distance``."""
+        """Distances (N,) float32 in metres of world ``points`` (N, 3): negative inside, never over
+        ``max_distance``.
+        """
         out = np.full(len(points), max_distance, dtype=np.float32)
         for part in self.parts:
             np.minimum(out, part.signed_distance(points, max_distance), out=out)
@@ -130,7 +147,9 @@ class Union:
 
 
 def _box_distance(points: Array, centres: Array, halves: Array) -> Array:
-    """Signed distance (N,) of ``points`` (N, 3) to the nearest of the boxes (M, 3), all in one frame, float32."""
+    """Signed distance (N,) of ``points`` (N, 3) to the nearest of the boxes (M, 3), all in one frame,
+    float32.
+    """
     out = np.empty(len(points), dtype=np.float32)
     step = max(1, _PAIRS_AT_ONCE // len(centres))
     for start in range(0, len(points), step):

@@ -1,4 +1,6 @@
-"""What is read of a mesh once, however often and wherever it stands: its faces, their sides, and where it is solid."""
+"""What is read of a mesh once, however often and wherever it stands: its faces, their sides, and where it is
+solid.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,8 @@ from .orientation import face_sides
 from .triangles import check_mesh, thin_out
 from .voxels import voxelise
 
-# Dense meshes are thinned to cells of this size, metres, and the densest to the second: no distance changes by more than their
-# diagonals, 5 and 10 mm, and that only where a mesh is not flat.
+# Dense meshes are thinned to cells of this size, metres, and the densest to the second: no distance changes
+# by more than their diagonals, 5 and 10 mm, and that only where a mesh is not flat.
 FINEST, SECOND, _DENSEST = 0.003, 0.006, 120_000
 _ROOM = (1.0, 1.0, 1.5)  # metres: in a mesh larger than this every way a character may stand
 _MOST_BYTES = 400_000_000
@@ -29,9 +31,9 @@ _RIM = 1e-3  # of a cell: rounding may put what lies in the outermost faces so f
 class Reading:
     """A mesh in an upright frame of its own, metres.
 
-    ``vertices`` (V, 3) float64, ``triangles`` (F, 3), ``sides`` (F,) int8 as ``face_sides`` tells them; and a grid over its
-    bounding box from ``low`` (3,) with cells ``cell`` (3,) of ``code`` (X, Y, Z): 0 free, 1 on the surface, 2 inside.  In ``kept``
-    who uses it may keep what he makes of it.
+    ``vertices`` (V, 3) float64, ``triangles`` (F, 3), ``sides`` (F,) int8 as ``face_sides`` tells them; and a
+    grid over its bounding box from ``low`` (3,) with cells ``cell`` (3,) of ``code`` (X, Y, Z): 0 free, 1 on
+    the surface, 2 inside.  In ``kept`` who uses it may keep what he makes of it.
     """
 
     vertices: Array
@@ -44,7 +46,9 @@ class Reading:
 
     @classmethod
     def of(cls, vertices: Array, triangles: Array) -> Reading:
-        """Read a mesh: vertices (V, 3) metres, Z up, and triangles (F, 3).  Raises GeometryError as ``check_mesh`` does."""
+        """Read a mesh: vertices (V, 3) metres, Z up, and triangles (F, 3).  Raises GeometryError as
+        ``check_mesh`` does.
+        """
         vertices, triangles = thin_out(*check_mesh(vertices, triangles), FINEST)
         vertices, triangles = thin_out(vertices, triangles, SECOND, _DENSEST)
         grid, sides = voxelise(vertices, triangles), face_sides(vertices, triangles)
@@ -64,7 +68,9 @@ class Reading:
         return self.vertices.nbytes + self.triangles.nbytes + self.sides.nbytes + self.code.nbytes
 
     def codes(self, cells: Array) -> Array:
-        """Codes (N,) at places (N, 3) counted in cells from ``low``; 0 outside the grid, whose faces belong to it."""
+        """Codes (N,) at places (N, 3) counted in cells from ``low``; 0 outside the grid, whose faces belong
+        to it.
+        """
         shape = self.code.shape
         index = cells.astype(np.int64)
         flat = np.zeros(len(index), np.int64)
@@ -118,10 +124,12 @@ def digest(*arrays: Array) -> bytes:
 
 
 def parted(matrices: Array) -> tuple[Array, Array, Array]:
-    """Part affine maps (N, 4, 4) into a rotation, a size and what is left: turns (N, 3, 3), sizes (N,), stretches (N, 3, 3).
+    """Part affine maps (N, 4, 4) into a rotation, a size and what is left: turns (N, 3, 3), sizes (N,),
+    stretches (N, 3, 3).
 
-    A point p goes to ``turn @ (size * stretch @ p) + translation``.  The turn's Z is the axis of the stretched mesh that points
-    up or down, so that it stands upright as far as that can be; a mirror image and all unevenness is in the stretch, whose
+    A point p goes to ``turn @ (size * stretch @ p) + translation``.  The turn's Z is the axis of the
+    stretched mesh that points up or down, so that it stands upright as far as that can be; a mirror image and
+    all unevenness is in the stretch, whose
     determinant is 1 or -1.  Copies of a mesh that are turned, moved and evenly scaled so have one stretch.
     """
     linear = np.asarray(matrices, dtype=np.float64)[:, :3, :3]

@@ -14,10 +14,12 @@ _AT_ONCE = 1 << 16  # values in one call that keeps other threads waiting
 
 
 def face_sides(vertices: Array, triangles: Array) -> Array:
-    """Tell for each triangle (F,) int8 where the solid lies: 1 behind it, -1 before it (inside out), 0 unknown.
+    """Tell for each triangle (F,) int8 where the solid lies: 1 behind it, -1 before it (inside out), 0
+    unknown.
 
-    ``vertices`` (V, 3) metres, ``triangles`` (F, 3).  A face is known when its connected part is closed: every edge
-    has as many faces on its one side as on its other.  Raises GeometryError as ``check_mesh`` does.
+    ``vertices`` (V, 3) metres, ``triangles`` (F, 3).  A face is known when its connected part is closed:
+    every edge has as many faces on its one side as on its other.  Raises GeometryError as ``check_mesh``
+    does.
     """
     vertices, triangles = check_mesh(vertices, triangles)
     faces = _welded(vertices, triangles)
@@ -34,7 +36,9 @@ def face_sides(vertices: Array, triangles: Array) -> Array:
 
 
 def connected_parts(vertices: Array, triangles: Array) -> Array:
-    """Number (F,) of the connected part of each triangle (F, 3); corners (V, 3) in one place are one.  Raises as ``check_mesh``."""
+    """Number (F,) of the connected part of each triangle (F, 3); corners (V, 3) in one place are one.  Raises
+    as ``check_mesh``.
+    """
     vertices, triangles = check_mesh(vertices, triangles)
     faces = _welded(vertices, triangles)
     return _parts(faces, int(faces.max()) + 1)
@@ -61,7 +65,9 @@ def _open_edges(faces: Array) -> Array:
 
 
 def _parts(faces: Array, vertex_count: int) -> Array:
-    """Number (F,) of the connected part of each face (F, 3), joined at vertices: least labels spread until they rest."""
+    """Number (F,) of the connected part of each face (F, 3), joined at vertices: least labels spread until
+    they rest.
+    """
     order = np.argsort(faces.reshape(-1), kind="stable")
     corner = faces.reshape(-1)[order]
     first = np.flatnonzero(np.append(True, corner[1:] != corner[:-1]))
@@ -70,7 +76,8 @@ def _parts(faces: Array, vertex_count: int) -> Array:
     while True:
         least = label[faces].min(1)
         spread = label.copy()
-        # Faces also pull on the roots of their corners' trees, so that the number of rounds grows with the logarithm.
+        # Faces also pull on the roots of their corners' trees, so that the number of rounds grows with the
+        # logarithm.
         spread[corner] = np.minimum.reduceat(least[owner], first)
         roots = label[faces].reshape(-1)
         low = np.repeat(least, 3)

@@ -1,4 +1,6 @@
-"""What all measuring of meshes begins with: checking, joining corners in one place, thinning what is too fine, cutting what is large."""
+"""What all measuring of meshes begins with: checking, joining corners in one place, thinning what is too
+fine, cutting what is large.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ _AT_ONCE = 1 << 16
 def check_mesh(vertices: Array, triangles: Array) -> tuple[Array, Array]:
     """Give vertices (V, 3) float64 and triangles (F, 3) int of a mesh that can be measured.
 
-    Raises GeometryError when there are no triangles, indices without a vertex, or coordinates that are not finite.
+    Raises GeometryError when there are no triangles, indices without a vertex, or coordinates that are not
+    finite.
     """
     vertices = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
     triangles = np.asarray(triangles).reshape(-1, 3)
@@ -32,7 +35,8 @@ def check_mesh(vertices: Array, triangles: Array) -> tuple[Array, Array]:
 def numbered(rows: Array) -> tuple[Array, Array]:
     """Number rows of integers (N, 3), equal ones alike: first row (K,) of each number, and numbers (N,).
 
-    By one key a row, many times faster than comparing rows; two different rows get one key once in 1e7 meshes of a million.
+    By one key a row, many times faster than comparing rows; two different rows get one key once in 1e7 meshes
+    of a million.
     """
     rows = np.asarray(rows).astype(np.int64).view(np.uint64)
     key = np.zeros(len(rows), np.uint64)
@@ -44,10 +48,11 @@ def numbered(rows: Array) -> tuple[Array, Array]:
 
 
 def thin_out(vertices: Array, triangles: Array, size: float, least: int = 60_000) -> tuple[Array, Array]:
-    """Join the corners of a dense mesh that share a cell of ``size`` metres; meshes of less than ``least`` triangles stay.
+    """Join the corners of a dense mesh that share a cell of ``size`` metres; meshes of less than ``least``
+    triangles stay.
 
-    Vertices (V, 3), triangles (F, 3).  Each corner moves onto another one, at most by the diagonal of a cell; so flat faces
-    stay flat, closed parts stay closed, and no distance changes by more than that.
+    Vertices (V, 3), triangles (F, 3).  Each corner moves onto another one, at most by the diagonal of a cell;
+    so flat faces stay flat, closed parts stay closed, and no distance changes by more than that.
     """
     if len(triangles) < least:
         return vertices, triangles
@@ -58,7 +63,9 @@ def thin_out(vertices: Array, triangles: Array, size: float, least: int = 60_000
 
 
 def cut_triangles(corners: Array, longest: float) -> Array:
-    """Halve triangles (F, 3, 3) at their longest edge until no edge exceeds ``longest``: corners (F', 3, 3)."""
+    """Halve triangles (F, 3, 3) at their longest edge until no edge exceeds ``longest``: corners (F',
+    3, 3).
+    """
     done, square = [], longest**2
     while len(corners):
         edges = ((corners - np.roll(corners, -1, axis=1)) ** 2).sum(-1)  # edge k runs from corner k to k + 1
@@ -74,7 +81,9 @@ def cut_triangles(corners: Array, longest: float) -> Array:
 
 
 def expanded(count: Array) -> Iterator[tuple[Array, Array]]:
-    """Go through rows ``count`` (N,) times each, so many at once as the caches hold: rows (M,) and times (M,)."""
+    """Go through rows ``count`` (N,) times each, so many at once as the caches hold: rows (M,) and times
+    (M,).
+    """
     ends = np.cumsum(count)
     for start in range(0, int(ends[-1]) if len(ends) else 0, _AT_ONCE):
         flat = np.arange(start, min(start + _AT_ONCE, int(ends[-1])))

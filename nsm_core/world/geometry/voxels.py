@@ -26,8 +26,8 @@ _TINY = 1e-6  # of a cell: what is so near to it touches it
 class VoxelGrid:
     """Voxels of a mesh, in the frame of the mesh.
 
-    ``origin`` (3,) least corner and ``cell`` (3,) size of a voxel, metres; ``surface`` (X, Y, Z) bool: touched by the
-    mesh; ``solid`` (X, Y, Z) bool: that and all it closes off from the outside.
+    ``origin`` (3,) least corner and ``cell`` (3,) size of a voxel, metres; ``surface`` (X, Y, Z) bool:
+    touched by the mesh; ``solid`` (X, Y, Z) bool: that and all it closes off from the outside.
     """
 
     origin: Array
@@ -44,11 +44,11 @@ class VoxelGrid:
 def voxelise(vertices: Array, triangles: Array, resolution: float = RESOLUTION) -> VoxelGrid:
     """Mark the voxels that a mesh touches or encloses.
 
-    ``vertices`` (V, 3) metres, ``triangles`` (F, 3), ``resolution`` in metres.  The grid fits the bounding box, so
-    cells are at most ``resolution`` wide, and outer faces keep their place.  What the surface closes off is solid,
-    whichever way its faces look; a mesh that stays open, through gaps wider than a voxel, gives its surface alone.
-    Closed-off space with room for a person is a room or a hall and stays free.
-    Raises GeometryError on a mesh without faces or with coordinates that are not finite.
+    ``vertices`` (V, 3) metres, ``triangles`` (F, 3), ``resolution`` in metres.  The grid fits the bounding
+    box, so cells are at most ``resolution`` wide, and outer faces keep their place.  What the surface closes
+    off is solid, whichever way its faces look; a mesh that stays open, through gaps wider than a voxel, gives
+    its surface alone. Closed-off space with room for a person is a room or a hall and stays free. Raises
+    GeometryError on a mesh without faces or with coordinates that are not finite.
     """
     vertices, triangles = check_mesh(vertices, triangles)
     corners = vertices[triangles]
@@ -88,11 +88,19 @@ def _touched(corners: Array, shape: tuple[int, int, int]) -> Array:
     return flat.reshape(shape)
 
 
-def _mark(corners: Array, normal: Array, low: Array, high: Array, axis: int, flat: Array, shape: tuple[int, int, int]) -> None:
+def _mark(
+    corners: Array,
+    normal: Array,
+    low: Array,
+    high: Array,
+    axis: int,
+    flat: Array,
+    shape: tuple[int, int, int],
+) -> None:
     """Mark in ``flat`` the cells of triangles whose normals lie mainly along one axis, by separating axes.
 
-    Seen along that axis, columns of cells beside the triangle fall away first; of the others the few cells remain that its
-    plane passes, and these are looked at along the other two axes.
+    Seen along that axis, columns of cells beside the triangle fall away first; of the others the few cells
+    remain that its plane passes, and these are looked at along the other two axes.
     """
     u, v, w = (axis + 1) % 3, (axis + 2) % 3, axis
     half = 0.5 + _TINY
@@ -101,15 +109,23 @@ def _mark(corners: Array, normal: Array, low: Array, high: Array, axis: int, fla
     plain = steepness > 0  # without an area there is no plane
     slope = -normal[:, (u, v)] / np.where(plain, steepness * np.sign(normal[:, w]), 1)[:, None]
     reach = np.where(plain, half * (1 + np.abs(slope).sum(1)) + 1e-9, np.inf)
-    level = plain & (np.abs(normal[:, (u, v)]).max(1) <= 1e-12 * steepness)  # along the grid: no more to be looked at
+    level = plain & (
+        np.abs(normal[:, (u, v)]).max(1) <= 1e-12 * steepness
+    )  # along the grid: no more to be looked at
     size = high - low + 1
     for face, step in expanded(size[:, u] * size[:, v]):
         a, b = low[face, u] + step // size[face, v] + 0.5, low[face, v] + step % size[face, v] + 0.5
         met = _meets(shadows[0], face, a, b)
         face, a, b = face[met], a[met], b[met]
-        middle = corners[face, 0, w] + slope[face, 0] * (a - corners[face, 0, u]) + slope[face, 1] * (b - corners[face, 0, v])
+        middle = (
+            corners[face, 0, w]
+            + slope[face, 0] * (a - corners[face, 0, u])
+            + slope[face, 1] * (b - corners[face, 0, v])
+        )
         first = np.maximum(np.ceil(np.maximum(middle - reach[face], -1) - 0.5).astype(np.int64), low[face, w])
-        last = np.minimum(np.floor(np.minimum(middle + reach[face], shape[w]) - 0.5).astype(np.int64), high[face, w])
+        last = np.minimum(
+            np.floor(np.minimum(middle + reach[face], shape[w]) - 0.5).astype(np.int64), high[face, w]
+        )
         for at, rise in expanded(np.maximum(last - first + 1, 0)):
             cells = np.empty((len(at), 3), np.int64)
             cells[:, u], cells[:, v], cells[:, w] = a[at], b[at], first[at] + rise
@@ -118,13 +134,16 @@ def _mark(corners: Array, normal: Array, low: Array, high: Array, axis: int, fla
             hit = np.ones(len(at), bool)
             if len(open_):
                 i = its[open_]
-                hit[open_] = _meets(shadows[1], i, b[at[open_]], c[open_]) & _meets(shadows[2], i, c[open_], a[at[open_]])
+                hit[open_] = _meets(shadows[1], i, b[at[open_]], c[open_]) & _meets(
+                    shadows[2], i, c[open_], a[at[open_]]
+                )
             flat[np.ravel_multi_index(cells[hit].T, shape)] = True
 
 
 def _shadows(corners: Array, j: int, k: int, half: float) -> tuple[Array, Array, Array, Array]:
-    """For each edge (3, F) of triangles seen in the plane of axes ``j``, ``k``: its normal, and between which values along it the
-    middles lie of the cells that the triangle's shadow can meet."""
+    """For each edge (3, F) of triangles seen in the plane of axes ``j``, ``k``: its normal, and between which
+    values along it the middles lie of the cells that the triangle's shadow can meet.
+    """
     edges = np.roll(corners, -1, axis=1) - corners
     a, b = -edges[:, :, k].T, edges[:, :, j].T
     along = a[:, :, None] * corners[None, :, :, j] + b[:, :, None] * corners[None, :, :, k]
@@ -149,7 +168,9 @@ def _border(shape: tuple[int, ...]) -> Array:
 
 
 def _reach(seed: Array, free: Array) -> Array:
-    """Cells (X, Y, Z) that connect to a seed through faces of free cells, by sweeps to and fro along each axis."""
+    """Cells (X, Y, Z) that connect to a seed through faces of free cells, by sweeps to and fro along each
+    axis.
+    """
     found = seed & free
     before = -1
     while (count := int(np.count_nonzero(found))) != before:
@@ -177,10 +198,11 @@ def _windows(mask: Array, size: Array) -> Array:
 
 
 def merge(grid: VoxelGrid) -> tuple[Array, Array]:
-    """Cover the solid voxels exactly with few cuboids that do not overlap: mins, maxs (M, 3) metres, frame of the mesh.
+    """Cover the solid voxels exactly with few cuboids that do not overlap: mins, maxs (M, 3) metres, frame of
+    the mesh.
 
-    Neighbours that together form a cuboid are merged until no two do (section 4.3), in the order of axes that leaves
-    the fewest.
+    Neighbours that together form a cuboid are merged until no two do (section 4.3), in the order of axes that
+    leaves the fewest.
     """
     cells = np.argwhere(grid.solid)
     start = np.concatenate((cells, cells + 1), axis=1)
@@ -190,14 +212,18 @@ def merge(grid: VoxelGrid) -> tuple[Array, Array]:
 
 
 def _merge(boxes: Array, order: tuple[int, ...]) -> Array:
-    """Merge boxes (M, 6) of cell indices, minima then maxima, along the axes in turn until nothing changes."""
+    """Merge boxes (M, 6) of cell indices, minima then maxima, along the axes in turn until nothing
+    changes.
+    """
     before = -1
     while len(boxes) != before:
         before = len(boxes)
         for axis in order:
             others = [c for c in range(6) if c % 3 != axis]
             boxes = boxes[np.lexsort((boxes[:, axis], *(boxes[:, c] for c in others)))]
-            same = (boxes[1:, others] == boxes[:-1, others]).all(1) & (boxes[1:, axis] == boxes[:-1, axis + 3])
+            same = (boxes[1:, others] == boxes[:-1, others]).all(1) & (
+                boxes[1:, axis] == boxes[:-1, axis + 3]
+            )
             first = np.flatnonzero(np.append(True, ~same)) if len(boxes) else np.zeros(0, int)
             last = np.append(first[1:], len(boxes)) - 1 if len(boxes) else first
             merged = boxes[first].copy()

@@ -1,4 +1,6 @@
-"""The way of a carried box out of its place and into another: over edges from above, between boards from the front."""
+"""The way of a carried box out of its place and into another: over edges from above, between boards from the
+front.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +12,21 @@ from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.props import Box
 
 LIFT = 0.06  # metres by which a box passes over what it is set on
-GAP, SLOPE, SIGHT = 0.08, 0.8, 0.7  # from things at which it has the height to pass; metres of height per metre further off; seen from
+GAP, SLOPE, SIGHT = (
+    0.08,
+    0.8,
+    0.7,
+)  # from things at which it has the height to pass; metres of height per metre further off; seen from
 SINK = 0.12  # metres from over its place within which it comes down
 NEAR = 1.3  # metres from its place from which on it takes the height
 ROOFED = 0.45  # metres over a box below which it is moved in from the front
 OUT, AWAY = 0.04, 0.9  # metres over its place, or beside it at most, from which on it has left it
-LAG, CATCH_UP = 0.2, 0.015  # metres that a box stays behind the hands at most rather than go into something; that it catches up in a frame
+LAG, CATCH_UP = (
+    0.2,
+    0.015,
+    # metres that a box stays behind the hands at most rather than go into something; that it catches up in a
+    # frame
+)
 INSIDE = 0.003  # metres that count as inside
 _GRID = 0.06  # metres between places on the sides of a box
 
@@ -31,24 +42,36 @@ class Berth:
         self.lift = min(LIFT, room / 2)
 
     def bounds(self, pose: Array, free: float) -> tuple[float, float]:
-        """Least and greatest height of the centre of a box at ``pose`` (4,) that has ``free`` metres to things on its way."""
+        """Least and greatest height of the centre of a box at ``pose`` (4,) that has ``free`` metres to
+        things on its way.
+        """
         aside = float(np.hypot(*(pose[:2] - self.pose[:2])))
         play = SLOPE * max(0.0, free - GAP) + max(0.0, aside - NEAR)
         low = self.pose[2] + self.lift * float(smooth_step(np.clip(aside / SINK, 0, 1)))
         return low - play, self.pose[2] + self.lift + play if self.roofed else np.inf
 
     def left(self, box: Box, pose: Array, solids: DistanceQuery) -> bool:
-        """Whether a box at ``pose`` (4,) has come free of this place: lifted off it, or out from under what is over it."""
+        """Whether a box at ``pose`` (4,) has come free of this place: lifted off it, or out from under what
+        is over it.
+        """
         if float(np.hypot(*(pose[:2] - self.pose[:2]))) > AWAY:
             return True
         return room_over(box, pose, solids) >= ROOFED if self.roofed else bool(pose[2] > self.pose[2] + OUT)
 
     def free(self, box: Box, pose: Array, solids: DistanceQuery) -> float:
-        """Metres (at most ``SIGHT``) to things from a box at ``pose`` (4,) and from where it passes at this berth's height."""
+        """Metres (at most ``SIGHT``) to things from a box at ``pose`` (4,) and from where it passes at this
+        berth's height.
+        """
         half, other = float(box.size[2]) / 2, float(self.pose[2]) + self.lift
         low, high = min(float(pose[2]), other) - half, max(float(pose[2]), other) + half
-        middle, around = np.append(pose[:2], (low + high) / 2), float(np.hypot(np.hypot(*box.size[:2]) / 2, (high - low) / 2))
-        if float(solids.signed_distance(middle[None].astype(np.float32), around + SIGHT)[0]) >= around + SIGHT:
+        middle, around = (
+            np.append(pose[:2], (low + high) / 2),
+            float(np.hypot(np.hypot(*box.size[:2]) / 2, (high - low) / 2)),
+        )
+        if (
+            float(solids.signed_distance(middle[None].astype(np.float32), around + SIGHT)[0])
+            >= around + SIGHT
+        ):
             return SIGHT
         ring = outline(box, pose)
         heights = np.linspace(low + 0.005, high, 2 + int((high - low) / (2 * _GRID)))
@@ -75,10 +98,11 @@ def surface(box: Box, pose: Array) -> Array:
 
 
 def kept_out(box: Box, before: Array, pose: Array, late: Array, solids: DistanceQuery) -> Array:
-    """Pose (4,) of a box that the hands would move from ``before`` to ``pose``, (4,), and that is ``late`` (4,) behind them by now.
+    """Pose (4,) of a box that the hands would move from ``before`` to ``pose``, (4,), and that is ``late``
+    (4,) behind them by now.
 
-    It stops before what it would go into, for as long as it does not stay behind too far, and then catches up, no faster than a
-    hand would.
+    It stops before what it would go into, for as long as it does not stay behind too far, and then catches
+    up, no faster than a hand would.
     """
     far = float(np.hypot(late[0], late[1]))
     now = pose + late * (1, 1, 0, 1) * max(0.0, 1 - CATCH_UP / max(far, 2 * abs(float(late[3])) * LAG, 1e-9))
@@ -106,7 +130,9 @@ def room_over(box: Box, pose: Array, solids: DistanceQuery) -> float:
     points = points[points[:, 2] >= points[:, 2].max() - 1e-6] + (0, 0, 0.005)
     z, going = np.zeros(len(points)), np.arange(len(points))
     while len(going):
-        step = solids.signed_distance((points[going] + z[going, None] * (0, 0, 1)).astype(np.float32), ROOFED).astype(np.float64)
+        step = solids.signed_distance(
+            (points[going] + z[going, None] * (0, 0, 1)).astype(np.float32), ROOFED
+        ).astype(np.float64)
         going, step = going[step > 0.003], step[step > 0.003]
         z[going] += np.maximum(step, 0.02)  # along a wall steps are small; no board is thinner
         going = going[z[going] < ROOFED]

@@ -14,7 +14,8 @@ _DIAGONAL = 2**0.5
 def cheapest(price: Array, start: tuple[int, int], goal: tuple[int, int]) -> Array | None:
     """The cheapest way (N, 2) over 8 neighbours between two cells of a grid, or None where none leads there.
 
-    ``price`` (nx, ny) of a step by its length, 1 at least and infinite where none may go; a step costs the mean of its ends.
+    ``price`` (nx, ny) of a step by its length, 1 at least and infinite where none may go; a step costs the
+    mean of its ends.
     """
     price = np.pad(price, 1, constant_values=np.inf)
     width = price.shape[1]
@@ -26,7 +27,12 @@ def cheapest(price: Array, start: tuple[int, int], goal: tuple[int, int]) -> Arr
     # The least that is left to go, in two parts: of ways that cost the same the order of adding decides.
     straight = np.maximum(di[:, None], dj).ravel().tolist()
     aslant = ((_DIAGONAL - 1) * np.minimum(di[:, None], dj)).ravel().tolist()
-    steps = [(di * width + dj, 0.5 * _DIAGONAL if di and dj else 0.5) for di in (-1, 0, 1) for dj in (-1, 0, 1) if di or dj]
+    steps = [
+        (di * width + dj, 0.5 * _DIAGONAL if di and dj else 0.5)
+        for di in (-1, 0, 1)
+        for dj in (-1, 0, 1)
+        if di or dj
+    ]
     cost, parent, done = [inf] * len(prices), [first] * len(prices), bytearray(len(prices))
     cost[first] = 0.0
     queue, push, pop = [(0.0, first)], heapq.heappush, heapq.heappop

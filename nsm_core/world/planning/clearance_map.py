@@ -17,13 +17,14 @@ if TYPE_CHECKING:
 _Map = TypeVar("_Map", bound="ClearanceMap")
 
 BODY_RADIUS = 0.28
-# Heights at which a body would touch something, metres; closer together than the body is wide, so no board slips between.
+# Heights at which a body would touch something, metres; closer together than the body is wide, so no board
+# slips between.
 HEIGHTS = (0.15, 0.45, 0.75, 1.05, 1.35, 1.65)
 COMFORT = 0.17  # metres of room beyond the radius that a walker likes to keep
 _TILE = 32  # nodes along the sides of a tile
 _ROWS = 1 << 30  # tiles along either axis of the world
-# What was looked at of each set of solids that says that it stands ``still``, by radius and cell, as long as it is there: the
-# next take needs the same.
+# What was looked at of each set of solids that says that it stands ``still``, by radius and cell, as long as
+# it is there: the next take needs the same.
 _seen: WeakKeyDictionary[DistanceQuery, dict[tuple[float, float], dict[int, Array]]] = WeakKeyDictionary()
 
 
@@ -37,13 +38,22 @@ class ClearanceMap:
         cell: half the way between the nodes at which it is looked, metres.
     """
 
-    def __init__(self, query: DistanceQuery, bounds: tuple[Array, Array] | Array, radius: float = BODY_RADIUS, cell: float = 0.05) -> None:
+    def __init__(
+        self,
+        query: DistanceQuery,
+        bounds: tuple[Array, Array] | Array,
+        radius: float = BODY_RADIUS,
+        cell: float = 0.05,
+    ) -> None:
         low, high = (np.asarray(b, dtype=np.float64)[:2] for b in bounds)
         if not (np.isfinite(low).all() and np.isfinite(high).all() and (high > low).all()):
-            raise GoalError("The floor to plan on has no size; give its lower left and upper right corner in metres.")
+            raise GoalError(
+                "The floor to plan on has no size; give its lower left and upper right corner in metres."
+            )
         self.radius, self.cell, self._query = float(radius), float(cell), query
         self._far = max(BODY_RADIUS, radius) + COMFORT + 0.25  # clearance beyond which more does not matter
-        # Distances change by at most a metre a metre, so every second cell is enough and the rest is interpolated.
+        # Distances change by at most a metre a metre, so every second cell is enough and the rest is
+        # interpolated.
         self._spacing = 2 * self.cell
         # Nodes lie on one grid for all maps, so that they share what was looked at.
         self._first = np.floor(low / self._spacing + 1e-9).astype(np.int64)
@@ -61,18 +71,29 @@ class ClearanceMap:
         self._nodes = np.zeros((0, _TILE + 1, _TILE + 1, 3))  # clearance and the way it grows, by slot
 
     def clearance(self, points: Array) -> Array:
-        """Distance (N,) in metres from floor points (N, 2) to the nearest solid at body height, capped near 0.7 m, negative inside."""
+        """Distance (N,) in metres from floor points (N, 2) to the nearest solid at body height, capped near
+        0.7 m, negative inside.
+        """
         return self._at(np.asarray(points, dtype=np.float64), slice(0, 1))[..., 0]
 
     def besides(self: _Map, query: DistanceQuery, places: Array, reach: float) -> _Map:
-        """This map with more solids in it: ``query``, which lies within ``reach`` metres of ``places`` (N, 2)."""
+        """This map with more solids in it: ``query``, which lies within ``reach`` metres of ``places`` (N,
+        2).
+        """
         other = copy(self)
-        other._base, other._query, other._places, other._reach = self, query, np.asarray(places, dtype=np.float64), reach
+        other._base, other._query, other._places, other._reach = (
+            self,
+            query,
+            np.asarray(places, dtype=np.float64),
+            reach,
+        )
         other._forget({})
         return other
 
     def _tiles(self, numbers: Array) -> Array:
-        """Clearance (K, n + 3, n + 3) at the nodes of tiles and around them, looked at where that has not been done."""
+        """Clearance (K, n + 3, n + 3) at the nodes of tiles and around them, looked at where that has not
+        been done.
+        """
         missing = [int(k) for k in numbers if int(k) not in self._rooms]
         if missing:
             corner = (np.stack(np.divmod(np.array(missing), _ROWS), -1) - _ROWS // 2) * _TILE - 1
@@ -89,7 +110,9 @@ class ClearanceMap:
         return np.stack([self._rooms[int(k)] for k in numbers])
 
     def _sample(self, nodes: Array) -> Array:
-        """Clearance (K, m, m) at nodes (K, m, m, 2): a coarse look first, then every node that could be near something."""
+        """Clearance (K, m, m) at nodes (K, m, m, 2): a coarse look first, then every node that could be near
+        something.
+        """
         every = 4
         half_diagonal = every * self._spacing * np.sqrt(0.5)
         coarse = nodes[:, ::every, ::every] + every * self._spacing / 2
@@ -127,7 +150,9 @@ class ClearanceMap:
             rooms = self._tiles(new)
             slopes = np.gradient(rooms, self._spacing, axis=(1, 2))
             made = np.stack((rooms, *slopes), axis=-1)[:, 1:-1, 1:-1]
-            self._slots.update(zip(new.tolist(), range(len(self._nodes), len(self._nodes) + len(new)), strict=True))
+            self._slots.update(
+                zip(new.tolist(), range(len(self._nodes), len(self._nodes) + len(new)), strict=True)
+            )
             self._nodes = np.concatenate((self._nodes, made))
         return np.array([self._slots[k] for k in numbers.tolist()], dtype=np.int64)[back].reshape(tiles.shape)
 
@@ -139,4 +164,8 @@ def body_at(points: Array) -> Array:
 
 def look(query: DistanceQuery, points: Array, reach: float) -> Array:
     """Clearance (N,) of a body at floor points (N, 2), metres, at most ``reach``."""
-    return np.asarray(query.signed_distance(body_at(points), reach), dtype=np.float64).reshape(len(HEIGHTS), -1).min(0)
+    return (
+        np.asarray(query.signed_distance(body_at(points), reach), dtype=np.float64)
+        .reshape(len(HEIGHTS), -1)
+        .min(0)
+    )

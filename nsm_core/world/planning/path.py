@@ -16,7 +16,8 @@ class Course:
     """A path to be walked: points (N, 2), metres, and how to end.
 
     ``final_heading`` is reached over the last ``turn_distance`` metres; speeds in m/s, accelerations in m/s2.
-    Stitching lays training takes along courses and the locomotion mode leads characters along them (section 4.1).
+    Stitching lays training takes along courses and the locomotion mode leads characters along them (section
+    4.1).
     """
 
     points: Array
@@ -55,11 +56,17 @@ class Course:
         self.progress = float(s[np.argmin(np.linalg.norm(self.at(s) - position, axis=1))])
 
     def preview(self, speed: float, frames: Sequence[int]) -> tuple[Array, Array, Array]:
-        """Desired positions (n, 2), headings (n,) and speeds (n,) at ``frames`` (n) from now, starting at ``speed`` (m/s)."""
+        """Desired positions (n, 2), headings (n,) and speeds (n,) at ``frames`` (n) from now, starting at
+        ``speed`` (m/s).
+        """
         s, v = self.progress, max(speed, 0.0)
         way, pace = [s], [v]
         for _ in range(max(frames)):
-            v = min(v + self.acceleration * DT, self.speed, np.sqrt(2 * self.deceleration * max(self.length - s, 0)) + 0.02)
+            v = min(
+                v + self.acceleration * DT,
+                self.speed,
+                np.sqrt(2 * self.deceleration * max(self.length - s, 0)) + 0.02,
+            )
             s = min(s + v * DT, self.length)
             way.append(s)
             pace.append(v)

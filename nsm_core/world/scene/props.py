@@ -1,7 +1,7 @@
 """Things that a character moves: a box that follows its hands, the leaf of a door that turns about its hinge.
 
-A prop stays upright: its pose is x, y, z and a heading.  Data and takes place hands by the same functions, but on boxes that are too
-large to be held as in the data.
+A prop stays upright: its pose is x, y, z and a heading.  Data and takes place hands by the same functions,
+but on boxes that are too large to be held as in the data.
 """
 
 from __future__ import annotations
@@ -11,22 +11,30 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from nsm_core.distances import BODY_TO_BOX, BOX_READS, WRIST_BEHIND, WRIST_BELOW, WRIST_OFF_HANDLE, WRIST_OFF_SIDE
+from nsm_core.distances import (
+    BODY_TO_BOX,
+    BOX_READS,
+    WRIST_BEHIND,
+    WRIST_BELOW,
+    WRIST_OFF_HANDLE,
+    WRIST_OFF_SIDE,
+)
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.sensors.interaction import InteractionVolume, interaction_sensor
 
-# Of a box in takes, too tall or deep to be held as in the data: how far the wrists are under its top and behind its near face at
-# most, metres.
+# Of a box in takes, too tall or deep to be held as in the data: how far the wrists are under its top and
+# behind its near face at most, metres.
 GRIP_UNDER_TOP, GRIP_IN = 0.22, 0.11
+
 
 @dataclass
 class Prop:
     """A thing with a frame of its own that moves as a whole.
 
-    ``query`` its solids and ``volume`` its sensor reading, both in its own frame; ``pose`` (4,): x, y, z (metres) and heading
-    (radians) of that frame in the world now.
+    ``query`` its solids and ``volume`` its sensor reading, both in its own frame; ``pose`` (4,): x, y, z
+    (metres) and heading (radians) of that frame in the world now.
     """
 
     name: str
@@ -51,7 +59,9 @@ class Prop:
         return rotate_planar(np.asarray(points, dtype=np.float64) - pose[:3], np.float64(-pose[3]))
 
     def signed_distance(self, points: Array, max_distance: float) -> Array:
-        """Distances (N,) float32 of world ``points`` (N, 3) to the prop where it is now; see ``DistanceQuery``."""
+        """Distances (N,) float32 of world ``points`` (N, 3) to the prop where it is now; see
+        ``DistanceQuery``.
+        """
         return self.query.signed_distance(self.to_local(points).astype(np.float32), max_distance)
 
     @property
@@ -63,7 +73,9 @@ class Prop:
     def sensed(self) -> InteractionVolume:
         """The interaction sensor's reading where the prop is now: it moves with the prop."""
         v = self.volume
-        return InteractionVolume(self.to_world(v.centre).astype(np.float32), v.size, float(v.heading + self.pose[3]), v.occupancy)
+        return InteractionVolume(
+            self.to_world(v.centre).astype(np.float32), v.size, float(v.heading + self.pose[3]), v.occupancy
+        )
 
 
 def sense(query: DistanceQuery, low: Array, high: Array) -> InteractionVolume:
@@ -76,37 +88,51 @@ def sense(query: DistanceQuery, low: Array, high: Array) -> InteractionVolume:
 class Box(Prop):
     """A thing to carry; its frame lies at the centre of its bounding box of ``size`` (3,), metres.
 
-    ``shown`` (3,) metres by which it is shown to the network beside its place: a box that one leans to is shown as far off as
-    one that is not leant to, and lean and arms do the rest.
+    ``shown`` (3,) metres by which it is shown to the network beside its place: a box that one leans to is
+    shown as far off as one that is not leant to, and lean and arms do the rest.
     """
 
     size: Array = None  # type: ignore[assignment]
     shown: Array = field(default_factory=lambda: np.zeros(3))
 
     def sensed(self) -> InteractionVolume:
-        """The interaction sensor's reading: hands hold the bounding box, so a bin or a basket reads as one that is full."""
+        """The interaction sensor's reading: hands hold the bounding box, so a bin or a basket reads as one
+        that is full.
+        """
         read = super().sensed()
         centre = (read.centre + self.shown).astype(np.float32)
         return replace(read, centre=centre, occupancy=np.full_like(self.volume.occupancy, BOX_READS))
 
     def across(self, facing: float) -> tuple[float, float]:
-        """Width and depth as seen by a carrier whose heading is ``facing`` in the box's frame (a multiple of 90 degrees)."""
+        """Width and depth as seen by a carrier whose heading is ``facing`` in the box's frame (a multiple of
+        90 degrees).
+        """
         sideways = abs(np.sin(facing)) > 0.5
-        return (float(self.size[1]), float(self.size[0])) if sideways else (float(self.size[0]), float(self.size[1]))
+        return (
+            (float(self.size[1]), float(self.size[0]))
+            if sideways
+            else (float(self.size[0]), float(self.size[1]))
+        )
 
     def grasps(self, facing: float) -> Array:
-        """Places (2, 3) of the right and the left wrist, box frame, for a carrier of heading ``facing`` in that frame.
+        """Places (2, 3) of the right and the left wrist, box frame, for a carrier of heading ``facing`` in
+        that frame.
 
-        Large boxes are held higher and nearer their front than in the data: the network is shown them ``raised`` for that.
+        Large boxes are held higher and nearer their front than in the data: the network is shown them
+        ``raised`` for that.
         """
         return self._places(facing, max(WRIST_BEHIND, self.across(facing)[1] / 2 - GRIP_IN), self.grip_height)
 
     def learned_grasps(self, facing: float) -> Array:
-        """Places (2, 3) as ``grasps``, where all bodies of the data hold boxes, and so the network's hands on the one it is shown."""
+        """Places (2, 3) as ``grasps``, where all bodies of the data hold boxes, and so the network's hands on
+        the one it is shown.
+        """
         return self._places(facing, WRIST_BEHIND, -WRIST_BELOW * float(self.size[2]))
 
     def _places(self, facing: float, behind: float, height: float) -> Array:
-        places = [(sign * (self.across(facing)[0] / 2 + WRIST_OFF_SIDE), behind, height) for sign in (-1.0, 1.0)]
+        places = [
+            (sign * (self.across(facing)[0] / 2 + WRIST_OFF_SIDE), behind, height) for sign in (-1.0, 1.0)
+        ]
         return rotate_planar(np.array(places), np.float64(facing))
 
     @property
@@ -128,9 +154,9 @@ class Box(Prop):
 class Leaf(Prop):
     """The leaf of a door; its frame lies on the floor under the hinge, +X towards the free edge when closed.
 
-    ``width`` metres from hinge to free edge; ``handle`` (3,) own frame, on the leaf's middle plane; ``thickness`` metres
-    between the places where a hand holds the handle from either side; ``swing`` +1 or -1: the sense in which the heading
-    changes as it opens; ``closed`` its heading when shut.
+    ``width`` metres from hinge to free edge; ``handle`` (3,) own frame, on the leaf's middle plane;
+    ``thickness`` metres between the places where a hand holds the handle from either side; ``swing`` +1 or
+    -1: the sense in which the heading changes as it opens; ``closed`` its heading when shut.
     """
 
     width: float = 0.85
@@ -149,6 +175,12 @@ class Leaf(Prop):
         return np.append(self.pose[:3], self.closed + self.swing * angle)
 
     def grip(self, side: float, angle: float | None = None) -> Array:
-        """World place (3,) of a wrist at the handle on the side towards +Y (``side`` 1) or -Y (-1) of its frame, when open by ``angle``."""
-        point = np.asarray(self.handle, dtype=np.float64) + (0.0, side * (self.thickness / 2 + WRIST_OFF_HANDLE), 0.0)
+        """World place (3,) of a wrist at the handle on the side towards +Y (``side`` 1) or -Y (-1) of its
+        frame, when open by ``angle``.
+        """
+        point = np.asarray(self.handle, dtype=np.float64) + (
+            0.0,
+            side * (self.thickness / 2 + WRIST_OFF_HANDLE),
+            0.0,
+        )
         return self.to_world(point, None if angle is None else self.pose_at(angle))

@@ -1,4 +1,6 @@
-"""How high the ground is that feet step on: rugs and thresholds, the tops of what a character climbs, the floor elsewhere."""
+"""How high the ground is that feet step on: rugs and thresholds, the tops of what a character climbs, the
+floor elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ from nsm_core.world.geometry.triangles import expanded
 from nsm_core.world.sensors.interaction import InteractionVolume
 
 CELL = 0.02  # metres between the places that are probed
-# What ends lower over the floor, metres, is ground that one walks over: rugs, mats, thresholds, kerbs; what is higher stands in
+# What ends lower over the floor, metres, is ground that one walks over: rugs, mats, thresholds, kerbs; what
+# is higher stands in
 # the way or is climbed.  No body is looked for below it (``clearance_map.HEIGHTS``).
 FLOOR_TOP = 0.12
 _TOUCH, _STEPS = 0.002, 80  # metres over a surface that count as on it; steps of a probe at most
@@ -27,8 +30,8 @@ _MOST_CELLS = 400_000  # cells of one map of a mesh
 class HeightMap:
     """Heights of one object's tops in a frame of its own.
 
-    ``origin`` (2,) world place of the first cell's centre, ``heading`` of the frame, ``heights`` (nx, ny) metres over the floor,
-    ``cell`` metres between them.
+    ``origin`` (2,) world place of the first cell's centre, ``heading`` of the frame, ``heights`` (nx, ny)
+    metres over the floor, ``cell`` metres between them.
     """
 
     origin: Array
@@ -48,7 +51,9 @@ class HeightMap:
 
     @classmethod
     def over(cls, corners: Array) -> HeightMap | None:
-        """The tops of triangles (F, 3, 3), world metres, seen from above; None where nothing lies over the floor."""
+        """The tops of triangles (F, 3, 3), world metres, seen from above; None where nothing lies over the
+        floor.
+        """
         corners = np.asarray(corners, dtype=np.float64)
         corners = corners[corners[..., 2].max(1) > _LEAST_HEIGHT] if len(corners) else corners
         if not len(corners):
@@ -58,9 +63,12 @@ class HeightMap:
         shape = np.maximum(2, np.ceil((high - low) / cell).astype(int))
         heights, origin = np.zeros(shape[0] * shape[1]), low + cell / 2
         places = (corners[..., :2] - origin) / cell
-        # Triangles that cover no cell's middle count by their corners, the others by every middle in their bounding box.
+        # Triangles that cover no cell's middle count by their corners, the others by every middle in their
+        # bounding box.
         corner_cells = np.clip(np.rint(places.reshape(-1, 2)).astype(int), 0, shape - 1)
-        np.maximum.at(heights, corner_cells[:, 0] * shape[1] + corner_cells[:, 1], corners[..., 2].reshape(-1))
+        np.maximum.at(
+            heights, corner_cells[:, 0] * shape[1] + corner_cells[:, 1], corners[..., 2].reshape(-1)
+        )
         first = np.maximum(np.ceil(places.min(1) - 1e-6).astype(int), 0)
         size = np.maximum(np.minimum(np.floor(places.max(1) + 1e-6).astype(int), shape - 1) - first + 1, 0)
         a, b, c = np.moveaxis(places, 1, 0)
@@ -78,11 +86,15 @@ class HeightMap:
     def circle(self) -> tuple[Array, float]:
         """Middle (2,) and radius of the circle around it, metres."""
         half = self.cell * (np.array(self.heights.shape, dtype=np.float64) - 1) / 2
-        return self.origin + rotate_planar(half, np.float64(self.heading)), float(np.linalg.norm(half)) + self.cell
+        return self.origin + rotate_planar(half, np.float64(self.heading)), float(
+            np.linalg.norm(half)
+        ) + self.cell
 
 
 def _double(i: Array, j: Array, p: Array, q: Array) -> Array:
-    """Twice the areas (N,) of triangles between points ``i``, ``j`` (N,), ``p`` and ``q`` (N, 2), counter-clockwise ones positive."""
+    """Twice the areas (N,) of triangles between points ``i``, ``j`` (N,), ``p`` and ``q`` (N, 2),
+    counter-clockwise ones positive.
+    """
     return (p[:, 0] - i) * (q[:, 1] - j) - (p[:, 1] - j) * (q[:, 0] - i)
 
 
@@ -119,24 +131,35 @@ class Terrain:
         return np.array([middle for middle, _ in circles]), np.array([[reach] for _, reach in circles])
 
     def signed_distance(self, points: Array, max_distance: float) -> Array:
-        """Distances (N,) float32, metres, of world ``points`` (N, 3) to what of the ground lies over the floor, right to a cell.
+        """Distances (N,) float32, metres, of world ``points`` (N, 3) to what of the ground lies over the
+        floor, right to a cell.
 
         See ``DistanceQuery``.
         """
         points = np.asarray(points, dtype=np.float64)
         out = np.full(len(points), max_distance, dtype=np.float32)
-        low = np.flatnonzero(points[:, 2] < max((float(m.heights.max()) for m in self.maps), default=-np.inf) + max_distance)
+        low = np.flatnonzero(
+            points[:, 2] < max((float(m.heights.max()) for m in self.maps), default=-np.inf) + max_distance
+        )
         if not len(low):
             return out
         p, reach = points[low], int(min(max_distance, _HIGHEST / 4) / CELL)
-        offsets = CELL * np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2, indexing="ij"), -1).reshape(-1, 2)
+        offsets = CELL * np.stack(
+            np.meshgrid(*[np.arange(-reach, reach + 1)] * 2, indexing="ij"), -1
+        ).reshape(-1, 2)
         far = np.linalg.norm(offsets, axis=1)
-        own, outside, inside = self.height(p[:, :2]), np.full(len(p), max_distance), np.full(len(p), max_distance)
+        own, outside, inside = (
+            self.height(p[:, :2]),
+            np.full(len(p), max_distance),
+            np.full(len(p), max_distance),
+        )
         for offset, away in zip(offsets[far < max_distance], far[far < max_distance], strict=True):
             h = self.height(p[:, :2] + offset)
             beside = max(0.0, float(away) - CELL / 2)  # a cell reaches half its width to the point
             solid = h > 0
-            outside = np.where(solid, np.minimum(outside, np.hypot(beside, np.maximum(p[:, 2] - h, 0))), outside)
+            outside = np.where(
+                solid, np.minimum(outside, np.hypot(beside, np.maximum(p[:, 2] - h, 0))), outside
+            )
             inside = np.where(h <= p[:, 2], np.minimum(inside, away), inside)
         deep = np.minimum(own - p[:, 2], inside)
         out[low] = np.where((own > 0) & (deep > 0), -deep, outside)
@@ -148,7 +171,9 @@ class Terrain:
         count = np.maximum(2, np.ceil(np.asarray(volume.size[:2], dtype=np.float64) / CELL).astype(int) + 1)
         steps = [CELL * (np.arange(n) - (n - 1) / 2) for n in count]
         local = np.stack(np.meshgrid(*steps, indexing="ij"), -1)
-        points = rotate_planar(local.reshape(-1, 2), np.float64(volume.heading)) + np.asarray(volume.centre[:2], dtype=np.float64)
+        points = rotate_planar(local.reshape(-1, 2), np.float64(volume.heading)) + np.asarray(
+            volume.centre[:2], dtype=np.float64
+        )
         top = min(float(volume.centre[2] + volume.size[2] / 2), _HIGHEST) + 0.02
         z, falling = np.full(len(points), top), np.arange(len(points))
         for _ in range(_STEPS):
@@ -156,7 +181,8 @@ class Terrain:
                 break
             probe = np.column_stack((points[falling], z[falling])).astype(np.float32)
             distance = query.signed_distance(probe, top + 0.1).astype(np.float64)
-            # What starts inside is higher than anything to stand on; it stays at the top and is left out below.
+            # What starts inside is higher than anything to stand on; it stays at the top and is left out
+            # below.
             moving = (distance > _TOUCH) & (z[falling] > 0)
             z[falling[moving]] -= distance[moving]
             falling = falling[moving]
@@ -174,7 +200,9 @@ class Floor:
         self.low = low or Terrain()
 
     def signed_distance(self, points: Array, max_distance: float) -> Array:
-        """Heights (N,) float32 of points (N, 3) over the floor, never over ``max_distance``; see ``DistanceQuery``."""
+        """Heights (N,) float32 of points (N, 3) over the floor, never over ``max_distance``; see
+        ``DistanceQuery``.
+        """
         points = np.asarray(points)
         height = points[:, 2] - self.low.height(points[:, :2]) if self.low else points[:, 2]
         return np.clip(height, -max_distance, max_distance).astype(np.float32)
@@ -186,22 +214,32 @@ def merged(terrains: Iterable[Terrain | None]) -> Terrain:
 
 
 def around(place: Array, size: float = 1.6) -> InteractionVolume:
-    """The volume (without a reading) in which to feel for the ground under a ``place`` (3,) to stand on, metres."""
+    """The volume (without a reading) in which to feel for the ground under a ``place`` (3,) to stand on,
+    metres.
+    """
     height = max(float(place[2]), 0.0) + 0.05
-    return InteractionVolume(np.array((*place[:2], height / 2)), np.array((size, size, height)), 0.0, np.zeros(0, np.float32))
+    return InteractionVolume(
+        np.array((*place[:2], height / 2)), np.array((size, size, height)), 0.0, np.zeros(0, np.float32)
+    )
 
 
 def edge_before(volume: InteractionVolume, place: Array, heading: float) -> float:
-    """Metres from ``place`` (2,) back against ``heading`` to where the object's footprint begins for one who comes that way."""
+    """Metres from ``place`` (2,) back against ``heading`` to where the object's footprint begins for one who
+    comes that way.
+    """
     back = rotate_planar(-heading_to_direction(np.array(heading)), np.float64(-volume.heading))
-    start = rotate_planar(np.asarray(place, dtype=np.float64)[:2] - volume.centre[:2], np.float64(-volume.heading))
+    start = rotate_planar(
+        np.asarray(place, dtype=np.float64)[:2] - volume.centre[:2], np.float64(-volume.heading)
+    )
     half = np.asarray(volume.size[:2], dtype=np.float64) / 2
     slope = np.where(np.abs(back) < 1e-9, 1e-9, back)
     ends = np.stack(((-half - start) / slope, (half - start) / slope))
     first, last = float(ends.min(0).max()), float(ends.max(0).min())
     if first <= last and last > 0:
         return last
-    return max(0.0, float(np.abs(back) @ half - start @ back))  # it lies beside: as far as the footprint reaches that way
+    return max(
+        0.0, float(np.abs(back) @ half - start @ back)
+    )  # it lies beside: as far as the footprint reaches that way
 
 
 __all__ = ["FLOOR_TOP", "Floor", "HeightMap", "Terrain", "around", "edge_before", "merged"]

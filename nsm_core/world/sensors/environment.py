@@ -23,7 +23,8 @@ HEIGHTS = (SPACING * np.arange(LAYERS)).astype(np.float32)
 def _plane() -> Array:
     rings = []
     for k, count in enumerate(RINGS, start=1):
-        # The first sphere of a ring lies straight ahead, so that mirroring left and right maps spheres on spheres.
+        # The first sphere of a ring lies straight ahead, so that mirroring left and right maps spheres on
+        # spheres.
         angle = 2 * np.pi * np.arange(count) / count
         rings.append(k * SPACING * np.stack((np.sin(angle), -np.cos(angle)), axis=-1))
     return np.concatenate(rings).astype(np.float32)
@@ -38,7 +39,9 @@ _FRAMES_AT_ONCE = 512
 
 
 def environment_points_world(root_position: Array, root_heading: float) -> Array:
-    """Centres (1408, 3) of the spheres in the world, metres, for a root at (2,) metres and a heading in radians."""
+    """Centres (1408, 3) of the spheres in the world, metres, for a root at (2,) metres and a heading in
+    radians.
+    """
     points = rotate_planar(ENVIRONMENT_POINTS, np.float32(root_heading))
     points[:, :2] += np.asarray(root_position, dtype=np.float32)[:2]
     return points
@@ -47,18 +50,23 @@ def environment_points_world(root_position: Array, root_heading: float) -> Array
 def environment_sensor(query: DistanceQuery, root_position: Array, root_heading: float) -> Array:
     """Read the environment sensor once: (1408,) float32 in 0..1 (section 4.3).
 
-    1 where the centre of a sphere is inside a solid, 0 where the sphere touches none, else 1 - distance / radius.
+    1 where the centre of a sphere is inside a solid, 0 where the sphere touches none, else 1 - distance /
+    radius.
     ``root_position`` (2,) world metres, ``root_heading`` radians; the floor is no part of ``query``.
     """
     distance = query.signed_distance(environment_points_world(root_position, root_heading), SPHERE_RADIUS)
     return np.clip(1 - distance / np.float32(SPHERE_RADIUS), 0, 1)
 
 
-def environment_sensor_many(query: DistanceQuery, positions: Array, headings: Array, out: Array | None = None) -> Array:
-    """Read the environment sensor in many frames: (T, 1408) in 0..1, as ``environment_sensor`` would one by one.
+def environment_sensor_many(
+    query: DistanceQuery, positions: Array, headings: Array, out: Array | None = None
+) -> Array:
+    """Read the environment sensor in many frames: (T, 1408) in 0..1, as ``environment_sensor`` would one by
+    one.
 
-    ``positions`` (T, 2) world metres, ``headings`` (T,) radians.  ``out`` (T, 1408) of any float type, a memory map
-    for instance, is filled and returned; without it a float32 array is made.  Upright cuboids take a fast path.
+    ``positions`` (T, 2) world metres, ``headings`` (T,) radians.  ``out`` (T, 1408) of any float type, a
+    memory map for instance, is filled and returned; without it a float32 array is made.  Upright cuboids take
+    a fast path.
     """
     positions = np.asarray(positions, dtype=np.float64)
     headings = np.asarray(headings, dtype=np.float64)
@@ -89,14 +97,16 @@ def _split(query: DistanceQuery) -> tuple[list[BoxGroup], list[DistanceQuery]]:
 def _read_upright(groups: list[BoxGroup], positions: Array, headings: Array) -> Array:
     """Values (T, 1408) of boxes whose objects are only turned about Z.
 
-    There the squared distance is a planar part, the same in all layers, plus a part in height, the same in all
-    frames; and a box concerns only the few spheres next to it.
+    There the squared distance is a planar part, the same in all layers, plus a part in height, the same in
+    all frames; and a box concerns only the few spheres next to it.
     """
     limit = np.float32(SPHERE_RADIUS**2)
     square = np.full(len(positions) * LAYERS * len(PLANE), limit, dtype=np.float32)
     reach = DIAMETER / 2 + SPHERE_RADIUS
     for group in groups:
-        root = rotate_planar(positions - group.position[:2], -np.full(len(positions), group.heading)).astype(np.float32)
+        root = rotate_planar(positions - group.position[:2], -np.full(len(positions), group.heading)).astype(
+            np.float32
+        )
         lo, hi = (b[:2] for b in group.bounds)
         frames = np.flatnonzero(_outside(root, (lo + hi) / 2, (hi - lo) / 2) < reach**2)
         if not len(frames):

@@ -28,8 +28,8 @@ UNIT_CELLS = _unit_cells()  # (512, 3) in -0.5..0.5: height outermost, then Y, t
 class InteractionVolume:
     """What the interaction sensor has read.
 
-    ``centre`` (3,) world metres; ``size`` (3,) metres along the object's axes; ``heading`` of the object, radians;
-    ``occupancy`` (512,) float32 in 0..1 in the order of ``UNIT_CELLS``.
+    ``centre`` (3,) world metres; ``size`` (3,) metres along the object's axes; ``heading`` of the object,
+    radians; ``occupancy`` (512,) float32 in 0..1 in the order of ``UNIT_CELLS``.
     """
 
     centre: Array
@@ -43,7 +43,9 @@ class InteractionVolume:
 
 
 def cells_world(centre: Array, size: Array, heading: float) -> Array:
-    """Centres (512, 3) of a volume's cells, world metres, float32; ``centre`` and ``size`` (3,) metres, heading radians."""
+    """Centres (512, 3) of a volume's cells, world metres, float32; ``centre`` and ``size`` (3,) metres,
+    heading radians.
+    """
     cells = rotate_planar(UNIT_CELLS * np.asarray(size, dtype=np.float32), np.float32(heading))
     return cells + np.asarray(centre, dtype=np.float32)
 
@@ -51,13 +53,17 @@ def cells_world(centre: Array, size: Array, heading: float) -> Array:
 def interaction_sensor(query: DistanceQuery, centre: Array, size: Array, heading: float) -> InteractionVolume:
     """Read the interaction sensor over one object (section 4.3).
 
-    ``query`` knows this object alone; ``centre`` (3,) world metres and ``size`` (3,) metres are those of its bounding
-    box turned by ``heading``, radians.  A cell reads 1 where its centre is inside, else 1 - distance / diagonal of the
-    cell, not below 0.  (The paper drops to 0 at once where a cell touches nothing; the ramp goes on here, so that
-    readings have no jumps.)  Raises GeometryError on a size or place that is not finite or is negative.
+    ``query`` knows this object alone; ``centre`` (3,) world metres and ``size`` (3,) metres are those of its
+    bounding box turned by ``heading``, radians.  A cell reads 1 where its centre is inside, else 1 - distance
+    / diagonal of the cell, not below 0.  (The paper drops to 0 at once where a cell touches nothing; the ramp
+    goes on here, so that readings have no jumps.)  Raises GeometryError on a size or place that is not finite
+    or is negative.
     """
     centre, size = np.asarray(centre, dtype=np.float32), np.asarray(size, dtype=np.float32)
-    if not (np.isfinite(centre).all() and np.isfinite(size).all() and np.isfinite(heading)) or (size < 0).any():
+    if (
+        not (np.isfinite(centre).all() and np.isfinite(size).all() and np.isfinite(heading))
+        or (size < 0).any()
+    ):
         raise GeometryError("The goal object has no usable bounding box; repair its mesh or its scale.")
     size = np.maximum(size, _LEAST_SIZE)
     diagonal = np.float32(np.linalg.norm(size) / RESOLUTION)

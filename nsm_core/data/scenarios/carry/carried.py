@@ -19,7 +19,9 @@ from .supports import Support
 
 @dataclass
 class Spot:
-    """Where a box rests: its centre (3,) and heading of its carrier there, the bend that goes to it and what is under it."""
+    """Where a box rests: its centre (3,) and heading of its carrier there, the bend that goes to it and what
+    is under it.
+    """
 
     centre: Array
     facing: float
@@ -31,7 +33,9 @@ class Spot:
 
 @dataclass
 class CarryEpisode:
-    """One carry: the box and its faces, where it is taken up and put down, and the commands that ask for it."""
+    """One carry: the box and its faces, where it is taken up and put down, and the commands that ask
+    for it.
+    """
 
     box: Box
     piece: Furniture  # the box's shape about its centre
@@ -61,7 +65,9 @@ class CarryEpisode:
         return True
 
     def fit(self, motion: Motion) -> None:
-        """Label the carry, let the feet stand while bending, put supports under the box and complete the commands."""
+        """Label the carry, let the feet stand while bending, put supports under the box and complete the
+        commands.
+        """
         carry_fit.label(self, motion)
 
     def finish(self, motion: Motion) -> None:

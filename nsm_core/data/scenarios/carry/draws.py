@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class CarryDraws:
-    """Shares tell how often something is so, pairs are the ends of an even draw, spreads are standard deviations.
+    """Shares tell how often something is so, pairs are the ends of an even draw, spreads are standard
+    deviations.
 
     Metres, seconds, radians and frames; speeds in m/s.
     """

@@ -23,12 +23,16 @@ NAME = "carry"
 
 
 def segments(folder: CaptureFolder) -> list[Segment]:
-    """Captured bends from upright (frame 0) to low; none where the folder has no pick-ups, and then nothing is carried."""
+    """Captured bends from upright (frame 0) to low; none where the folder has no pick-ups, and then nothing
+    is carried.
+    """
     return load_bends(folder)
 
 
 def lay(session: Session) -> CarryEpisode | None:
-    """Fetch a box from a free place and bring it to another; some are put back, some sent elsewhere on the way."""
+    """Fetch a box from a free place and bring it to another; some are put back, some sent elsewhere on the
+    way.
+    """
     rng = session.rng
     if not session.source.segments.get(NAME):
         return None
@@ -65,8 +69,12 @@ def draw_box(session: Session) -> tuple[Box, Furniture]:
     return carried_box(centred), centred
 
 
-def _way(session: Session, target: Array, heading: float, support: Support | None, box_ahead: float, speed: float) -> Course:
-    """A path to ``target`` before a box that lies ``box_ahead`` metres ahead of it; around it where it is in the way."""
+def _way(
+    session: Session, target: Array, heading: float, support: Support | None, box_ahead: float, speed: float
+) -> Course:
+    """A path to ``target`` before a box that lies ``box_ahead`` metres ahead of it; around it where it is in
+    the way.
+    """
     rng, start = session.rng, session.tape.roots[-1]
     ahead = heading_to_direction(np.array(heading))
     beyond = float((start - target) @ ahead)
@@ -81,9 +89,16 @@ def _way(session: Session, target: Array, heading: float, support: Support | Non
 
 
 def _walk(
-    session: Session, away: tuple[float, float], support: Support | None, box_ahead: float, avoid: Spot | None, speed: float
+    session: Session,
+    away: tuple[float, float],
+    support: Support | None,
+    box_ahead: float,
+    avoid: Spot | None,
+    speed: float,
 ) -> bool:
-    """Walk to a free place so many metres ``away`` from here where a box, and what is under it, has room ahead."""
+    """Walk to a free place so many metres ``away`` from here where a box, and what is under it, has room
+    ahead.
+    """
     rng = session.rng
     size = 0.3 if support is None else 0.25 + support.radius
     for _ in range(8):
@@ -96,12 +111,22 @@ def _walk(
             # Not through what the box was taken from.
             if avoid.support is not None and abs(wrap_angle(along - avoid.facing)) < 1.1:
                 continue
-        heading = along + float(rng.uniform(-np.pi, np.pi) if rng.random() < CARRIES.any_heading else rng.normal(0, CARRIES.off_the_way))
-        centre = target + (box_ahead + (0 if support is None else support.radius * 0.6)) * heading_to_direction(np.array(heading))
+        heading = along + float(
+            rng.uniform(-np.pi, np.pi)
+            if rng.random() < CARRIES.any_heading
+            else rng.normal(0, CARRIES.off_the_way)
+        )
+        centre = target + (
+            box_ahead + (0 if support is None else support.radius * 0.6)
+        ) * heading_to_direction(np.array(heading))
         walked = np.array(session.tape.roots)
-        if np.linalg.norm(walked - centre, axis=1).min() < size or any(np.linalg.norm(p - centre) < r + size for p, r in _taken(session)):
+        if np.linalg.norm(walked - centre, axis=1).min() < size or any(
+            np.linalg.norm(p - centre) < r + size for p, r in _taken(session)
+        ):
             continue
-        if avoid is not None and np.linalg.norm(centre - avoid.centre[:2]) < size + 0.6 + (avoid.support.radius if avoid.support else 0):
+        if avoid is not None and np.linalg.norm(centre - avoid.centre[:2]) < size + 0.6 + (
+            avoid.support.radius if avoid.support else 0
+        ):
             continue
         return session.follow(_way(session, target, heading, support, box_ahead, speed))
     return False
@@ -112,7 +137,9 @@ def _taken(session: Session) -> list[tuple[Array, float]]:
 
 
 def _approach(session: Session, support: Support | None, box_ahead: float) -> int | None:
-    """Walk to where a box will stand, and say which command fetches it; from far off one is led there first."""
+    """Walk to where a box will stand, and say which command fetches it; from far off one is led there
+    first.
+    """
     rng, tape = session.rng, session.tape
     mark, before = session.command("carry", session.lead()), len(tape)
     here = tape.roots[-1]
@@ -125,7 +152,9 @@ def _approach(session: Session, support: Support | None, box_ahead: float) -> in
 
 
 def _from(session: Session, action: str, since: int, distance: float) -> int:
-    """Command ``action`` from the frame after ``since`` on at which the tape's end is ``distance`` metres away."""
+    """Command ``action`` from the frame after ``since`` on at which the tape's end is ``distance`` metres
+    away.
+    """
     tape = session.tape
     away = np.linalg.norm(np.array(tape.roots[since:]) - tape.roots[-1], axis=1)
     far = np.flatnonzero(away > distance)
@@ -133,8 +162,12 @@ def _from(session: Session, action: str, since: int, distance: float) -> int:
     return session.command(action, len(tape) - frame)
 
 
-def bend_to(session: Session, box: Box, face: float, support: Support | None, centre: Array | None = None) -> Spot | None:
-    """Bend to a box before the tape's end, or to its ``centre`` (3,) and back up; None where no captured bend reaches it."""
+def bend_to(
+    session: Session, box: Box, face: float, support: Support | None, centre: Array | None = None
+) -> Spot | None:
+    """Bend to a box before the tape's end, or to its ``centre`` (3,) and back up; None where no captured bend
+    reaches it.
+    """
     rng, tape = session.rng, session.tape
     root, facing = tape.roots[-1], tape.headings[-1] + float(rng.normal(0, CARRIES.off_square))
     width, depth = box.across(face)
@@ -159,7 +192,9 @@ def bend_to(session: Session, box: Box, face: float, support: Support | None, ce
 
 
 def _bring(session: Session, box: Box, face: float, taken: Spot) -> tuple[Spot | None, list[int]]:
-    """Walk off with the box and put it down: near ways are asked for by their end, far ones are led at first."""
+    """Walk off with the box and put it down: near ways are asked for by their end, far ones are led
+    at first.
+    """
     rng, tape = session.rng, session.tape
     support = draw_support(session, box.across(face))
     frame = taken.bend.touch + int(rng.integers(*CARRIES.answer))

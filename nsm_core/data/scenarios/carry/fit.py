@@ -22,10 +22,16 @@ from .pick_up import Bend
 if TYPE_CHECKING:
     from .carried import CarryEpisode
 
-HOLDING_HEIGHT, HOLDING_AHEAD = 1.0, 0.05  # metres: wrists over the floor, box beyond where it stood when it was lifted
+HOLDING_HEIGHT, HOLDING_AHEAD = (
+    1.0,
+    0.05,
+)  # metres: wrists over the floor, box beyond where it stood when it was lifted
 _BENT = 0.9 * ARM_LENGTH  # how far arms stretch at most while walking
 _CLEARANCE = 0.05  # metres that a box is lifted over what it rested on
-_BOB, _MOST_BOB = 0.6, 0.04  # share of the pelvis' movement up and down that a box follows, and metres at most
+_BOB, _MOST_BOB = (
+    0.6,
+    0.04,
+)  # share of the pelvis' movement up and down that a box follows, and metres at most
 _HANGING = 0.1  # metres that wrists of hanging arms keep off the near face
 _LEAD, _OFF = 20, 17  # frames for the hands to reach a box, and to come off it
 _SHOULDERS = [arm[0] for arm in ARMS]
@@ -33,7 +39,9 @@ _LIFT = 22  # frames in which a box is lifted where the body hardly rises
 
 
 def label(carry: CarryEpisode, motion: Motion) -> None:
-    """Set labels, contacts, phase keys and commands of a carry; add its box, at rest as yet, and what is under it."""
+    """Set labels, contacts, phase keys and commands of a carry; add its box, at rest as yet, and what is
+    under it.
+    """
     t, p = carry.taken.bend, carry.put.bend
     motion.ramp(CARRY, t.start, t.touch, p.touch, min(p.touch + _OFF, p.end))
     motion.contacts[t.touch : p.touch, HAND_CONTACTS] = 1
@@ -46,13 +54,17 @@ def label(carry: CarryEpisode, motion: Motion) -> None:
     motion.things.append(Thing(carry.piece, np.zeros((len(motion), 4)), held))
     for mark, spot in [(carry.fetch, carry.taken), *((m, carry.put) for m in carry.bring)]:
         asked = motion.commands[mark]
-        motion.commands[mark] = TimedCommand(asked.frame, asked.action, spot.centre.astype(np.float32), spot.facing, carry.thing)
+        motion.commands[mark] = TimedCommand(
+            asked.frame, asked.action, spot.centre.astype(np.float32), spot.facing, carry.thing
+        )
     for k, command in enumerate(motion.commands):
         # Led along with the box: the goal is the root itself, the box stays the thing it is about.
         if command.action == "walk+carry" and command.thing < 0 and t.touch < command.frame < p.touch:
             motion.commands[k] = TimedCommand(command.frame, command.action, thing=carry.thing)
     spots = [carry.taken] if carry.put.support is carry.taken.support else [carry.taken, carry.put]
-    motion.obstacles += [Placed(s.support.piece, s.position, s.heading) for s in spots if s.support is not None]
+    motion.obstacles += [
+        Placed(s.support.piece, s.position, s.heading) for s in spots if s.support is not None
+    ]
 
 
 def fit_hands(carry: CarryEpisode, motion: Motion) -> None:
@@ -101,7 +113,10 @@ def box_poses(carry: CarryEpisode, hips: Array, rotations: Array, first: int) ->
     along = ease((s - 0.15) / 0.85)
     middle = (t.end + p.start) // 2 - first
     poses = np.empty_like(held)
-    for part, spot, at in ((slice(None, middle), carry.taken, t.touch), (slice(middle, None), carry.put, p.touch)):
+    for part, spot, at in (
+        (slice(None, middle), carry.taken, t.touch),
+        (slice(middle, None), carry.put, p.touch),
+    ):
         rest = np.append(spot.centre, spot.facing - carry.face)
         rest[3] = held[at - first, 3] + wrap_angle(rest[3] - held[at - first, 3])
         weight = np.stack((along, along, s, along), axis=-1)[part]
@@ -110,7 +125,9 @@ def box_poses(carry: CarryEpisode, hips: Array, rotations: Array, first: int) ->
 
 
 def holding_height(carry: CarryEpisode, shoulders: float, ahead: float) -> float:
-    """Height of the box's centre while walking: wrists about a metre up, higher where arms would have to stretch."""
+    """Height of the box's centre while walking: wrists about a metre up, higher where arms would have to
+    stretch.
+    """
     width, _ = carry.box.across(carry.face)
     forward, aside = ahead - WRIST_BEHIND, width / 2 + WRIST_OFF_SIDE - 0.175
     drop = np.sqrt(max(_BENT**2 - forward**2 - aside**2, 0.0))
@@ -128,13 +145,19 @@ def _extra(carry: CarryEpisode, held: Array) -> Array:
 
 
 def _lifted(shoulders: Array, n: Array, bend: Bend) -> Array:
-    """How far (n,) 0..1 the box has been lifted: as the shoulders (n,) rise, or by time where they hardly do."""
+    """How far (n,) 0..1 the box has been lifted: as the shoulders (n,) rise, or by time where they
+    hardly do.
+    """
     inside = (n >= bend.touch) & (n < bend.end)
     after = ease((n - bend.touch - 3) / _LIFT)
     if not inside.any():
         return after
     low, high = shoulders[inside].min(), shoulders[inside][-3:].mean()
-    body = np.where(n < bend.rise, 0.0, np.where(n >= bend.end, 1.0, np.clip((shoulders - low) / max(high - low, 1e-3), 0, 1)))
+    body = np.where(
+        n < bend.rise,
+        0.0,
+        np.where(n >= bend.end, 1.0, np.clip((shoulders - low) / max(high - low, 1e-3), 0, 1)),
+    )
     body = np.maximum.accumulate(body)
     share = float(np.clip((high - low - 0.1) / 0.1, 0, 1))
     mixed = gaussian_smooth(share * body + (1 - share) * after, 2.5)

@@ -1,4 +1,6 @@
-"""Captured bends: halves of pick-ups from upright to low, and which of them, how deep, brings the hands to a box."""
+"""Captured bends: halves of pick-ups from upright to low, and which of them, how deep, brings the hands to a
+box.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ _AMOUNTS = np.linspace(0, 1, 6)  # of the extra lean, see ``leaning.lean_into_re
 
 @dataclass
 class Bend:
-    """A bend on the tape: frames at which it ``start``s, hands meet or leave the box (``touch``), rising begins, and it ``end``s."""
+    """A bend on the tape: frames at which it ``start``s, hands meet or leave the box (``touch``), rising
+    begins, and it ``end``s.
+    """
 
     start: int
     touch: int
@@ -32,8 +36,8 @@ class Bend:
 def choose(session: Session, grasps: Array, low: Array, high: Array) -> tuple[LaidSegment, int] | None:
     """Choose a half and the frame of it at which the hands reach ``grasps`` (2, 3); None where none reaches.
 
-    ``low`` and ``high`` (3,) bound the box and what is under it, which the knees keep out of; all are seen from the root
-    (heading 0) that the bend starts from.  Chance decides among what is about as good.
+    ``low`` and ``high`` (3,) bound the box and what is under it, which the knees keep out of; all are seen
+    from the root (heading 0) that the bend starts from.  Chance decides among what is about as good.
     """
     best, least = None, np.inf
     for half in session.source.segments["carry"]:
@@ -41,7 +45,9 @@ def choose(session: Session, grasps: Array, low: Array, high: Array) -> tuple[La
         shoulders, hips = joints[:, :2], joints[:, 4:5]
         # How far the hands are away for every frame (n,) and amount of extra lean (k,).
         arm = shoulders - hips
-        leant = np.stack([_pitched(arm, a * LEAN) + hips + a * shift_of(hips[..., 2]) for a in _AMOUNTS], axis=1)
+        leant = np.stack(
+            [_pitched(arm, a * LEAN) + hips + a * shift_of(hips[..., 2]) for a in _AMOUNTS], axis=1
+        )
         away = np.linalg.norm(leant - grasps, axis=-1).max(-1)
         within = away[:, 0] <= COMFORT
         if within.any():

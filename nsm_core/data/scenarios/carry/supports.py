@@ -19,10 +19,12 @@ _SIDES = (0.0, np.pi / 2, np.pi, -np.pi / 2)  # headings of the outward normals 
 
 @dataclass
 class Support:
-    """A piece with a level top at height ``top``, used from the side whose outward normal has the heading ``side``.
+    """A piece with a level top at height ``top``, used from the side whose outward normal has the heading
+    ``side``.
 
-    ``reach`` metres from the piece's origin to the edge of its top on that side, ``along`` where along the edge a box rests,
-    ``edge`` metres from the edge to the near face of the box, negative where it stands out over it.
+    ``reach`` metres from the piece's origin to the edge of its top on that side, ``along`` where along the
+    edge a box rests, ``edge`` metres from the edge to the near face of the box, negative where it stands out
+    over it.
     """
 
     piece: Furniture
@@ -43,7 +45,9 @@ class Support:
         return 0.5 * float(np.linalg.norm(self.piece.size[:2]))
 
     def place(self, centre: Array, facing: float, depth: float) -> tuple[Array, float]:
-        """Position (2,) and heading of the piece under a box ``depth`` deep at ``centre`` (2,), whose carrier faces ``facing``."""
+        """Position (2,) and heading of the piece under a box ``depth`` deep at ``centre`` (2,), whose carrier
+        faces ``facing``.
+        """
         heading = facing + np.pi - self.side
         normal = heading_to_direction(np.array(self.side))
         tangent = np.array((-normal[1], normal[0]))
@@ -51,7 +55,9 @@ class Support:
         return centre - rotate_planar(at, np.float64(heading)), float(heading)
 
     def extent(self, box_ahead: float) -> tuple[float, float]:
-        """Width and depth of the piece as seen from where one stands, with allowance for a box off its middle."""
+        """Width and depth of the piece as seen from where one stands, with allowance for a box off its
+        middle.
+        """
         size = self.piece.size[:2] if abs(np.cos(self.side)) > 0.5 else self.piece.size[1::-1]
         return float(size[0] + 2 * abs(self.along)), float(size[1] + 0.2)
 
@@ -66,7 +72,9 @@ def draw_support(session: Session, across: tuple[float, float]) -> Support | Non
         kind = str(rng.choice(CARRIES.supports))
         if kind == "crate":
             low, wide = rng.uniform(*CARRIES.top), rng.uniform(*CARRIES.wider)
-            piece = furniture.make("box", rng, width=width + wide + 0.04, depth=depth + rng.uniform(*CARRIES.deeper), height=low)
+            piece = furniture.make(
+                "box", rng, width=width + wide + 0.04, depth=depth + rng.uniform(*CARRIES.deeper), height=low
+            )
         else:
             piece = session.draw(kind)
         try:

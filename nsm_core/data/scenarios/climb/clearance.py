@@ -14,11 +14,15 @@ from .footholds import Block
 
 
 def leg_depths(hips: Array, rotations: Array, block: Block) -> Array:
-    """How deep (T, 2) metres the right and left leg are in the block; negative is clearance.  Soles may press 2.5 cm."""
+    """How deep (T, 2) metres the right and left leg are in the block; negative is clearance.  Soles may press
+    2.5 cm.
+    """
     positions, world = forward_kinematics(hips.astype(np.float64), rotations.astype(np.float64))
     depths = []
     for side, (start, knee, ankle, toe) in enumerate(FEET):
-        tip = positions[:, toe] + quat_rotate(world[:, toe], np.array(END_SITES[("RightToe", "LeftToe")[side]]))
+        tip = positions[:, toe] + quat_rotate(
+            world[:, toe], np.array(END_SITES[("RightToe", "LeftToe")[side]])
+        )
         points, radii = [], []
         for (a, b), (ra, rb) in zip(
             ((positions[:, start], positions[:, knee]), (positions[:, knee], positions[:, ankle]),
@@ -29,14 +33,17 @@ def leg_depths(hips: Array, rotations: Array, block: Block) -> Array:
                 points.append(a + share * (b - a))
                 radii.append(ra + share * (rb - ra))
         at = np.stack(points, axis=1)
-        beyond = np.concatenate((np.abs(block.local(at[..., :2])) - block.half, at[..., 2:] - block.height), -1)
+        beyond = np.concatenate(
+            (np.abs(block.local(at[..., :2])) - block.half, at[..., 2:] - block.height), -1
+        )
         distance = np.linalg.norm(beyond.clip(0), axis=-1) + np.minimum(beyond.max(-1), 0)
         depths.append((np.array(radii) - distance).max(1))
     return np.stack(depths, axis=1)
 
 
 def shin_depth(hip: Array, ankle: Array, ahead: Array, block: Block) -> Array:
-    """How deep (..., n) the shin is in the block, metres, with the knee bent ``ahead`` (n, 3); hip (n, 3), ankle (..., n, 3).
+    """How deep (..., n) the shin is in the block, metres, with the knee bent ``ahead`` (n, 3); hip (n, 3),
+    ankle (..., n, 3).
 
     All are given in the block's frame.
     """
@@ -64,8 +71,11 @@ def crosses(toes: Array, gap: tuple[Any, ...], block: Block) -> bool:
     return bool(before[2] or after[2] or block.holds(way, 0.0).any())
 
 
-def splayed(positions: Array, rotations: Array, world: Array, feet: Array, gaps: list[Any], most: float) -> tuple[Array, Array, Array]:
-    """Turn legs about the line from hip to ankle so that their knees point outward in ``gaps``; the feet turn along by half.
+def splayed(
+    positions: Array, rotations: Array, world: Array, feet: Array, gaps: list[Any], most: float
+) -> tuple[Array, Array, Array]:
+    """Turn legs about the line from hip to ankle so that their knees point outward in ``gaps``; the feet turn
+    along by half.
 
     Returns rotations, feet and the angles (T, 2), radians, clockwise from above.
     """
@@ -82,9 +92,13 @@ def splayed(positions: Array, rotations: Array, world: Array, feet: Array, gaps:
         down = positions[where, ankle] - positions[where, start]
         down /= np.linalg.norm(down, axis=-1, keepdims=True)
         turn, hips = quat_from_axis_angle(down, angle[where]), world[where, HIPS]
-        rotations[where, start] = quat_mul(quat_conjugate(hips), quat_mul(turn, quat_mul(hips, rotations[where, start])))
+        rotations[where, start] = quat_mul(
+            quat_conjugate(hips), quat_mul(turn, quat_mul(hips, rotations[where, start]))
+        )
         swing = np.arange(begin, end)
         u = (swing - begin + 1) / (end - begin + 1)
-        yaw = quat_from_axis_angle(np.array((0.0, 0.0, -1.0)), 0.5 * (splay, -splay)[side] * np.sin(np.pi * u) ** 2)
+        yaw = quat_from_axis_angle(
+            np.array((0.0, 0.0, -1.0)), 0.5 * (splay, -splay)[side] * np.sin(np.pi * u) ** 2
+        )
         feet[swing, side] = quat_mul(yaw, feet[swing, side])
     return rotations, feet, angles

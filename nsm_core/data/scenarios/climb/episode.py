@@ -1,4 +1,6 @@
-"""Climbing: a walk whose footholds are moved off the edges of a step or a low wall and raised to its top, and the way down."""
+"""Climbing: a walk whose footholds are moved off the edges of a step or a low wall and raised to its top, and
+the way down.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,19 @@ from nsm_core.world.scene.furniture import Furniture
 
 from .draws import CLIMBS
 from .fit import ClimbEpisode
-from .footholds import HEEL, OFF_EDGE, OVER_EDGE, TIPS, Block, Crossing, Foothold, crossing_at, find_holds, shift_off_edges, short_of_edge
+from .footholds import (
+    HEEL,
+    OFF_EDGE,
+    OVER_EDGE,
+    TIPS,
+    Block,
+    Crossing,
+    Foothold,
+    crossing_at,
+    find_holds,
+    shift_off_edges,
+    short_of_edge,
+)
 
 NAME = "climb"
 FARTHEST_SHIFT = 0.14  # metres that a foothold is moved at most
@@ -30,7 +44,9 @@ def segments(folder: CaptureFolder) -> list[Segment]:
 
 
 def lay(session: Session) -> ClimbEpisode | None:
-    """Walk up to and onto a step, stand and walk off it, or step over a low wall; the object is put where the feet allow it."""
+    """Walk up to and onto a step, stand and walk off it, or step over a low wall; the object is put where the
+    feet allow it.
+    """
     rng, tape = session.rng, session.tape
     over = rng.random() < CLIMBS.walls
     piece = session.draw("low_wall" if over else "step")
@@ -80,9 +96,16 @@ def _leave(session: Session, climb: ClimbEpisode) -> bool:
         mark, before = session.command("walk" if led else "idle", session.lead()), len(tape)
         spread = CLIMBS.off_ahead[int(min(block.half) >= CLIMBS.narrow)]
         angle = tape.headings[-1] + rng.normal(0, spread)
-        out = float(np.abs(rotate_planar(heading_to_direction(np.array(angle)), np.float64(-block.heading))) @ block.half)
+        out = float(
+            np.abs(rotate_planar(heading_to_direction(np.array(angle)), np.float64(-block.heading)))
+            @ block.half
+        )
         target = tape.roots[-1] + (out + rng.uniform(*CLIMBS.beyond)) * heading_to_direction(np.array(angle))
-        if session.go(target, float(angle + rng.normal(0, CLIMBS.off_the_way_down)), speed=float(rng.uniform(*CLIMBS.speed))):
+        if session.go(
+            target,
+            float(angle + rng.normal(0, CLIMBS.off_the_way_down)),
+            speed=float(rng.uniform(*CLIMBS.speed)),
+        ):
             down = _way_down(session, climb, before)
             if down is not None:
                 climb.down = _slow(session, down, block.height, before, up=False)
@@ -96,7 +119,9 @@ def _leave(session: Session, climb: ClimbEpisode) -> bool:
 
 
 def _way_down(session: Session, climb: ClimbEpisode, before: int) -> Crossing | None:
-    """The crossing that leaves the top in the way laid since ``before``; None where feet cannot keep off the edges."""
+    """The crossing that leaves the top in the way laid since ``before``; None where feet cannot keep off the
+    edges.
+    """
     holds = _holds(session, climb.start)
     block = climb.block
     new = [k for k, h in enumerate(holds) if h.first >= before]
@@ -126,7 +151,9 @@ def _holds(session: Session, start: int) -> list[Foothold]:
     first = max(start - 20, 0)
     i = np.array(tape.frames[first:]).astype(int)
     turn = np.array(tape.headings[first:])
-    joints = rotate_planar(lib.pose[i][:, [leg[k] for leg in FEET for k in (2, 3)]], np.repeat(turn[:, None], 4, 1))
+    joints = rotate_planar(
+        lib.pose[i][:, [leg[k] for leg in FEET for k in (2, 3)]], np.repeat(turn[:, None], 4, 1)
+    )
     joints = joints[..., :2] + np.array(tape.roots[first:])[:, None]
     ankles, toes = joints[:, [0, 2]], joints[:, [1, 3]]
     ahead = toes - ankles
@@ -134,8 +161,12 @@ def _holds(session: Session, start: int) -> list[Foothold]:
     return [Foothold(h.side, h.first + first, h.last + first, h.place, h.heading) for h in holds]
 
 
-def _put(session: Session, piece: Furniture, holds: list[Foothold], facing: float, over: bool) -> tuple[Block, int] | None:
-    """Where the block stands so that the feet need to be moved least, and which hold is the first beyond its edge."""
+def _put(
+    session: Session, piece: Furniture, holds: list[Foothold], facing: float, over: bool
+) -> tuple[Block, int] | None:
+    """Where the block stands so that the feet need to be moved least, and which hold is the first beyond its
+    edge.
+    """
     rng, tape = session.rng, session.tape
     depth, half = float(piece.size[1]), piece.size[:2].astype(np.float64) / 2
     ahead, heading = heading_to_direction(np.array(facing)), facing + np.pi
@@ -144,7 +175,9 @@ def _put(session: Session, piece: Furniture, holds: list[Foothold], facing: floa
     lateral = rng.uniform(-side, side)
     across = np.array((-ahead[1], ahead[0]))
     # The stance at the end is over the middle of the width, give or take.
-    centre = np.mean([max((h for h in holds if h.side == s), key=lambda h: h.last).place for s in (0, 1)], axis=0)
+    centre = np.mean(
+        [max((h for h in holds if h.side == s), key=lambda h: h.last).place for s in (0, 1)], axis=0
+    )
     best: tuple[float, Block, int] | None = None
     for k in range(2, len(holds)):
         crossing = crossing_at(holds, k)
@@ -161,7 +194,11 @@ def _put(session: Session, piece: Furniture, holds: list[Foothold], facing: floa
             low, high = max(floor + OFF_EDGE, at.max() + TIPS - depth - OVER_EDGE), beyond + 0.01
         # The foot on the floor is the nearer one: its leg follows over the edge.
         edge = (low + high) / 2 if low > high else low + (high - low) * rng.uniform(*CLIMBS.into_stride)
-        middle = tape.roots[-1] + ahead * (edge + depth / 2) + across * (float((centre - tape.roots[-1]) @ across) + lateral)
+        middle = (
+            tape.roots[-1]
+            + ahead * (edge + depth / 2)
+            + across * (float((centre - tape.roots[-1]) @ across) + lateral)
+        )
         block = Block(middle, heading, half, float(piece.size[2]))
         shifts = np.linalg.norm(shift_off_edges(holds, ~before & (not over), block), axis=1)
         cost = float(shifts.max()) + 0.02 * rng.random()
@@ -204,5 +241,8 @@ def _slow(session: Session, c: Crossing, height: float, first: int, up: bool = T
         seams=moved,
         seam=False,
     )
-    new = [first + int(np.ceil(when[min(max(f - first, 0), count - 1)])) for f in (c.lift, c.landing, c.follows, c.both)]
+    new = [
+        first + int(np.ceil(when[min(max(f - first, 0), count - 1)]))
+        for f in (c.lift, c.landing, c.follows, c.both)
+    ]
     return Crossing(*new)

@@ -21,7 +21,10 @@ from .warp import Ascent, climb
 
 MARGIN = 90  # frames before and after an episode in which feet still come back to their own places
 CLEAR, DEEPEST = 0.007, 0.03  # metres that legs may be in the block: with no change made for it, and at all
-LOWER, LOWERINGS = 0.92, 4  # share of its height to which a block that is in the way is lowered, and how often
+LOWER, LOWERINGS = (
+    0.92,
+    4,
+)  # share of its height to which a block that is in the way is lowered, and how often
 # What is tried of a manner, one after the other, until the legs are clear.
 CHOICES = (
     ("before", (OFF_EDGE, 0.12, 0.2)),
@@ -39,8 +42,9 @@ WALL_CHOICES = 2 * (
 
 @dataclass(frozen=True)
 class Manner:
-    """How an edge is crossed: what the feet keep off it ``before`` and ``beyond`` it, metres, how far the hips ``wait`` behind
-    the foot that follows, metres, and how ``early`` they rise, as a share of what lies between the landings; how much they
+    """How an edge is crossed: what the feet keep off it ``before`` and ``beyond`` it, metres, how far the
+    hips ``wait`` behind the foot that follows, metres, and how ``early`` they rise, as a share of what lies
+    between the landings; how much they
     ``rise`` over a wall, as a share of its height, and how far knees ``splay`` in swings over it, radians.
     """  # fmt: skip
 
@@ -53,12 +57,16 @@ class Manner:
 
     def effort(self) -> float:
         """How much the climb is changed, to weigh against metres in the block."""
-        return 0.02 * (self.before + self.beyond - 2 * OFF_EDGE + abs(self.wait)) + 0.003 * (self.early + self.splay)
+        return 0.02 * (self.before + self.beyond - 2 * OFF_EDGE + abs(self.wait)) + 0.003 * (
+            self.early + self.splay
+        )
 
 
 @dataclass
 class ClimbEpisode:
-    """One climb: its object, the command that asks for it, and its crossings of edges (up and down, or one over a wall)."""
+    """One climb: its object, the command that asks for it, and its crossings of edges (up and down, or one
+    over a wall).
+    """
 
     piece: Furniture
     block: Block
@@ -75,7 +83,8 @@ class ClimbEpisode:
         roots = np.array(session.tape.roots)
         inside = self.block.holds(roots, 0.25)
         inside[self.start : self.end] = False
-        # On the way there and away one comes near only where one climbs; a wall is stepped over, not walked around.
+        # On the way there and away one comes near only where one climbs; a wall is stepped over, not walked
+        # around.
         on_way = self.block.holds(roots[self.start : self.up.lift], 0.0).any()
         return not inside.any() and not on_way
 
@@ -83,7 +92,13 @@ class ClimbEpisode:
         """Label the climb."""
         for crossing in (self.up, self.down):
             if crossing is not None:
-                motion.ramp(CLIMB, crossing.lift - 6, crossing.lift + 3, max(crossing.both - 2, crossing.lift + 4), crossing.both + 6)
+                motion.ramp(
+                    CLIMB,
+                    crossing.lift - 6,
+                    crossing.lift + 3,
+                    max(crossing.both - 2, crossing.lift + 4),
+                    crossing.both + 6,
+                )
 
     def finish(self, motion: Motion) -> None:
         """Move the feet off the edges, raise them and the hips, and say where the climb ends."""
@@ -99,26 +114,35 @@ class ClimbEpisode:
             fitted, depth = self._clearest(motion, first, last)
         motion.hips[span], motion.rotations[span] = fitted
         at = slice(self.stand, self.stand + 8)
-        place = np.append(motion.hips[at, :2].mean(0), 0.0 if self.down is None else self.block.height).astype(np.float32)
+        place = np.append(
+            motion.hips[at, :2].mean(0), 0.0 if self.down is None else self.block.height
+        ).astype(np.float32)
         frame, heading = motion.commands[self.mark].frame, float(np.mean(motion.headings[at]))
         motion.commands[self.mark] = TimedCommand(frame, "idle+walk", place, heading, len(motion.things))
         motion.things.append(Thing.standing(self.piece, self.block.position, self.block.heading))
 
     def _clearest(self, motion: Motion, first: int, last: int) -> tuple[tuple[Array, Array], float]:
-        """Hips and rotations of the frames, climbing in the manner that keeps the legs best out of the block; and how deep they are."""
+        """Hips and rotations of the frames, climbing in the manner that keeps the legs best out of the block;
+        and how deep they are.
+        """
         fits: dict[Manner, tuple[float, tuple[Array, Array]]] = {}
 
         def depth(manner: Manner) -> float:
             if manner not in fits:
                 fitted = self._fitted(motion, first, last, manner)
-                fits[manner] = float(leg_depths(*fitted, self.block)[self.start - first : self.end - first].max()), fitted
+                fits[manner] = (
+                    float(leg_depths(*fitted, self.block)[self.start - first : self.end - first].max()),
+                    fitted,
+                )
             return fits[manner][0]
 
         best = Manner()
         for name, values in WALL_CHOICES if self.down is None else CHOICES:
             if depth(best) < CLEAR:
                 break
-            best = min((replace(best, **{name: v}) for v in values), key=lambda m: max(depth(m), CLEAR) + m.effort())
+            best = min(
+                (replace(best, **{name: v}) for v in values), key=lambda m: max(depth(m), CLEAR) + m.effort()
+            )
         return fits[best][1], fits[best][0]
 
     def _fitted(self, motion: Motion, first: int, last: int, manner: Manner) -> tuple[Array, Array]:
@@ -130,7 +154,10 @@ class ClimbEpisode:
         top = np.zeros(len(holds), bool)
         early = manner.early * (a.both - a.landing)
         if b is None:
-            ascents = [Ascent(a.lift, a.landing - early, manner.rise * h), Ascent(a.follows + 2 + 2 * early, a.both + 6, -manner.rise * h)]
+            ascents = [
+                Ascent(a.lift, a.landing - early, manner.rise * h),
+                Ascent(a.follows + 2 + 2 * early, a.both + 6, -manner.rise * h),
+            ]
         else:
             top = np.array([a.landing - 2 <= x.first < b.landing - 2 for x in holds])
             ascents = [

@@ -20,7 +20,9 @@ TO_THE_EDGE = 0.12  # metres that the last foot on top comes nearer to the edge 
 
 @dataclass(frozen=True)
 class Foothold:
-    """One stay of a foot: ``side`` 0 right, 1 left; ``first`` and one past the ``last`` frame; toe joint (2,) and heading."""
+    """One stay of a foot: ``side`` 0 right, 1 left; ``first`` and one past the ``last`` frame; toe joint (2,)
+    and heading.
+    """
 
     side: int
     first: int
@@ -31,7 +33,9 @@ class Foothold:
 
 @dataclass(frozen=True)
 class Block:
-    """A block to climb on or over: centre (2,), metres, ``heading`` of its frame, ``half`` (2,) its sides, ``height``."""
+    """A block to climb on or over: centre (2,), metres, ``heading`` of its frame, ``half`` (2,) its sides,
+    ``height``.
+    """
 
     position: Array
     heading: float
@@ -48,7 +52,9 @@ class Block:
 
 
 def find_holds(toes: Array, headings: Array, on: Array) -> list[Foothold]:
-    """Holds in order of their landing, of toe joints (T, 2, 2 or more), foot headings (T, 2) and contacts (T, 2)."""
+    """Holds in order of their landing, of toe joints (T, 2, 2 or more), foot headings (T, 2) and contacts (T,
+    2).
+    """
     found = []
     for side in (0, 1):
         for a, b in intervals(on[:, side]):
@@ -58,7 +64,9 @@ def find_holds(toes: Array, headings: Array, on: Array) -> list[Foothold]:
 
 
 def shift_off_edges(holds: list[Foothold], on_top: Array, block: Block) -> Array:
-    """Least shifts (N, 2), metres, that put the soles of ``on_top`` (N,) holds on the block and keep the others off it."""
+    """Least shifts (N, 2), metres, that put the soles of ``on_top`` (N,) holds on the block and keep the
+    others off it.
+    """
     place, heading = np.array([h.place for h in holds]), np.array([h.heading for h in holds])
     at, ahead = block.local(place), heading_to_direction(heading - block.heading)
     ends = np.stack((at - HEEL * ahead, at + TIPS * ahead), axis=1)
@@ -81,7 +89,9 @@ def shift_off_edges(holds: list[Foothold], on_top: Array, block: Block) -> Array
 
 
 def place_feet(holds: list[Foothold], on_top: Array, block: Block) -> Array:
-    """Shifts (N, 2) of ``shift_off_edges``; the foot that is the last on top comes nearer to the edge it steps down from."""
+    """Shifts (N, 2) of ``shift_off_edges``; the foot that is the last on top comes nearer to the edge it
+    steps down from.
+    """
     shifts = shift_off_edges(holds, on_top, block)
     k, toward, gap = _short_of_edge(holds, on_top, shifts, block)
     if k >= 0:
@@ -90,14 +100,18 @@ def place_feet(holds: list[Foothold], on_top: Array, block: Block) -> Array:
 
 
 def draw_near(holds: list[Foothold], shifts: Array, chosen: list[int], block: Block) -> None:
-    """Let ``chosen`` holds beside the block come as near to it as feet stand, in place; their legs then need to reach less far."""
+    """Let ``chosen`` holds beside the block come as near to it as feet stand, in place; their legs then need
+    to reach less far.
+    """
     for k in chosen:
         toward, gap = _gap(holds[k], shifts[k], block)
         shifts[k] += np.clip(gap - OFF_EDGE, 0, TO_THE_EDGE) * toward
 
 
 def set_off(holds: list[Foothold], shifts: Array, k: int, block: Block, gap: float) -> None:
-    """Keep hold ``k`` beside the block at least ``gap`` metres off it, in place: its knee has room to come forward."""
+    """Keep hold ``k`` beside the block at least ``gap`` metres off it, in place: its knee has room to come
+    forward.
+    """
     toward, now = _gap(holds[k], shifts[k], block)
     shifts[k] -= max(gap - now, 0.0) * toward
 
@@ -118,7 +132,9 @@ def short_of_edge(holds: list[Foothold], on_top: Array, block: Block) -> float:
     return _short_of_edge(holds, on_top, shift_off_edges(holds, on_top, block), block)[2] - TO_THE_EDGE
 
 
-def _short_of_edge(holds: list[Foothold], on_top: Array, shifts: Array, block: Block) -> tuple[int, Array, float]:
+def _short_of_edge(
+    holds: list[Foothold], on_top: Array, shifts: Array, block: Block
+) -> tuple[int, Array, float]:
     last = np.flatnonzero(on_top)[-1:]
     if len(last) and last[0] + 1 < len(holds):
         k = int(last[0])
@@ -140,7 +156,9 @@ def pose_holds(positions: Array, world: Array, on: Array) -> list[Foothold]:
 
 @dataclass(frozen=True)
 class Crossing:
-    """A change of level in frames: the leading foot's lift-off and landing, the other foot's lift-off and landing."""
+    """A change of level in frames: the leading foot's lift-off and landing, the other foot's lift-off and
+    landing.
+    """
 
     lift: int
     landing: int
@@ -153,7 +171,9 @@ class Crossing:
 
 
 def crossing_at(holds: list[Foothold], lead: int) -> Crossing | None:
-    """The crossing in which hold ``lead`` is the first beyond the edge; None where the feet do not take turns there."""
+    """The crossing in which hold ``lead`` is the first beyond the edge; None where the feet do not take turns
+    there.
+    """
     h = holds[lead]
     own = [x for x in holds[:lead] if x.side == h.side]
     other = [x for x in holds if x.side != h.side]

@@ -1,4 +1,6 @@
-"""Raise a level walk onto a block or over it: swings clear its edges, hips rise and sink with the feet, backs lean."""
+"""Raise a level walk onto a block or over it: swings clear its edges, hips rise and sink with the feet, backs
+lean.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,14 @@ import numpy as np
 from nsm_core.body.contacts import ANKLES, HEEL_FROM_ANKLE, LEGS, TOE_OFFSET, TOES
 from nsm_core.body.ik.two_bone import leg_reach, place_limbs
 from nsm_core.body.skeleton import END_SITES, HIPS, INDEX, TOE_HEIGHT, forward_kinematics
-from nsm_core.rotations import Array, quat_conjugate, quat_from_axis_angle, quat_mul, quat_rotate, rotate_planar
+from nsm_core.rotations import (
+    Array,
+    quat_conjugate,
+    quat_from_axis_angle,
+    quat_mul,
+    quat_rotate,
+    rotate_planar,
+)
 from nsm_core.signals import smooth_step
 
 from .clearance import crosses, shin_depth, splayed
@@ -20,14 +29,27 @@ MAX_FLEXION = np.radians(32)  # how far a shin leans forward over its flat foot
 SHRINKS = 2  # rounds in which the hips give way to a knee in the block
 HIGHEST_LIFT = 0.5  # metres that a swing is raised at most
 # When in a swing the level changes, shares of its duration.
-CHANGES = ((0.0, 1.0), (0.0, 0.6), (0.0, 0.8), (0.1, 0.7), (0.2, 0.8), (0.3, 0.9), (0.4, 1.0), (0.2, 1.0), (0.5, 1.0), (0.0, 0.5))
+CHANGES = (
+    (0.0, 1.0),
+    (0.0, 0.6),
+    (0.0, 0.8),
+    (0.1, 0.7),
+    (0.2, 0.8),
+    (0.3, 0.9),
+    (0.4, 1.0),
+    (0.2, 1.0),
+    (0.5, 1.0),
+    (0.0, 0.5),
+)
 _TIP = np.array(END_SITES["RightToe"])
 _HEEL_FROM_TOE = HEEL_FROM_ANKLE - TOE_OFFSET
 
 
 @dataclass(frozen=True)
 class Ascent:
-    """What happens to the height of the hips: from frame ``first`` to ``last`` it changes by ``by`` metres."""
+    """What happens to the height of the hips: from frame ``first`` to ``last`` it changes by ``by``
+    metres.
+    """
 
     first: float
     last: float
@@ -50,10 +72,10 @@ def climb(
 ) -> tuple[Array, Array]:
     """Fit a level motion (T, ...) with locked feet to a block; return new hips and local rotations.
 
-    ``on`` (T, 2) contacts; ``holds`` all holds of the motion, whether each is ``on_top``, and ``shifts`` (N, 2) of those that
-    begin within the frames ``span``.  ``lean`` (T,) radians bends the spine forward; ``sway`` (T, 2), metres, moves the hips aside;
-    ``splay`` radians turns the knees outward in swings over the block.
-    """  # fmt: skip
+    ``on`` (T, 2) contacts; ``holds`` all holds of the motion, whether each is ``on_top``, and ``shifts`` (N,
+    2) of those that begin within the frames ``span``.  ``lean`` (T,) radians bends the spine forward;
+    ``sway`` (T, 2), metres, moves the hips aside; ``splay`` radians turns the knees outward in swings over
+    the block.  """  # fmt: skip
     within = np.array([span[0] <= h.first < span[1] for h in holds])
     shifts = np.where(within[:, None], shifts, 0)
     first = min((h.first for h, w in zip(holds, within, strict=True) if w), default=span[0])
@@ -103,12 +125,18 @@ def climb(
         raised, feet, result = toes + moved, flat.copy(), rotations.astype(np.float64)
         for _ in range(2):
             targets = raised - quat_rotate(feet, TOE_OFFSET)
-            result[changed] = place_limbs(stood[changed], result[changed], LEGS, targets[changed], feet[changed])
+            result[changed] = place_limbs(
+                stood[changed], result[changed], LEGS, targets[changed], feet[changed]
+            )
             up = _heels_up(result[changed])
             feet[changed] = quat_mul(feet[changed], up)
             # Toes stay flat where the heel comes up.
-            result[changed, TOES[0] : TOES[0] + 1] = quat_mul(quat_conjugate(up[:, :1]), result[changed, TOES[0] : TOES[0] + 1])
-            result[changed, TOES[1] : TOES[1] + 1] = quat_mul(quat_conjugate(up[:, 1:]), result[changed, TOES[1] : TOES[1] + 1])
+            result[changed, TOES[0] : TOES[0] + 1] = quat_mul(
+                quat_conjugate(up[:, :1]), result[changed, TOES[0] : TOES[0] + 1]
+            )
+            result[changed, TOES[1] : TOES[1] + 1] = quat_mul(
+                quat_conjugate(up[:, 1:]), result[changed, TOES[1] : TOES[1] + 1]
+            )
         back = _shrink_back(stood[changed], result[changed], block)
         if attempt == rounds or np.abs(back).max() < 0.01:
             break
@@ -126,27 +154,42 @@ def _shrink_back(hips: Array, rotations: Array, block: Block) -> Array:
             local, foot = block.local(point[:, :2]), block.local(positions[:, ankle, :2])
             # Back to the side on which the foot is; a foot on top has none.
             off = np.abs(foot) - block.half
-            beside = block.half + 0.05 - np.where(off.max(1, keepdims=True) > 0, np.sign(foot) * local, np.abs(local))
+            beside = (
+                block.half
+                + 0.05
+                - np.where(off.max(1, keepdims=True) > 0, np.sign(foot) * local, np.abs(local))
+            )
             axis = np.where(off.max(1) > 0, off.argmax(1), beside.argmin(1))
             inside = (np.abs(local) < block.half + 0.05).all(1) | (off.max(1) > 0) & (beside > 0).all(1)
-            depth = np.minimum(beside[t, axis], 2 * (block.height + 0.02 - point[:, 2])).clip(0, 0.15) * inside
+            depth = (
+                np.minimum(beside[t, axis], 2 * (block.height + 0.02 - point[:, 2])).clip(0, 0.15) * inside
+            )
             out = np.zeros_like(local)
-            out[t, axis] = 1.4 * depth * np.where(off.max(1) > 0, np.sign(foot[t, axis]), np.sign(local[t, axis]))
+            out[t, axis] = (
+                1.4 * depth * np.where(off.max(1) > 0, np.sign(foot[t, axis]), np.sign(local[t, axis]))
+            )
             need = np.where(np.abs(out) > np.abs(need), out, need)
-    return rotate_planar(_smooth(_widest(need.clip(0), 6) - _widest((-need).clip(0), 6), 8), np.full(len(need), block.heading))
+    return rotate_planar(
+        _smooth(_widest(need.clip(0), 6) - _widest((-need).clip(0), 6), 8), np.full(len(need), block.heading)
+    )
 
 
 def _widest(values: Array, half: int) -> Array:
     """Greatest of (T, n) within ``half`` frames to each side."""
-    return np.lib.stride_tricks.sliding_window_view(np.pad(values, ((half, half), (0, 0)), mode="edge"), 2 * half + 1, axis=0).max(-1)
+    return np.lib.stride_tricks.sliding_window_view(
+        np.pad(values, ((half, half), (0, 0)), mode="edge"), 2 * half + 1, axis=0
+    ).max(-1)
 
 
-def _swing(toe: Array, feet: Array, before: Array, after: Array, block: Block, hip: Array, ahead: Array) -> Array:
+def _swing(
+    toe: Array, feet: Array, before: Array, after: Array, block: Block, hip: Array, ahead: Array
+) -> Array:
     """Offsets (n, 3) of a swing of n frames between the offsets of two holds, high enough over the block.
 
-    ``toe`` (n + 2, 3) as it swung over the level floor, with the last frame of the hold before and the first of that after;
-    ``feet`` (n, 4) its rotations; ``hip`` (n, 3) the joint of the leg and ``ahead`` (n, 3) where the body faces.  Of a family of
-    paths the lowest and calmest is taken that keeps sole and shin off the block.
+    ``toe`` (n + 2, 3) as it swung over the level floor, with the last frame of the hold before and the first
+    of that after; ``feet`` (n, 4) its rotations; ``hip`` (n, 3) the joint of the leg and ``ahead`` (n, 3)
+    where the body faces.  Of a family of paths the lowest and calmest is taken that keeps sole and shin off
+    the block.
     """
     n = len(feet)
     u = (np.arange(n) + 1) / (n + 1)
@@ -183,10 +226,17 @@ def _swing(toe: Array, feet: Array, before: Array, after: Array, block: Block, h
     if crossing:
         at = toe[1:-1] - quat_rotate(feet, TOE_OFFSET)
         ankle = np.concatenate(
-            (np.broadcast_to(block.local(at[:, :2] + flat)[:, None, None, None], z.shape + (2,)), (at[:, 2] + z)[..., None]), -1
+            (
+                np.broadcast_to(block.local(at[:, :2] + flat)[:, None, None, None], z.shape + (2,)),
+                (at[:, 2] + z)[..., None],
+            ),
+            -1,
         )
         hip, ahead = hip.copy(), ahead.copy()
-        hip[:, :2], ahead[:, :2] = block.local(hip[:, :2]), rotate_planar(ahead[:, :2], np.full(n, -block.heading))
+        hip[:, :2], ahead[:, :2] = (
+            block.local(hip[:, :2]),
+            rotate_planar(ahead[:, :2], np.full(n, -block.heading)),
+        )
         cost = cost + 4 * shin_depth(hip, ankle, ahead, block).max(-1)
     d, c, s, e = np.unravel_index(int(cost.argmin()), cost.shape)
     return np.concatenate((flat[d], z[d, c, s, e][:, None]), axis=1)
@@ -207,7 +257,9 @@ def _lowering(hips: Array, before: Array, targets: Array, on: Array) -> Array:
 
 
 def _heels_up(rotations: Array) -> Array:
-    """Turns (T, 2, 4) of the feet, in their frames, that raise heels where a shin leans further over its foot than ankles bend."""
+    """Turns (T, 2, 4) of the feet, in their frames, that raise heels where a shin leans further over its foot
+    than ankles bend.
+    """
     ankle = rotations[:, ANKLES]
     # The ankle's own bend about the foot's side axis: toes up is positive.
     bend = 2 * np.arctan2(ankle[..., 1], np.abs(ankle[..., 0])) * np.sign(ankle[..., 0] + 1e-12)
@@ -219,11 +271,16 @@ def _smooth(values: Array, half: int) -> Array:
     """Average (T, n) over time with a Hann window of ``half`` frames to each side."""
     window = np.hanning(2 * half + 3)[1:-1]
     padded = np.pad(values, ((half, half), (0, 0)), mode="edge")
-    return np.stack([np.convolve(padded[:, k], window / window.sum(), mode="valid") for k in range(values.shape[1])], axis=-1)
+    return np.stack(
+        [np.convolve(padded[:, k], window / window.sum(), mode="valid") for k in range(values.shape[1])],
+        axis=-1,
+    )
 
 
 def _leaned(rotations: Array, lean: Array) -> Array:
-    """Bend the spine forward by ``lean`` (T,) radians, spread over its joints; the head takes half of it back."""
+    """Bend the spine forward by ``lean`` (T,) radians, spread over its joints; the head takes half of it
+    back.
+    """
     rotations = rotations.astype(np.float64)
     where = np.flatnonzero(np.abs(lean) > 1e-4)
     for name, share in (("Chest", 0.4), ("Chest2", 0.3), ("Chest3", 0.3), ("Neck", -0.25), ("Head", -0.25)):

@@ -1,7 +1,7 @@
 """Opening doors: walk to the handle, take it, push or pull the leaf and walk through the opening.
 
-No captured door is used: the ways are captured walks and steps, the hand is led by inverse kinematics, the trunk leans where the
-arm is too short, and the leaf turns as the hand moves it.
+No captured door is used: the ways are captured walks and steps, the hand is led by inverse kinematics, the
+trunk leans where the arm is too short, and the leaf turns as the hand moves it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,10 @@ from .leaf_motion import Doorway, Turning, turn
 from .ways import joints_from, step_back, straight_on
 
 NAME = "open"
-KEEP_OFF, SQUEEZE = 0.32, 0.2  # metres that roots keep off the wall and the leaf on the way, and in the doorway
+KEEP_OFF, SQUEEZE = (
+    0.32,
+    0.2,
+)  # metres that roots keep off the wall and the leaf on the way, and in the doorway
 OTHERS_OFF = 0.8  # metres between the wall and the middle of what other actions are done with
 RETURN = 16  # frames in which a hand comes back
 DEEPEST, ASTRAY = 0.02, 0.01  # metres: of the body in leaf or wall, and of the wrist from the handle it holds
@@ -46,7 +49,9 @@ def segments(folder: CaptureFolder) -> list[Segment]:
 
 @dataclass
 class OpenEpisode:
-    """One passage of a door: its frames on the tape and the commands that ask for it (``pull`` -1 for a push)."""
+    """One passage of a door: its frames on the tape and the commands that ask for it (``pull`` -1 for a
+    push).
+    """
 
     door: Door
     leaf: Leaf
@@ -71,13 +76,17 @@ class OpenEpisode:
         narrow = (n >= self.start) & (n < self.passed + 45)
         margin = np.where(narrow, SQUEEZE, KEEP_OFF)
         others = [place for e in session.episodes if e is not self for place, _ in e.places]
-        if (self._off_wall(at) < margin).any() or (others and (self._off_wall(self.doorway.local(np.array(others))) < OTHERS_OFF).any()):
+        if (self._off_wall(at) < margin).any() or (
+            others and (self._off_wall(self.doorway.local(np.array(others))) < OTHERS_OFF).any()
+        ):
             return False
         assert self.plan is not None
         shut, wide = at[: self.start], at[self.passed :]
         return not (
             (_off_leaf(shut, 0.0, self.door.width) < KEEP_OFF).any()
-            or (_off_leaf(wide, self._signed(self.plan.angles[-1]), self.door.width) < margin[self.passed :]).any()
+            or (
+                _off_leaf(wide, self._signed(self.plan.angles[-1]), self.door.width) < margin[self.passed :]
+            ).any()
         )
 
     def _off_wall(self, at: Array) -> Array:
@@ -87,7 +96,9 @@ class OpenEpisode:
         return np.linalg.norm(np.maximum(np.maximum(lo - own, own - hi), 0), axis=-1).min(axis=0)
 
     def opens(self, joints: Array, pressed: int, backed: int, rng: np.random.Generator) -> bool:
-        """Plan how the leaf turns from frame ``pressed`` after the start on; False where ``joints`` (T, 23, 3) do not fit the door."""
+        """Plan how the leaf turns from frame ``pressed`` after the start on; False where ``joints`` (T, 23,
+        3) do not fit the door.
+        """
         at = self.doorway.local(joints[..., :2])
         beyond = np.flatnonzero(at[:, 0, 1] > 0.35)
         if not len(beyond):
@@ -115,13 +126,21 @@ class OpenEpisode:
         """How far the leaf is open in each of ``count`` frames of the take."""
         assert self.plan is not None
         a = self.plan.angles
-        return np.concatenate((np.zeros(self.start), a, np.full(max(count - self.start - len(a), 0), a[-1])))[:count]
+        return np.concatenate((np.zeros(self.start), a, np.full(max(count - self.start - len(a), 0), a[-1])))[
+            :count
+        ]
 
     def fit(self, motion: Motion) -> None:
         """Label the passage, put wall and leaf there and tell the commands; the body stays."""
         motion.ramp(OPEN, self.start, self.grip, self.released, self.released + RETURN)
         motion.contacts[self.grip : self.released, HAND_CONTACTS[self.way.hand]] = 1
-        motion.phase_keys += [self.start, self.grip, *([self.backed] if self.pull >= 0 else []), self.released, self.released + RETURN]
+        motion.phase_keys += [
+            self.start,
+            self.grip,
+            *([self.backed] if self.pull >= 0 else []),
+            self.released,
+            self.released + RETURN,
+        ]
         motion.obstacles.append(Placed(self.door.wall, self.leaf.pose[:2].copy(), self.leaf.closed))
         count, heading, number = len(motion), self.way.heading, len(motion.things)
         poses = np.repeat(self.leaf.pose[None], count, axis=0)
@@ -130,46 +149,66 @@ class OpenEpisode:
         held[self.grip : self.released] = True
         motion.things.append(Thing(self.door.piece, poses, held))
         grip = self.leaf.grip(self.way.side, 0.0).astype(np.float32)
-        motion.commands[self.ask] = TimedCommand(motion.commands[self.ask].frame, "open", grip, heading, number)
-        for mark, action, place in ((self.pull, "idle+open", self.back), (self.through, "walk+open", self.beyond)):
+        motion.commands[self.ask] = TimedCommand(
+            motion.commands[self.ask].frame, "open", grip, heading, number
+        )
+        for mark, action, place in (
+            (self.pull, "idle+open", self.back),
+            (self.through, "walk+open", self.beyond),
+        ):
             if mark >= 0:
                 there = np.append(place, 0).astype(np.float32)
-                motion.commands[mark] = TimedCommand(motion.commands[mark].frame, action, there, heading, number)
+                motion.commands[mark] = TimedCommand(
+                    motion.commands[mark].frame, action, there, heading, number
+                )
 
     def finish(self, motion: Motion) -> None:
-        """Lead the hand to the handle, with it and back; a take in which it slips or the body touches the door is spoilt."""
+        """Lead the hand to the handle, with it and back; a take in which it slips or the body touches the
+        door is spoilt.
+        """
         end = min(self.released + RETURN, len(motion))
         span = slice(self.start, end)
         hips, rotations = motion.hips[span].astype(np.float64), motion.rotations[span].astype(np.float64)
         angles = self.angles(len(motion))
         grips = np.stack([self.leaf.grip(self.way.side, a) for a in angles[span]])
         t = np.arange(self.start, end)
-        weight = ease((t - self.start) / (self.grip - self.start)) * (1 - ease((t - self.released + 1) / RETURN))
+        weight = ease((t - self.start) / (self.grip - self.start)) * (
+            1 - ease((t - self.released + 1) / RETURN)
+        )
         target = self._let_go(motion, grips, span)
         rotations = lean_to(hips, rotations, self.way.hand, grips, weight)
         turned = self.leaf.closed + self.leaf.swing * angles[span]
-        normal, along = (rotate_planar(np.broadcast_to(v, grips.shape), turned) for v in ((0, self.way.side, 0.0), (-0.5, 0, 0)))
+        normal, along = (
+            rotate_planar(np.broadcast_to(v, grips.shape), turned)
+            for v in ((0, self.way.side, 0.0), (-0.5, 0, 0))
+        )
         rotations = lead_hand(hips, rotations, self.way.hand, target, weight, normal, along)
         motion.rotations[span] = rotations
         if np.isfinite(motion.hips).all() and not self._sound(motion, angles, grips):
             motion.hips[:] = np.nan  # the composer drops what is not finite
 
     def _let_go(self, motion: Motion, grips: Array, span: slice) -> Array:
-        """Where the hand goes (T, 3): with the grip while it holds; afterwards it stays where it was as seen by the body."""
+        """Where the hand goes (T, 3): with the grip while it holds; afterwards it stays where it was as seen
+        by the body.
+        """
         target = grips.copy()
         last = self.released - 1 - self.start
         if last + 1 < len(target):
             root, heading = motion.roots[span], motion.headings[span]
             n = len(target) - last - 1
             held = rotate_planar(grips[last] - np.append(root[last], 0), np.float64(-heading[last]))
-            before = rotate_planar(grips[last - 1] - np.append(root[last - 1], 0), np.float64(-heading[last - 1]))
+            before = rotate_planar(
+                grips[last - 1] - np.append(root[last - 1], 0), np.float64(-heading[last - 1])
+            )
             drift = (held - before) * 6 * (1 - np.exp(-np.arange(1, n + 1) / 6))[:, None]
             after = rotate_planar(held + drift, heading[last + 1 :])
             target[last + 1 :] = after + np.concatenate((root[last + 1 :], np.zeros((n, 1))), axis=1)
         return target
 
     def _sound(self, motion: Motion, angles: Array, grips: Array) -> bool:
-        """Whether the wrist keeps to the handle while it holds and the rest of the body out of leaf and wall."""
+        """Whether the wrist keeps to the handle while it holds and the rest of the body out of leaf
+        and wall.
+        """
         span = slice(self.start, min(self.passed + 30, len(motion)))
         hips, rotations = motion.hips[span], motion.rotations[span]
         centres, radii = thin_spheres(hips, rotations)
@@ -184,7 +223,9 @@ class OpenEpisode:
         local = rotate_planar(local, -np.repeat(turned[:, None], local.shape[1], axis=1))
         near = np.linalg.norm(centres - wrist[:, None], axis=-1) < 0.2
         for query, points in ((wall, centres), (panel, local)):
-            distance = query.signed_distance(points.reshape(-1, 3).astype(np.float32), 0.3).reshape(near.shape)
+            distance = query.signed_distance(points.reshape(-1, 3).astype(np.float32), 0.3).reshape(
+                near.shape
+            )
             depth = np.where(near & (query is panel), 0, radii - distance)
             if depth.max() > DEEPEST:
                 return False
@@ -198,7 +239,9 @@ def _off_leaf(at: Array, angle: float, width: float) -> Array:
 
 
 def lay(session: Session) -> OpenEpisode | None:
-    """Walk to a free place, put a door before it, open it and pass; at the end stand on the far side or be led on."""
+    """Walk to a free place, put a door before it, open it and pass; at the end stand on the far side or be
+    led on.
+    """
     rng, tape = session.rng, session.tape
     target = session.free_place(*OPENS.place, 0.3)
     if target is None:
@@ -229,16 +272,31 @@ def lay(session: Session) -> OpenEpisode | None:
         return None
     joints = joints_from(session, start)
     drawn = session.pool.door_like(rng)
-    measures = drawn or {"width": float(rng.uniform(*OPENS.width)), "handle_height": float(rng.uniform(*OPENS.handle_height))}
+    measures = drawn or {
+        "width": float(rng.uniform(*OPENS.width)),
+        "handle_height": float(rng.uniform(*OPENS.handle_height)),
+    }
     measures["handle_height"] = max(measures["handle_height"], OPENS.handle_height[0])
     for attempt in range(OPENS.doors):
         episode = _door_before(session, start, push, measures if attempt < OPENS.insists else None)
-        episode.ask, episode.pull, episode.through, episode.start, episode.grip = ask, pull, through, start, grip
+        episode.ask, episode.pull, episode.through, episode.start, episode.grip = (
+            ask,
+            pull,
+            through,
+            start,
+            grip,
+        )
         if not episode.opens(joints, pressed - start, backed - start, rng):
             continue
         if push or episode.plan.angles[opened] > OPENED:
-            episode.backed, episode.back, episode.beyond = backed, tape.roots[backed - 1].copy(), tape.roots[-1].copy()
-            early = max(episode.passed + int(rng.integers(*OPENS.led_on_after)), episode.released + RETURN + 2)
+            episode.backed, episode.back, episode.beyond = (
+                backed,
+                tape.roots[backed - 1].copy(),
+                tape.roots[-1].copy(),
+            )
+            early = max(
+                episode.passed + int(rng.integers(*OPENS.led_on_after)), episode.released + RETURN + 2
+            )
             if rng.random() < OPENS.led_on:
                 tape.trim(min(early, len(tape)))  # what is asked next is asked before one stands
             return episode
@@ -246,7 +304,9 @@ def lay(session: Session) -> OpenEpisode | None:
 
 
 def _door_before(session: Session, start: int, push: bool, measures: dict[str, float] | None) -> OpenEpisode:
-    """Put a door, of ``measures`` or any of the pool, so that its handle is reached from where frame ``start`` stands, about."""
+    """Put a door, of ``measures`` or any of the pool, so that its handle is reached from where frame
+    ``start`` stands, about.
+    """
     rng, tape = session.rng, session.tape
     walls = {name: float(rng.uniform(*OPENS.wall)) for name in ("near", "far")}
     door = session.pool.draw_door(rng, **walls) if measures is None else make_door(rng, **measures | walls)

@@ -1,4 +1,6 @@
-"""How a leaf turns while a body passes: led by a hand that stays within reach, clear of the body, then left to swing on."""
+"""How a leaf turns while a body passes: led by a hand that stays within reach, clear of the body, then left
+to swing on.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,10 @@ from nsm_core.world.scene.props import Leaf
 from .draws import OPENS
 
 ANGLES = np.radians(np.arange(0, 111.0, 2))  # angles of the leaf that are weighed against one another
-REACH, FURTHEST = 0.62, 0.7  # metres from shoulder to wrist: of an arm alone, and of one that the trunk's lean helps
+REACH, FURTHEST = (
+    0.62,
+    0.7,
+)  # metres from shoulder to wrist: of an arm alone, and of one that the trunk's lean helps
 HASTES = (1.0, 1.35, 1.8)  # how much of a shove a leaf is given so that it keeps ahead of the body
 FOLDED = 0.33  # metres from shoulder to wrist under which an arm gets in its own way
 CLEAR = 0.02  # metres that the body keeps off the leaf
@@ -57,7 +62,9 @@ class Doorway:
         return np.stack((x * c + out * s, x * s - out * c, np.broadcast_to(z, np.shape(angles))), axis=-1)
 
     def clearance(self, joints: Array, panel: float) -> Array:
-        """Metres (T, K) between the body's joints (T, J, 3), world, and the leaf, ``panel`` metres thick, at each of ``ANGLES``."""
+        """Metres (T, K) between the body's joints (T, J, 3), world, and the leaf, ``panel`` metres thick, at
+        each of ``ANGLES``.
+        """
         held = {ARMS[self.way.hand][1], ARMS[self.way.hand][2]}
         parts = [(INDEX[name], radius) for name, radius in _BODY.items() if INDEX[name] not in held]
         radii = np.array([radius for _, radius in parts], np.float32)[None, :, None] + np.float32(panel / 2)
@@ -65,7 +72,10 @@ class Doorway:
         result = np.full((len(p), len(ANGLES)), 9.0, np.float32)
         near = np.flatnonzero((np.abs(p[:, 0]).max(axis=1) < 1.6) & (p[:, 0, 1] < 1.2))
         u, v = p[near, :, 0, None], p[near, :, 1, None]
-        c, s = np.cos(ANGLES, dtype=np.float32), np.sin(ANGLES, dtype=np.float32) * np.float32(1 if self.way.push else -1)
+        c, s = (
+            np.cos(ANGLES, dtype=np.float32),
+            np.sin(ANGLES, dtype=np.float32) * np.float32(1 if self.way.push else -1),
+        )
         beside, on = np.abs(v * c - u * s), u * c + v * s
         over = np.maximum(on - np.float32(self.leaf.width), 0) + np.minimum(on, 0)
         result[near] = (np.sqrt(beside * beside + over * over) - radii).min(axis=1)
@@ -73,7 +83,8 @@ class Doorway:
 
 
 def swing_on(angle: float, speed: float, end: float, count: int, haste: float = 1.0) -> Array:
-    """Angles (count,) of a leaf let go at ``angle`` with ``speed`` (radians per frame) that comes to rest at ``end``.
+    """Angles (count,) of a leaf let go at ``angle`` with ``speed`` (radians per frame) that comes to rest at
+    ``end``.
 
     ``haste`` over 1 is the shove it is given: it swings faster before it slows down.
     """
@@ -83,11 +94,14 @@ def swing_on(angle: float, speed: float, end: float, count: int, haste: float = 
     return angle + way * (10 * x**3 - 15 * x**4 + 6 * x**5) + speed * n * (x - 6 * x**3 + 8 * x**4 - 3 * x**5)
 
 
-def turn(door: Doorway, joints: Array, start: int, panel: float, backed: int, rng: np.random.Generator) -> Turning | None:
-    """Let a hand open the leaf while the body moves as ``joints`` (T, 23, 3), world; None where arm or body forbid it.
+def turn(
+    door: Doorway, joints: Array, start: int, panel: float, backed: int, rng: np.random.Generator
+) -> Turning | None:
+    """Let a hand open the leaf while the body moves as ``joints`` (T, 23, 3), world; None where arm or body
+    forbid it.
 
-    The leaf rests up to frame ``start``.  A push keeps it as far ahead as the arm reaches; a pull keeps the arm stretched and
-    draws the leaf past when the body has stepped back, at frame ``backed``.
+    The leaf rests up to frame ``start``.  A push keeps it as far ahead as the arm reaches; a pull keeps the
+    arm stretched and draws the leaf past when the body has stepped back, at frame ``backed``.
     """
     shoulder = door.local(joints[:, ARMS[door.way.hand][0]])
     spans = np.linalg.norm(shoulder[:, None] - door.grips(ANGLES)[None], axis=-1)
@@ -117,10 +131,15 @@ def turn(door: Doorway, joints: Array, start: int, panel: float, backed: int, rn
     angles[: start + 1] = 0
     let_go = np.radians(rng.uniform(*(OPENS.let_go_pushed if push else OPENS.let_go_pulled)))
     own = np.linalg.norm(shoulder - door.grips(angles), axis=-1)
-    done = np.flatnonzero((t > start + 5) & ((angles >= let_go) | (own > FURTHEST) | (own < FOLDED) & (t > start + 15) | (t > count - 25)))
+    done = np.flatnonzero(
+        (t > start + 5)
+        & ((angles >= let_go) | (own > FURTHEST) | (own < FOLDED) & (t > start + 15) | (t > count - 25))
+    )
     # A hand lets go once the leaf hardly moves any more.
     released = int(done[0]) - 1 if len(done) else count - 25
-    slow = np.flatnonzero((t > start + 15) & (t <= released) & (angles > np.radians(35)) & (np.gradient(angles) < 0.004))
+    slow = np.flatnonzero(
+        (t > start + 15) & (t <= released) & (angles > np.radians(35)) & (np.gradient(angles) < 0.004)
+    )
     if len(slow):
         released = int(slow[0])
     if angles[released] < np.radians(35):

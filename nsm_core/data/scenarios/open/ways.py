@@ -18,13 +18,16 @@ from .draws import OPENS
 def step_back(session: Session, heading: float) -> bool:
     """Step straight back with the face to the door at ``heading``; False where that failed."""
     rng, here = session.rng, session.tape.roots[-1]
-    way = np.linspace(0, PULL_BACK + rng.uniform(*OPENS.further_back), 24)[:, None] * -heading_to_direction(np.array(heading))
+    way = np.linspace(0, PULL_BACK + rng.uniform(*OPENS.further_back), 24)[:, None] * -heading_to_direction(
+        np.array(heading)
+    )
     course = Course(here + way, heading, float(rng.uniform(*OPENS.back_speed)), 100.0, 1.0, 0.8)
     return session.follow(course)
 
 
 def straight_on(session: Session, root: Array, heading: float) -> bool:
-    """Walk straight on to the far side of a door, at the pace of one who opens it, and stand there; False where that failed.
+    """Walk straight on to the far side of a door, at the pace of one who opens it, and stand there; False
+    where that failed.
 
     ``root`` (2,) is where one stands to take its handle.
     """

@@ -1,4 +1,6 @@
-"""Sitting: a captured sit-down stitched to the end of a walk, and the seat put under the hips that came to rest."""
+"""Sitting: a captured sit-down stitched to the end of a walk, and the seat put under the hips that came to
+rest.
+"""
 
 from __future__ import annotations
 
@@ -32,12 +34,18 @@ from .turn import swivel, turn_about_hips
 NAME = "sit"
 TUCKS = (0.0, 0.12, 0.24)  # shares by which feet may be drawn in while one turns on the seat
 SLIDES = (0.0, 0.05, 0.09)  # metres by which one may slide back on the seat in that turn
-IN_TABLE, BRUSH = 0.028, -0.012  # metres that the body may go into the table; of leg joints to the seat's surface
-_WALKERS = [INDEX[side + name] for side in ("Right", "Left") for name in ("Hip", "Knee", "Ankle", "Toe", "Wrist")]
+IN_TABLE, BRUSH = (
+    0.028,
+    -0.012,
+)  # metres that the body may go into the table; of leg joints to the seat's surface
+_WALKERS = [
+    INDEX[side + name] for side in ("Right", "Left") for name in ("Hip", "Knee", "Ankle", "Toe", "Wrist")
+]
 
 
 def segments(folder: CaptureFolder) -> list[Segment]:
-    """Captured sit-downs: stand at 0, seat reached at "down", left at "up", stand at the end; without any, nobody sits.
+    """Captured sit-downs: stand at 0, seat reached at "down", left at "up", stand at the end; without any,
+    nobody sits.
 
     "asked" is where a sidecar lets rising be asked for.
     """
@@ -69,7 +77,9 @@ class SitEpisode:
     back: int = 0  # frames in which one turns back before rising
     still: int = 0  # from here to ``leaving`` one rests
     goal: Array = field(default_factory=lambda: np.zeros(3))
-    aim: Array = field(default_factory=lambda: np.zeros(4))  # where the goal lies from the hips and their heading, see ``Segment``
+    aim: Array = field(
+        default_factory=lambda: np.zeros(4)
+    )  # where the goal lies from the hips and their heading, see ``Segment``
     facing: float = 0.0
     solid: Cuboids | None = None  # the seat in the world
 
@@ -86,20 +96,29 @@ class SitEpisode:
         inside[self.start : self.risen] = False
         if inside.any() or self.table is not None and _inside(roots, self.table, 0.15).any():
             return False
-        return self._legs_pass(session, np.flatnonzero(np.linalg.norm(roots - self.position, axis=1) < np.abs((lo, hi)).max() + 0.7))
+        return self._legs_pass(
+            session,
+            np.flatnonzero(np.linalg.norm(roots - self.position, axis=1) < np.abs((lo, hi)).max() + 0.7),
+        )
 
     def _legs_pass(self, session: Session, frames: Array) -> bool:
-        """Whether legs stay out of the seat in ``frames``, but for calves that brush its edge and the sit itself."""
+        """Whether legs stay out of the seat in ``frames``, but for calves that brush its edge and the sit
+        itself.
+        """
         tape, lib = session.tape, session.lib
         frames = frames[(frames < self.start + 5) | (frames > self.risen - 5)]
         poses = lib.pose[np.minimum(np.array(tape.frames)[frames].astype(int), len(lib) - 1)][:, _WALKERS]
         roots = np.insert(np.array(tape.roots)[frames], 2, 0.0, axis=1)
         world = rotate_planar(poses, np.array(tape.headings)[frames, None]) + roots[:, None]
         solid = furniture.cuboids([(self.piece, self.position, self.heading)])
-        return bool(solid.signed_distance(world.reshape(-1, 3).astype(np.float32), 0.1).min(initial=1.0) > BRUSH)
+        return bool(
+            solid.signed_distance(world.reshape(-1, 3).astype(np.float32), 0.1).min(initial=1.0) > BRUSH
+        )
 
     def fit(self, motion: Motion) -> None:
-        """Label the sit, bring it to its seat's height and to rest, and put the seat under it; the feet stay."""
+        """Label the sit, bring it to its seat's height and to rest, and put the seat under it; the
+        feet stay.
+        """
         motion.ramp(SIT, self.start, self.reached, self.rise, self.risen)
         motion.contacts[self.reached : self.rise, HIP_CONTACT] = 1
         motion.feet[self.start : self.risen] = True
@@ -117,14 +136,22 @@ class SitEpisode:
         motion.commands[self.mark] = TimedCommand(frame, "sit", goal, heading, len(motion.things))
         thing = self._stand(goal, heading, motion.rng.normal(0, SITS.off_place, 2))
         motion.things.append(thing)
-        self.goal, self.facing, self.solid = goal, heading, furniture.cuboids([(self.piece, thing.poses[:3], float(thing.poses[3]))])
+        self.goal, self.facing, self.solid = (
+            goal,
+            heading,
+            furniture.cuboids([(self.piece, thing.poses[:3], float(thing.poses[3]))]),
+        )
         lean_off(motion, slice(self.start, self.risen), self.solid)
         if self.piece.seat.arms:
             span = slice(self.start, self.risen)
-            motion.rotations = hands_on_arm_rests(motion.hips, motion.rotations, weight, span, self.piece, goal, heading)
+            motion.rotations = hands_on_arm_rests(
+                motion.hips, motion.rotations, weight, span, self.piece, goal, heading
+            )
 
     def finish(self, motion: Motion) -> None:
-        """Lift heels off high seats and hands off what is there, and push the table as far over the seat as the motion lets it."""
+        """Lift heels off high seats and hands off what is there, and push the table as far over the seat as
+        the motion lets it.
+        """
         lift_heels(motion, slice(self.start, self.risen), self.goal)
         near = slice(max(self.start - 30, 0), min(self.risen + 30, len(motion)))
         keep_hands_off(motion, near, self.solid)
@@ -136,25 +163,34 @@ class SitEpisode:
         return np.append(rotate_planar(self.aim[:2], np.float64(heading)), self.aim[2]).astype(np.float32)
 
     def estimate(self, root: Array, heading: float) -> None:
-        """Where the seat will stand, before anything is fitted, under a body whose ``root`` (2,) faces ``heading``."""
+        """Where the seat will stand, before anything is fitted, under a body whose ``root`` (2,) faces
+        ``heading``.
+        """
         seat = self.piece.seat
         self.heading = heading + self.aim[3] - seat.heading
-        self.position = root + self._aimed(heading)[:2] - rotate_planar(seat.point[:2], np.float64(self.heading))
+        self.position = (
+            root + self._aimed(heading)[:2] - rotate_planar(seat.point[:2], np.float64(self.heading))
+        )
 
     def _stand(self, goal: Array, heading: float, off: Array) -> Thing:
-        """The seat under hips at ``goal`` (3,) that face ``heading``, ``off`` (2,) metres from where they should be on it."""
+        """The seat under hips at ``goal`` (3,) that face ``heading``, ``off`` (2,) metres from where they
+        should be on it.
+        """
         turned = heading - self.piece.seat.heading
-        return Thing.standing(self.piece, goal[:2] - rotate_planar(self.piece.seat.point[:2] + off, turned), turned)
+        return Thing.standing(
+            self.piece, goal[:2] - rotate_planar(self.piece.seat.point[:2] + off, turned), turned
+        )
 
     def _heading(self, motion: Motion, frames: slice) -> float:
         headings = root_of(forward_kinematics(motion.hips[frames], motion.rotations[frames])[0])[1]
         return float(np.mean(np.unwrap(headings)))
 
     def _turn_on_the_seat(self, motion: Motion) -> slice:
-        """Turn to the table once seated, and back before rising, feet drawn in as far as the seat and the table ask for.
+        """Turn to the table once seated, and back before rising, feet drawn in as far as the seat and the
+        table ask for.
 
-        Before a back rest one sits down a little ahead, where it leaves room for the shoulder, and slides back with the turn.
-        Returns the frames in between.
+        Before a back rest one sits down a little ahead, where it leaves room for the shoulder, and slides
+        back with the turn. Returns the frames in between.
         """
         there = (self.reached + 8, int(motion.rng.integers(*SITS.turn_frames)))
         last = self.leaving - self.back
@@ -167,13 +203,18 @@ class SitEpisode:
         def turn(way: tuple[float, float]) -> float:
             tuck, back = way
             slide = -back * ahead
-            for array, kept in zip((motion.hips, motion.rotations, motion.headings, motion.feet), before, strict=True):
+            for array, kept in zip(
+                (motion.hips, motion.rotations, motion.headings, motion.feet), before, strict=True
+            ):
                 array[span] = kept
             turn_about_hips(motion, sum(there), self.leaving, self.turn, slide)
             swivel(motion, *there, self.turn, tuck, slide)
             swivel(motion, last, self.back, -self.turn, tuck, -slide)
             thing = self._stand(hips + slide, facing, np.zeros(2))
-            at = [(self.piece, thing.poses[:3], float(thing.poses[3])), self._table_at((hips + slide)[:2], facing, self.edge)]
+            at = [
+                (self.piece, thing.poses[:3], float(thing.poses[3])),
+                self._table_at((hips + slide)[:2], facing, self.edge),
+            ]
             seen = slice(self.reached - 10, self.rise + 10, 3)
             return float(thin_depths(motion.hips[seen], motion.rotations[seen], furniture.cuboids(at)).mean())
 
@@ -182,7 +223,9 @@ class SitEpisode:
         return slice(sum(there) + 2, last)
 
     def _table_at(self, hips: Array, facing: float, edge: float) -> tuple[Furniture, Array, float]:
-        """The table, its edge ``edge`` metres before hips (2,) that face ``facing``: piece, place and heading."""
+        """The table, its edge ``edge`` metres before hips (2,) that face ``facing``: piece, place and
+        heading.
+        """
         assert self.table is not None
         away = edge + 0.5 * float(self.table.furniture.size[1])
         return self.table.furniture, hips + away * heading_to_direction(np.array(facing)), facing
@@ -198,7 +241,9 @@ class SitEpisode:
         return Placed(*at)
 
     def _fit_height(self, motion: Motion) -> Array:
-        """Raise or lower the sit to its seat; returns how far it is seated, (n,) from ``start`` to ``risen``."""
+        """Raise or lower the sit to its seat; returns how far it is seated, (n,) from ``start`` to
+        ``risen``.
+        """
         positions, world = forward_kinematics(motion.hips, motion.rotations)
         ankles = [leg[2] for leg in FEET]
         seated = motion.hips[self.still : self.leaving].mean(axis=0)
@@ -212,7 +257,13 @@ class SitEpisode:
         weight = gaussian_smooth(weight * weight * (3 - 2 * weight), 3.0).clip(0, 1)
         motion.hips[span] += weight[:, None] * shift
         legs = [leg[:3] for leg in FEET]
-        placed = place_limbs(motion.hips[span], motion.rotations[span], legs, positions[span][:, ankles], world[span][:, ankles])
+        placed = place_limbs(
+            motion.hips[span],
+            motion.rotations[span],
+            legs,
+            positions[span][:, ankles],
+            world[span][:, ankles],
+        )
         motion.rotations[span] = placed
         return weight
 
@@ -227,8 +278,8 @@ def _inside(roots: Array, placed: Placed, margin: float) -> Array:
 def lay(session: Session) -> SitEpisode | None:
     """Walk to a free place, sit there, stay, and rise; half of the time the next command comes while rising.
 
-    Some seats stand partly under a table: they are taken from the side, with a turn on the seat.  Many ways lead through the
-    seat that is to be; the same seat is tried at several places, lest wide ones get rare.
+    Some seats stand partly under a table: they are taken from the side, with a turn on the seat.  Many ways
+    lead through the seat that is to be; the same seat is tried at several places, lest wide ones get rare.
     """
     rng = session.rng
     if not session.source.segments.get(NAME):
@@ -267,9 +318,17 @@ def _lay(session: Session, piece: Furniture, sideways: bool) -> SitEpisode | Non
         sit.back = int(rng.integers(*SITS.turn_frames))
         sit.turn = float(rng.choice((-1, 1)) * rng.uniform(*SITS.turn))
         sit.edge = float(rng.uniform(*SITS.table_edge))
-        table = furniture.make("table", rng, width=rng.uniform(*SITS.table_width), depth=rng.uniform(*SITS.table_depth), legs="posts")
+        table = furniture.make(
+            "table",
+            rng,
+            width=rng.uniform(*SITS.table_width),
+            depth=rng.uniform(*SITS.table_depth),
+            legs="posts",
+        )
         sit.table = Placed(table, tape.roots[sit.leaving - 1], 0.0)
-        sit.table = Placed(*sit._table_at(tape.roots[sit.leaving - 1], tape.headings[sit.leaving - 1] + sit.turn, sit.edge))
+        sit.table = Placed(
+            *sit._table_at(tape.roots[sit.leaving - 1], tape.headings[sit.leaving - 1] + sit.turn, sit.edge)
+        )
         sit.places.append((sit.table.position, 1.2))
     sit.estimate(tape.roots[sit.leaving - 1], tape.headings[sit.leaving - 1] + sit.turn)
     _rise(session, sit, segment)
@@ -277,7 +336,9 @@ def _lay(session: Session, piece: Furniture, sideways: bool) -> SitEpisode | Non
 
 
 def play(session: Session, sit: SitEpisode, segment: LaidSegment, seam: bool, longer: float = 0.0) -> None:
-    """Lay a captured sit-down, a rest on the seat, ``longer`` by so many seconds, and the way up to where the seat is left."""
+    """Lay a captured sit-down, a rest on the seat, ``longer`` by so many seconds, and the way up to where the
+    seat is left.
+    """
     rng, lib, tape = session.rng, session.lib, session.tape
     down, up = segment.marks["down"], segment.marks["up"]
     sit.aim = np.zeros(4) if segment.goal is None else segment.goal
@@ -301,7 +362,9 @@ def rise_asked(segment: LaidSegment, drawn: int) -> int:
 def _rise(session: Session, sit: SitEpisode, segment: LaidSegment) -> None:
     rng, tape = session.rng, session.tape
     # Turning back to rise answers to the command that ends the sit.
-    lead = rise_asked(segment, int(rng.integers(*SITS.rise_lead))) + (sit.rise - sit.leaving + sit.back if sit.back else 0)
+    lead = rise_asked(segment, int(rng.integers(*SITS.rise_lead))) + (
+        sit.rise - sit.leaving + sit.back if sit.back else 0
+    )
     mark = session.command("idle", lead)
     tape.run_on(np.arange(segment.marks["up"], segment.last - 1, 1 / rng.uniform(*SITS.up_rate)), seam=False)
     sit.risen = len(tape)

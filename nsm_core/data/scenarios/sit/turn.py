@@ -1,4 +1,6 @@
-"""Sitting down from the side: the seated body turns on the seat by small steps, as onto a chair pushed under a desk."""
+"""Sitting down from the side: the seated body turns on the seat by small steps, as onto a chair pushed under
+a desk.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +17,17 @@ _SWINGS = (((0.0, 0.27), (0.5, 0.77)), ((0.25, 0.52), (0.73, 1.0)))
 _LIFT = 0.05  # metres
 
 
-def swivel(motion: Motion, start: int, count: int, angle: float, tuck: float = 0.0, slide: Array | None = None) -> None:
-    """Turn a seated body about its hips by ``angle`` radians in ``count`` frames from frame ``start`` on, feet stepping along.
+def swivel(
+    motion: Motion, start: int, count: int, angle: float, tuck: float = 0.0, slide: Array | None = None
+) -> None:
+    """Turn a seated body about its hips by ``angle`` radians in ``count`` frames from frame ``start`` on,
+    feet stepping along.
 
-    Half way the feet are drawn in toward the hips by the share ``tuck`` of their distance, past what stands before the knees.
+    Half way the feet are drawn in toward the hips by the share ``tuck`` of their distance, past what stands
+    before the knees.
     ``slide`` (3,) metres: the hips come to their place on the way, the feet along.
-    Changes ``motion`` in place: hips, rotations, headings and standing feet.  Later frames are left as they are.
+    Changes ``motion`` in place: hips, rotations, headings and standing feet.  Later frames are left as they
+    are.
     """
     span = slice(start, start + count)
     share = (np.arange(count) + 1) / count
@@ -48,13 +55,17 @@ def swivel(motion: Motion, start: int, count: int, angle: float, tuck: float = 0
         targets[:, side] = hips + rotate_planar(offset * drawn_in, angle * turn) + turn[:, None] * slide
         targets[:, side, 2] = base[side, 2] + _LIFT * lift
         rotations[:, side] = quat_mul(heading_quat(angle * turn), np.repeat(feet[side][None], count, 0))
-    motion.rotations[span] = place_limbs(moved, turned, tuple(leg[:3] for leg in FEET), targets, rotations).astype(motion.rotations.dtype)
+    motion.rotations[span] = place_limbs(
+        moved, turned, tuple(leg[:3] for leg in FEET), targets, rotations
+    ).astype(motion.rotations.dtype)
     motion.hips[span] = moved
     motion.headings[span] += phi
 
 
 def turn_about_hips(motion: Motion, start: int, end: int, angle: float, slide: Array) -> None:
-    """Turn frames from ``start`` to ``end`` by ``angle`` radians about the hips of frame ``start`` and move them by ``slide`` (3,)."""
+    """Turn frames from ``start`` to ``end`` by ``angle`` radians about the hips of frame ``start`` and move
+    them by ``slide`` (3,).
+    """
     span = slice(start, end)
     pivot: Array = motion.hips[start, :2].copy()
     offset = motion.hips[span].copy()
@@ -62,5 +73,7 @@ def turn_about_hips(motion: Motion, start: int, end: int, angle: float, slide: A
     motion.hips[span] = rotate_planar(offset, np.full(end - start, angle, np.float32))
     motion.hips[span, :2] += pivot
     motion.hips[span] += slide.astype(motion.hips.dtype)
-    motion.rotations[span, 0] = quat_mul(np.repeat(heading_quat(np.array(angle))[None], end - start, 0), motion.rotations[span, 0])
+    motion.rotations[span, 0] = quat_mul(
+        np.repeat(heading_quat(np.array(angle))[None], end - start, 0), motion.rotations[span, 0]
+    )
     motion.headings[span] += angle

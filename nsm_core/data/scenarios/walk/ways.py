@@ -42,8 +42,13 @@ def run(session: Session) -> bool:
     target = session.free_place(*RUNS.place, 0.3)
     if target is None:
         return False
-    course = session.course(target, _towards(session, target, RUNS.off_the_way), speed=float(rng.uniform(*RUNS.speed)))
-    course.acceleration, course.deceleration = float(rng.uniform(*RUNS.acceleration)), float(rng.uniform(*RUNS.deceleration))
+    course = session.course(
+        target, _towards(session, target, RUNS.off_the_way), speed=float(rng.uniform(*RUNS.speed))
+    )
+    course.acceleration, course.deceleration = (
+        float(rng.uniform(*RUNS.acceleration)),
+        float(rng.uniform(*RUNS.deceleration)),
+    )
     course.turn_distance = RUNS.turn_distance
     session.command("run", session.lead())
     before = len(session.tape)

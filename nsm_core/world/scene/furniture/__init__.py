@@ -16,7 +16,19 @@ from . import seating, storage
 from .as_props import carried_box, piece_pose
 from .piece import Furniture, box_mesh, build, cuboids, top_of
 
-__all__ = ("KINDS", "MAKERS", "SEAT_KINDS", "Furniture", "box_mesh", "build", "carried_box", "cuboids", "make", "piece_pose", "top_of")
+__all__ = (
+    "KINDS",
+    "MAKERS",
+    "SEAT_KINDS",
+    "Furniture",
+    "box_mesh",
+    "build",
+    "carried_box",
+    "cuboids",
+    "make",
+    "piece_pose",
+    "top_of",
+)
 
 MAKERS: dict[str, Callable[[np.random.Generator, dict[str, Any]], Furniture]] = {
     "chair": seating.chair, "armchair": seating.armchair, "sofa": seating.sofa, "stool": seating.stool, "bench": seating.bench,
@@ -36,11 +48,13 @@ SEAT_KINDS = ("chair", "armchair", "sofa", "stool", "bench")
 def make(kind: str, rng: np.random.Generator, **overrides: object) -> Furniture:
     """Make a piece of furniture of a kind in ``KINDS``; measures not given are drawn from ``rng``.
 
-    ``overrides`` in metres: width, depth, height or seat_height, back_height, thickness, arm_width, arm_height,
-    arm_start (share of the depth), plate; and legs ("posts", "pedestal", "sides", "solid"), back_style ("panel",
-    "frame", "ladder"), arm_style ("block", "rail"), arms, back, drawer_side, steps (of a flight); and
-    opening_width, opening_height, along (0..1: where along a wall its opening is).  On a seat, width and depth are those
-    of the free surface.  Raises GeometryError on an unknown kind or measure, or on measures that do not fit together.
+    ``overrides`` in metres: width, depth, height or seat_height, back_height, thickness, arm_width,
+    arm_height, arm_start (share of the depth), plate; and legs ("posts", "pedestal", "sides", "solid"),
+    back_style ("panel", "frame", "ladder"), arm_style ("block", "rail"), arms, back, drawer_side, steps (of a
+    flight); and
+    opening_width, opening_height, along (0..1: where along a wall its opening is).  On a seat, width and
+    depth are those of the free surface.  Raises GeometryError on an unknown kind or measure, or on measures
+    that do not fit together.
     """
     if kind not in MAKERS:
         raise GeometryError(f"There is no furniture of the kind {kind!r}; choose one of {', '.join(KINDS)}.")

@@ -9,7 +9,9 @@ import numpy as np
 from .piece import Part
 
 
-def pick(rng: np.random.Generator, overrides: dict[str, Any], **ranges: tuple[float, float]) -> dict[str, float]:
+def pick(
+    rng: np.random.Generator, overrides: dict[str, Any], **ranges: tuple[float, float]
+) -> dict[str, float]:
     """Draw every measure from its range, then let the caller's own values win."""
     drawn = {name: float(rng.uniform(*bounds)) for name, bounds in ranges.items()}
     for name in ranges:
@@ -18,7 +20,9 @@ def pick(rng: np.random.Generator, overrides: dict[str, Any], **ranges: tuple[fl
     return drawn
 
 
-def choose(rng: np.random.Generator, overrides: dict[str, Any], name: str, options: tuple[Any, ...]) -> object:
+def choose(
+    rng: np.random.Generator, overrides: dict[str, Any], name: str, options: tuple[Any, ...]
+) -> object:
     drawn = options[int(rng.integers(len(options)))]
     return overrides.pop(name, drawn)
 
@@ -29,7 +33,11 @@ def supports(w: float, d: float, top: float, thick: float, style: str) -> list[P
     if style == "solid":
         return [(-x, x, -y, y, 0, top)]
     if style == "pedestal":
-        return [(-0.03, 0.03, -0.03, 0.03, 0.05, top), (-x * 0.8, x * 0.8, -0.03, 0.03, 0, 0.05), (-0.03, 0.03, -y * 0.8, y * 0.8, 0, 0.05)]
+        return [
+            (-0.03, 0.03, -0.03, 0.03, 0.05, top),
+            (-x * 0.8, x * 0.8, -0.03, 0.03, 0, 0.05),
+            (-0.03, 0.03, -y * 0.8, y * 0.8, 0, 0.05),
+        ]
     if style == "sides":
         return [(-x, -x + thick, -y, y, 0, top), (x - thick, x, -y, y, 0, top)]
     return [(sx * x - (thick if sx > 0 else 0), sx * x + (thick if sx < 0 else 0),

@@ -20,9 +20,9 @@ HIP_FROM_BACK = 0.15
 class Seat:
     """A place to sit.
 
-    ``point`` (3,) on the seat surface where the hips go, metres, object frame; ``heading`` the way a sitter faces,
-    radians (0 faces -Y of the object); ``height`` of the surface over the floor, ``width`` and ``depth`` of the seat
-    in metres; ``back`` and ``arms`` tell whether there is something to lean on.
+    ``point`` (3,) on the seat surface where the hips go, metres, object frame; ``heading`` the way a sitter
+    faces, radians (0 faces -Y of the object); ``height`` of the surface over the floor, ``width`` and
+    ``depth`` of the seat in metres; ``back`` and ``arms`` tell whether there is something to lean on.
     """
 
     point: Array
@@ -46,9 +46,10 @@ Part = tuple[float, float, float, float, float, float]  # x0, x1, y0, y1, z0, z1
 class Furniture:
     """A piece of furniture.
 
-    ``vertices`` (V, 3) metres and ``triangles`` (F, 3) of closed boxes, facing outwards; ``mins``, ``maxs`` (M, 3) the
-    same boxes exactly; all in the object frame.  ``seat`` is None where nobody can sit; ``opening`` is the gap in a wall
-    through which a person walks: from x0 to x1 and up to a height, metres, None where there is none.
+    ``vertices`` (V, 3) metres and ``triangles`` (F, 3) of closed boxes, facing outwards; ``mins``, ``maxs``
+    (M, 3) the same boxes exactly; all in the object frame.  ``seat`` is None where nobody can sit;
+    ``opening`` is the gap in a wall through which a person walks: from x0 to x1 and up to a height, metres,
+    None where there is none.
     """
 
     kind: str
@@ -79,7 +80,9 @@ _TRIANGLES = np.array([t for a, b, c, d in _QUADS for t in ((a, b, c), (a, c, d)
 
 
 def box_mesh(mins: Array, maxs: Array) -> tuple[Array, Array]:
-    """Closed mesh of boxes: vertices (8 M, 3) float32 and outward triangles (12 M, 3) of ``mins``, ``maxs`` (M, 3)."""
+    """Closed mesh of boxes: vertices (8 M, 3) float32 and outward triangles (12 M, 3) of ``mins``, ``maxs``
+    (M, 3).
+    """
     mins, maxs = np.asarray(mins), np.asarray(maxs)
     corners = np.where(_CORNERS[None] == 1, maxs[:, None], mins[:, None]).astype(np.float32)
     triangles = _TRIANGLES[None] + 8 * np.arange(len(mins))[:, None, None]
@@ -111,11 +114,15 @@ def build(kind: str, boxes: list[Part], seat: Seat | None = None, centred: bool 
 def top_of(piece: Furniture, headroom: float = 0.35, highest: float = 1.3) -> tuple[float, Array]:
     """Find the largest level rectangle on which something can be put.
 
-    Returns its height, metres, and its corners (2, 2) (least x, y and greatest x, y), object frame.  Surfaces with less than
-    ``headroom`` metres free above them, or higher than ``highest``, do not count.  Raises GeometryError where there is none.
+    Returns its height, metres, and its corners (2, 2) (least x, y and greatest x, y), object frame.  Surfaces
+    with less than ``headroom`` metres free above them, or higher than ``highest``, do not count.  Raises
+    GeometryError where there is none.
     """
     levels = np.unique(np.round(piece.maxs[piece.maxs[:, 2] <= highest, 2].astype(np.float64), 3))
-    grid = [np.unique(np.round(np.concatenate((piece.mins[:, a], piece.maxs[:, a])).astype(np.float64), 3)) for a in (0, 1)]
+    grid = [
+        np.unique(np.round(np.concatenate((piece.mins[:, a], piece.maxs[:, a])).astype(np.float64), 3))
+        for a in (0, 1)
+    ]
     middle = [(g[1:] + g[:-1]) / 2 for g in grid]
     # Which box covers which cell of the grid that the boxes' own edges make, (M, X, Y).
     inside = [(piece.mins[:, a, None] < middle[a]) & (middle[a] < piece.maxs[:, a, None]) for a in (0, 1)]
@@ -129,12 +136,16 @@ def top_of(piece: Furniture, headroom: float = 0.35, highest: float = 1.3) -> tu
         if area > 0 and (best is None or area >= best[0] - 1e-6):
             best = area, float(level), corners
     if best is None:
-        raise GeometryError(f"Nothing can be put on this {piece.kind}: it has no free level top; choose another object.")
+        raise GeometryError(
+            f"Nothing can be put on this {piece.kind}: it has no free level top; choose another object."
+        )
     return best[1], best[2]
 
 
 def _largest_rectangle(free: Array, x: Array, y: Array) -> tuple[float, Array]:
-    """Area and corners (2, 2) of the largest rectangle of free cells (X, Y) between the lines ``x`` (X + 1,), ``y`` (Y + 1,)."""
+    """Area and corners (2, 2) of the largest rectangle of free cells (X, Y) between the lines ``x`` (X + 1,),
+    ``y`` (Y + 1,).
+    """
     best, corners = 0.0, np.zeros((2, 2))
     for a in range(len(free)):
         rows = np.ones(free.shape[1], bool)

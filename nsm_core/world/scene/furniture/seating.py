@@ -28,9 +28,19 @@ def _seat(width: float, depth: float, front: float, height: float, back: bool, a
 
 
 def _seating(
-    kind: str, rng: np.random.Generator, o: dict[str, Any], m: dict[str, float], back: bool, arms: bool, legs: str, style: str, plate: float
+    kind: str,
+    rng: np.random.Generator,
+    o: dict[str, Any],
+    m: dict[str, float],
+    back: bool,
+    arms: bool,
+    legs: str,
+    style: str,
+    plate: float,
 ) -> Furniture:
-    """Anything to sit on: ``m`` holds seat_height, width and depth of the free seat, back_height, thickness."""
+    """Anything to sit on: ``m`` holds seat_height, width and depth of the free seat, back_height,
+    thickness.
+    """
     h, w, d, t = m["seat_height"], m["width"], m["depth"], m["thickness"]
     y0, y1 = -d / 2, d / 2
     arm = m.get("arm_width", 0.0) if arms else 0.0
@@ -48,24 +58,39 @@ def _seating(
         for side in (-1, 1):
             x0, x1 = sorted((side * w / 2, side * (w / 2 + arm)))
             if rail:
-                boxes += [(x0, x1, start, y1, top - 0.035, top), (x0, x1, start, start + 0.035, h, top - 0.035)]
+                boxes += [
+                    (x0, x1, start, y1, top - 0.035, top),
+                    (x0, x1, start, start + 0.035, h, top - 0.035),
+                ]
             else:
                 boxes.append((x0, x1, start, y1, h, top))
     return build(kind, boxes, _seat(w, d, y0, h, back, arms))
 
 
 def chair(rng: np.random.Generator, o: dict[str, Any]) -> Furniture:
-    m = pick(rng, o, seat_height=(0.38, 0.55), width=(0.38, 0.52), depth=(0.38, 0.48), thickness=(0.025, 0.06), back_height=(0.3, 0.6))
+    m = pick(
+        rng,
+        o,
+        seat_height=(0.38, 0.55),
+        width=(0.38, 0.52),
+        depth=(0.38, 0.48),
+        thickness=(0.025, 0.06),
+        back_height=(0.3, 0.6),
+    )
     legs = choose(rng, o, "legs", ("posts", "posts", "posts", "pedestal", "sides", "solid"))
     style = choose(rng, o, "back_style", ("panel", "frame", "ladder"))
-    return _seating("chair", rng, o, m, True, False, str(legs), str(style), float(o.pop("plate", rng.uniform(0.02, 0.08))))
+    return _seating(
+        "chair", rng, o, m, True, False, str(legs), str(style), float(o.pop("plate", rng.uniform(0.02, 0.08)))
+    )
 
 
 def armchair(rng: np.random.Generator, o: dict[str, Any]) -> Furniture:
     m = pick(rng, o, seat_height=(0.36, 0.5), width=(0.46, 0.62), depth=(0.44, 0.6), thickness=(0.05, 0.22), back_height=(0.35, 0.6),
               arm_width=(0.04, 0.18), arm_height=(0.15, 0.26), arm_start=(0.0, 0.25))  # fmt: skip
     legs = choose(rng, o, "legs", ("posts", "solid", "pedestal"))
-    return _seating("armchair", rng, o, m, True, True, str(legs), "panel", float(o.pop("plate", rng.uniform(0.05, 0.2))))
+    return _seating(
+        "armchair", rng, o, m, True, True, str(legs), "panel", float(o.pop("plate", rng.uniform(0.05, 0.2)))
+    )
 
 
 def sofa(rng: np.random.Generator, o: dict[str, Any]) -> Furniture:
@@ -73,15 +98,45 @@ def sofa(rng: np.random.Generator, o: dict[str, Any]) -> Furniture:
               arm_width=(0.1, 0.25), arm_height=(0.12, 0.26))  # fmt: skip
     arms = bool(choose(rng, o, "arms", (True, True, True, False)))
     legs = choose(rng, o, "legs", ("posts", "solid"))
-    return _seating("sofa", rng, o, m, True, arms, str(legs), "panel", float(o.pop("plate", rng.uniform(0.1, 0.25))))
+    return _seating(
+        "sofa", rng, o, m, True, arms, str(legs), "panel", float(o.pop("plate", rng.uniform(0.1, 0.25)))
+    )
 
 
 def stool(rng: np.random.Generator, o: dict[str, Any]) -> Furniture:
     m = pick(rng, o, seat_height=(0.38, 0.6), width=(0.3, 0.45), depth=(0.28, 0.42), thickness=(0.03, 0.03))
-    return _seating("stool", rng, o, m, False, False, str(choose(rng, o, "legs", ("posts", "pedestal", "solid", "sides"))), "panel", 0.04)
+    return _seating(
+        "stool",
+        rng,
+        o,
+        m,
+        False,
+        False,
+        str(choose(rng, o, "legs", ("posts", "pedestal", "solid", "sides"))),
+        "panel",
+        0.04,
+    )
 
 
 def bench(rng: np.random.Generator, o: dict[str, Any]) -> Furniture:
-    m = pick(rng, o, seat_height=(0.38, 0.52), width=(0.9, 1.8), depth=(0.3, 0.48), thickness=(0.03, 0.05), back_height=(0.3, 0.5))
+    m = pick(
+        rng,
+        o,
+        seat_height=(0.38, 0.52),
+        width=(0.9, 1.8),
+        depth=(0.3, 0.48),
+        thickness=(0.03, 0.05),
+        back_height=(0.3, 0.5),
+    )
     back = bool(choose(rng, o, "back", (False, True)))
-    return _seating("bench", rng, o, m, back, False, str(choose(rng, o, "legs", ("posts", "sides", "solid"))), "ladder", 0.05)
+    return _seating(
+        "bench",
+        rng,
+        o,
+        m,
+        back,
+        False,
+        str(choose(rng, o, "legs", ("posts", "sides", "solid"))),
+        "ladder",
+        0.05,
+    )

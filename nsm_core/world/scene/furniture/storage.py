@@ -14,7 +14,9 @@ from .piece import Furniture, build
 def table(rng: np.random.Generator, o: dict[str, Any]) -> Furniture:
     m = pick(rng, o, height=(0.68, 0.8), width=(0.7, 2.0), depth=(0.6, 1.0))
     w, d, h = m["width"], m["depth"], m["height"]
-    boxes = supports(w, d, h - 0.04, 0.06, str(choose(rng, o, "legs", ("posts", "posts", "pedestal", "sides"))))
+    boxes = supports(
+        w, d, h - 0.04, 0.06, str(choose(rng, o, "legs", ("posts", "posts", "pedestal", "sides")))
+    )
     return build("table", boxes + [(-w / 2, w / 2, -d / 2, d / 2, h - 0.04, h)])
 
 
@@ -25,11 +27,18 @@ def desk(rng: np.random.Generator, o: dict[str, Any]) -> Furniture:
     side = -1 if choose(rng, o, "drawer_side", ("left", "right")) == "right" else 1
     chest = sorted((side * x, side * (x - m["drawers"])))
     plate = sorted((-side * x, -side * (x - 0.04)))
-    boxes = [(-x, x, -y, y, top, h), (*chest, -y, y, 0, top), (*plate, -y, y, 0, top), (-x, x, y - 0.02, y, 0.25, top)]
+    boxes = [
+        (-x, x, -y, y, top, h),
+        (*chest, -y, y, 0, top),
+        (*plate, -y, y, 0, top),
+        (-x, x, y - 0.02, y, 0.25, top),
+    ]
     return build("desk", boxes)
 
 
-def block(kind: str, **ranges: tuple[float, float]) -> Callable[[np.random.Generator, dict[str, Any]], Furniture]:
+def block(
+    kind: str, **ranges: tuple[float, float]
+) -> Callable[[np.random.Generator, dict[str, Any]], Furniture]:
     def maker(rng: np.random.Generator, o: dict[str, Any]) -> Furniture:
         m = pick(rng, o, **ranges)
         w, d = m["width"], m["depth"]
@@ -53,7 +62,10 @@ def step(rng: np.random.Generator, o: dict[str, Any]) -> Furniture:
     w, d, h, count = m["width"], m["depth"], m["height"], max(int(o.pop("steps", 1)), 1)
     edges = np.linspace(-d / 2, d / 2, count + 1)
     treads = zip(edges[:-1], edges[1:], strict=True)
-    return build("step", [(-w / 2, w / 2, float(a), float(b), 0, h * (k + 1) / count) for k, (a, b) in enumerate(treads)])
+    return build(
+        "step",
+        [(-w / 2, w / 2, float(a), float(b), 0, h * (k + 1) / count) for k, (a, b) in enumerate(treads)],
+    )
 
 
 def hole_wall(rng: np.random.Generator, o: dict[str, Any]) -> Furniture:
@@ -65,6 +77,9 @@ def hole_wall(rng: np.random.Generator, o: dict[str, Any]) -> Furniture:
     # At least a post of this width stands on either side.
     post = min(0.2, (2 * x - gap) / 4)
     left = -x + post + m["along"] * (2 * x - gap - 2 * post)
-    piece = build("hole_wall", [(-x, left, -y, y, 0, h), (left + gap, x, -y, y, 0, h), (left, left + gap, -y, y, top, h)])
+    piece = build(
+        "hole_wall",
+        [(-x, left, -y, y, 0, h), (left + gap, x, -y, y, 0, h), (left, left + gap, -y, y, top, h)],
+    )
     piece.opening = (left, left + gap, top)
     return piece
