@@ -19,7 +19,8 @@ from nsm_core.errors import JobError
 
 ROOT = Path(__file__).resolve().parents[1]
 KEYS = {
-    "name", "frames", "fps", "goals", "foot_sliding_cm_s", "planted_share", "top_speed_m_s", "penetration_cm", "ms_per_frame",
+    "name", "frames", "fps", "goals", "foot_sliding_cm_s", "planted_share", "top_speed_m_s", "penetration_cm",
+    "ms_per_frame",
 }  # fmt: skip
 GOAL_KEYS = {"object", "action", "reached", "seconds", "position_error_cm", "rotation_error_deg"}
 STAGES = {"goals", "sensors", "network", "blending", "ik", "keying", "total"}
@@ -50,8 +51,14 @@ def take(body: str = "", name: str = "one", goals: str = '[{ object = "Chair", a
 
 class TestJobFile:
     def test_everything_that_it_can_say(self, tmp_path):
-        goals = '[{ object = "Chair", action = "sit", hold = 3 }, { action = "walk", location = [1, 2.5, 0] }, { action = "idle" }]'
-        body = 'character = "Ann"\nseed = 4\nstart_frame = 10\ncontact_ik = false\nout = "a/sit.blend"\nreport = "sit.json"'
+        goals = (
+            '[{ object = "Chair", action = "sit", hold = 3 }, { action = "walk", location = [1, 2.5, 0] }, '
+            '{ action = "idle" }]'
+        )
+        body = (
+            'character = "Ann"\nseed = 4\nstart_frame = 10\ncontact_ik = false\n'
+            'out = "a/sit.blend"\nreport = "sit.json"'
+        )
         job = read_job(write_job(tmp_path, 'scene = "rooms/room.blend"\n' + take(body, goals=goals)))
         one = job.takes[0]
         assert job.scene == tmp_path / "rooms/room.blend"
@@ -77,9 +84,12 @@ class TestJobFile:
         one = read_job(write_job(tmp_path, 'scene = "a.blend"\n' + take(goals=goals))).takes[0]
         assert one.error is None
         assert [(g.action, g.object, g.to, g.location, g.hold) for g in one.goals] == [
-            ("carry", "Box", "Table", None, 2.0), ("open", "Door", None, None, 2.0), ("climb", "Step", None, None, 2.0),
-            ("run", None, None, (1.0, 2.0, 0.0), 2.0), ("idle", None, None, None, 3.0),
-        ]  # fmt: skip
+            ("carry", "Box", "Table", None, 2.0),
+            ("open", "Door", None, None, 2.0),
+            ("climb", "Step", None, None, 2.0),
+            ("run", None, None, (1.0, 2.0, 0.0), 2.0),
+            ("idle", None, None, None, 3.0),
+        ]
 
     @pytest.mark.parametrize(
         ("text", "words"),
@@ -201,9 +211,16 @@ class TestFailures:
     @pytest.mark.skipif(not bpy.app.module, reason="the application has no Python with bpy to start")
     def test_as_a_script(self, tmp_path):
         done = subprocess.run(
-            [sys.executable, str(ROOT / "nsm_blender" / "batch.py"), str(write_job(tmp_path, 'scene = "none.blend"\n' + take()))],
-            cwd=tmp_path, capture_output=True, text=True, timeout=120,
-        )  # fmt: skip
+            [
+                sys.executable,
+                str(ROOT / "nsm_blender" / "batch.py"),
+                str(write_job(tmp_path, 'scene = "none.blend"\n' + take())),
+            ],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
         assert done.returncode == 1, done.stderr
         assert "does not exist" in done.stdout and "Traceback" not in done.stderr
 

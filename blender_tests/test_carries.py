@@ -42,8 +42,14 @@ def boards(name, parts, location, turn):
 
 def table(name, location, turn=0.0, width=1.2, depth=0.9, top=0.74):
     x, y = width / 2, depth / 2
-    legs = [((sx * (x - 0.03) - 0.03, sy * (y - 0.03) - 0.03, 0), (sx * (x - 0.03) + 0.03, sy * (y - 0.03) + 0.03, top - 0.04))
-            for sx in (-1, 1) for sy in (-1, 1)]  # fmt: skip
+    legs = [
+        (
+            (sx * (x - 0.03) - 0.03, sy * (y - 0.03) - 0.03, 0),
+            (sx * (x - 0.03) + 0.03, sy * (y - 0.03) + 0.03, top - 0.04),
+        )
+        for sx in (-1, 1)
+        for sy in (-1, 1)
+    ]
     return boards(name, [*legs, ((-x, -y, top - 0.04), (x, y, top))], location, turn)
 
 
@@ -55,8 +61,16 @@ def shelf(name, location, turn=0.0, width=0.9, depth=0.36, levels=(0.06, 0.42), 
         ((x - t, -y, 0), (x, y, top)),
         ((-x + t, y - t, 0), (x - t, y, top - t)),
     ]
-    return boards(name, [*sides, *[((-x + t, -y, z - t), (x - t, y - t, z)) for z in levels], ((-x + t, -y, top - t), (x - t, y, top))],
-                  location, turn)  # fmt: skip
+    return boards(
+        name,
+        [
+            *sides,
+            *[((-x + t, -y, z - t), (x - t, y - t, z)) for z in levels],
+            ((-x + t, -y, top - t), (x - t, y, top)),
+        ],
+        location,
+        turn,
+    )
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,8 @@ import dev
 
 CODE = """
 import bpy, sys
-assert bpy.ops.extensions.package_install_files(filepath=sys.argv[1], repo="user_default", enable_on_install=True) == {"FINISHED"}
+install = bpy.ops.extensions.package_install_files
+assert install(filepath=sys.argv[1], repo="user_default", enable_on_install=True) == {"FINISHED"}
 import nsm_core
 assert "extensions" in nsm_core.__file__, nsm_core.__file__
 assert [a for a in bpy.context.preferences.addons.keys() if a.endswith(".nsm_blender")]

@@ -30,7 +30,8 @@ from nsm_core.model.inference.weights_file import save_weights
 from nsm_core.model.networks.nsm_config import NsmConfig
 
 def write(folder, n):
-    save_weights(folder / "w.npz", {"a": np.full((4000, 1000), n)}, {"n": np.full(3, n)}, config=NsmConfig(), layout={})
+    arrays, statistics = {"a": np.full((4000, 1000), n)}, {"n": np.full(3, n)}
+    save_weights(folder / "w.npz", arrays, statistics, config=NsmConfig(), layout={})
     rotations = np.zeros((600, 23, 4)); rotations[..., 0] = 1
     bvh_writer.write(folder / "a.bvh", np.tile((0.1 * n, 0, 0.95), (600, 1)), rotations)
 """
@@ -46,7 +47,8 @@ mesh.use_fake_user = True
 def write(folder, n):
     bpy.context.scene["n"] = n
     save_blend(folder / "a.blend")
-    write_png(folder / "a.png", np.full((1000, 1000, 4), (n % 10) / 10) + np.random.default_rng(0).integers(0, 2, (1000, 1000, 1)) / 255)
+    noise = np.random.default_rng(0).integers(0, 2, (1000, 1000, 1)) / 255
+    write_png(folder / "a.png", np.full((1000, 1000, 4), (n % 10) / 10) + noise)
     write_json(folder / "a.json", {"n": n, "numbers": list(range(200_000))})
 """
 LOOP = """

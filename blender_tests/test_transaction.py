@@ -144,9 +144,22 @@ def job(request):
     poses = pose + np.linspace(0, 1, FRAMES)[:, None] * (0.3, 0.1, 0.2, 0.5)
     zeros = np.zeros((FRAMES, 7), np.float32)
     result = TakeResult(
-        hips, local, hips, local, zeros[:, :5], zeros[:, :3], zeros, zeros,
-        [GoalResult("Box", "carry", True, 0.2, 0.0, 0.0, end_frame=FRAMES - 1, place=poses[-1, :3], facing=0.5)], {}, {"Box": poses},
-    )  # fmt: skip
+        hips,
+        local,
+        hips,
+        local,
+        zeros[:, :5],
+        zeros[:, :3],
+        zeros,
+        zeros,
+        [
+            GoalResult(
+                "Box", "carry", True, 0.2, 0.0, 0.0, end_frame=FRAMES - 1, place=poses[-1, :3], facing=0.5
+            )
+        ],
+        {},
+        {"Box": poses},
+    )
     asked = TakeRequest(np.zeros(2), 0.0, [Goal("carry", "Box", poses[-1, :3], 0.5, prop=prop)], Cuboids())
     spec = TakeSpec(character, [], "New", 3)
     things = {"Box": MovedObject.of(thing, frame, prop)}

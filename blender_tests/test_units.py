@@ -84,9 +84,14 @@ def scene_in_units(units: float) -> tuple[bpy.types.Object, bpy.types.Object]:
     bpy.context.scene.unit_settings.scale_length = 1 / units
     made = add_character(tuple(units * x for x in (1.5, -2.0, 0.0)))
     seat, _ = furnish()
-    parts = [box(*p) for p in (
-        ("Floor", (-5, -5, -0.05), (5, 5, 0)), ("Rug", (-1.5, -1.5, 0), (1.5, 1.5, 0.015)), ("Wall", (-5, 3, 0), (5, 3.1, 2.6)),
-    )]  # fmt: skip
+    parts = [
+        box(*p)
+        for p in (
+            ("Floor", (-5, -5, -0.05), (5, 5, 0)),
+            ("Rug", (-1.5, -1.5, 0), (1.5, 1.5, 0.015)),
+            ("Wall", (-5, 3, 0), (5, 3.1, 2.6)),
+        )
+    ]
     for each in (made, seat, *parts):
         each.scale = (units,) * 3
     bpy.context.view_layer.update()

@@ -70,6 +70,6 @@ def full_weights(tmp_path_factory) -> Path:
 def small_config() -> NsmConfig:
     """Sizes that train in no time."""
     return NsmConfig(
-        frame=11, goal=7, environment=13, interaction=9, gating=6, outputs=10,
-        encoder_frame=12, encoder_goal=5, encoder_environment=8, encoder_interaction=6, gating_hidden=7, hidden=16, experts=3,
+        frame=11, goal=7, environment=13, interaction=9, gating=6, outputs=10, encoder_frame=12,
+        encoder_goal=5, encoder_environment=8, encoder_interaction=6, gating_hidden=7, hidden=16, experts=3,
     )  # fmt: skip

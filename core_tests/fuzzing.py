@@ -13,10 +13,11 @@ from pathlib import Path
 from nsm_core.errors import NsmError
 
 WORDS = (
-    b"nan", b"inf", b"-inf", b"-1", b"0", b"1e308", b"-1e308", b"1e-300", b"9" * 30, b"9" * 400, b"9" * 5000, b"1_0", b"0x10",
-    b"\xc2\xb2", b"\xd9\xa3", b"", b"{", b"}", b"[", b"]", b'"', b"'", b'"x"', b"=", b"true", b"[]", b"{}", b"[[]]", b"a.b", b"1,5",
-    b"1.0.0", b"\x00", b"\xff\xfe", b"1979-05-27", b"-0.0", b"999999999", b"12.5", b"#", b"\\", b"\r", b"JOINT", b"MOTION", b"End Site",
-    b"null", b"-99999999999999999999", b"4294967295",
+    b"nan", b"inf", b"-inf", b"-1", b"0", b"1e308", b"-1e308", b"1e-300", b"9" * 30, b"9" * 400, b"9" * 5000,
+    b"1_0", b"0x10", b"\xc2\xb2", b"\xd9\xa3", b"", b"{", b"}", b"[", b"]", b'"', b"'", b'"x"', b"=", b"true",
+    b"[]", b"{}", b"[[]]", b"a.b", b"1,5", b"1.0.0", b"\x00", b"\xff\xfe", b"1979-05-27", b"-0.0",
+    b"999999999", b"12.5", b"#", b"\\", b"\r", b"JOINT", b"MOTION", b"End Site", b"null",
+    b"-99999999999999999999", b"4294967295",
 )  # fmt: skip
 
 

@@ -31,8 +31,8 @@ class ElmanConfig(NetworkConfig):
     def parameter_shapes(self) -> dict[str, tuple[int, ...]]:
         h = self.hidden
         return {
-            "read.weight": (h, self.inputs), "read.bias": (h,), "again.weight": (h, h), "tell.weight": (self.outputs, h),
-            "tell.bias": (self.outputs,),
+            "read.weight": (h, self.inputs), "read.bias": (h,), "again.weight": (h, h),
+            "tell.weight": (self.outputs, h), "tell.bias": (self.outputs,),
         }  # fmt: skip
 
 

@@ -40,14 +40,16 @@ _COPIES = 8000
 
 def main() -> int:
     """Print the table; the exit code."""
-    print(
-        f"{'':34}{'first':>8}{'longest':>10}{'again':>8}{'longest':>10}{'sensor':>9}{'memory':>9}{'x room':>8}"
-    )
+    columns = f"{'first':>8}{'longest':>10}{'again':>8}{'longest':>10}{'sensor':>9}{'memory':>9}{'x room':>8}"
+    print(f"{'':34}{columns}")
     room = None
     for name, build in (
-        ("room", _room), ("room in centimetres", _room_in_centimetres), ("chair of 1.2 million triangles", _dense_chair),
-        (f"{_COPIES} blades of grass", lambda: _scatter(0.06)), (f"{_COPIES} stones, turned and scaled", lambda: _scatter(0.3)),
-    ):  # fmt: skip
+        ("room", _room),
+        ("room in centimetres", _room_in_centimetres),
+        ("chair of 1.2 million triangles", _dense_chair),
+        (f"{_COPIES} blades of grass", lambda: _scatter(0.06)),
+        (f"{_COPIES} stones, turned and scaled", lambda: _scatter(0.3)),
+    ):
         spec = _fresh(build)
         first, longest, sensor = _read(spec)
         again, longest_again, _ = _read(spec)
@@ -144,17 +146,20 @@ def _scatter(height: float) -> TakeSpec:
     for way in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
     new = tree.nodes.new
-    start, end, points, copies = (new(f"{n}") for n in ("NodeGroupInput", "NodeGroupOutput", "GeometryNodeDistributePointsOnFaces",
-                                                        "GeometryNodeInstanceOnPoints"))  # fmt: skip
+    start, end = new("NodeGroupInput"), new("NodeGroupOutput")
+    points, copies = new("GeometryNodeDistributePointsOnFaces"), new("GeometryNodeInstanceOnPoints")
     source, size = new("GeometryNodeObjectInfo"), new("FunctionNodeRandomValue")
     source.inputs["Object"].default_value, source.inputs["As Instance"].default_value = small, True
     points.inputs["Density"].default_value = _COPIES / 400
     size.inputs[2].default_value, size.inputs[3].default_value = 0.5, 1.5
     for a, b in (
-        (start.outputs[0], points.inputs["Mesh"]), (points.outputs["Points"], copies.inputs["Points"]),
-        (points.outputs["Rotation"], copies.inputs["Rotation"]), (source.outputs["Geometry"], copies.inputs["Instance"]),
-        (size.outputs[1], copies.inputs["Scale"]), (copies.outputs[0], end.inputs[0]),
-    ):  # fmt: skip
+        (start.outputs[0], points.inputs["Mesh"]),
+        (points.outputs["Points"], copies.inputs["Points"]),
+        (points.outputs["Rotation"], copies.inputs["Rotation"]),
+        (source.outputs["Geometry"], copies.inputs["Instance"]),
+        (size.outputs[1], copies.inputs["Scale"]),
+        (copies.outputs[0], end.inputs[0]),
+    ):
         tree.links.new(a, b)
     lawn.modifiers.new("Scatter", "NODES").node_group = tree
     return TakeSpec(character, [GoalSpec("sit", chair)])

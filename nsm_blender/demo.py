@@ -193,7 +193,10 @@ def _light_and_look(scene: bpy.types.Scene, room: DemoRoom) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    about = "Build two rooms, have a character sit, open a door, carry a box, climb and run, and save scene, pictures and report."
+    about = (
+        "Build two rooms, have a character sit, open a door, carry a box, climb and run, "
+        "and save scene, pictures and report."
+    )
     parser = argparse.ArgumentParser(prog="demo", description=about)
     parser.add_argument(
         "--out", default="out/demo", help="folder for demo.blend, demo.png, demo.mp4 and demo.json"

@@ -39,8 +39,14 @@ def table(location=(3.0, 0.0), turn=0.0, size=(1.2, 0.7), height=0.7, name="Tabl
 
 def box_table(name, location, turn, size, height):
     x, y = size[0] / 2, size[1] / 2
-    legs = [((sx * x - 0.05 * (sx > 0), sy * y - 0.05 * (sy > 0), 0), (sx * x + 0.05 * (sx < 0), sy * y + 0.05 * (sy < 0), height))
-            for sx in (-1, 1) for sy in (-1, 1)]  # fmt: skip
+    legs = [
+        (
+            (sx * x - 0.05 * (sx > 0), sy * y - 0.05 * (sy > 0), 0),
+            (sx * x + 0.05 * (sx < 0), sy * y + 0.05 * (sy < 0), height),
+        )
+        for sx in (-1, 1)
+        for sy in (-1, 1)
+    ]
     return mesh_of_boxes(name, [*legs, ((-x, -y, height - 0.04), (x, y, height))], (*location, 0), turn)
 
 

@@ -37,9 +37,16 @@ def refused(leaf, sentence):
 
 @pytest.mark.parametrize(
     ("name", "how"),
-    [("SlidingDoor", "slides"), ("sliding_door.001", "slides"), ("sweethome3d_opening_on_rail_1_door", "slides"), ("Bifold Door", "folds"),
-     ("Roller Shutters", "rolls"), ("revolving-door", "revolves"), ("Roof Hatch", "is a hatch")],
-)  # fmt: skip
+    [
+        ("SlidingDoor", "slides"),
+        ("sliding_door.001", "slides"),
+        ("sweethome3d_opening_on_rail_1_door", "slides"),
+        ("Bifold Door", "folds"),
+        ("Roller Shutters", "rolls"),
+        ("revolving-door", "revolves"),
+        ("Roof Hatch", "is a hatch"),
+    ],
+)
 def test_a_name_tells_unless_the_animator_gives_it_a_hinge(name, how):
     leaf = door(name=name)
     refused(leaf, f"{leaf.name} {how}.*only a leaf that swings.*Show Goal Points")
@@ -101,8 +108,16 @@ class TestFurniture:
         """A body of 0.6 m with a door in front of it."""
         t, back = 0.02, 0.6
         sides = [((x, 0, 0), (x + t, back, 2.0)) for x in (-t, wide)]
-        body = mesh_of_boxes(name, [*sides, ((-t, back, 0), (wide + t, back + t, 2.0)), ((-t, 0, 0), (wide + t, back, low)),
-                                    ((-t, 0, high), (wide + t, back, 2.0)), ((0, 0.05, 1.0), (wide, back, 1.02))])  # fmt: skip
+        body = mesh_of_boxes(
+            name,
+            [
+                *sides,
+                ((-t, back, 0), (wide + t, back + t, 2.0)),
+                ((-t, 0, 0), (wide + t, back, low)),
+                ((-t, 0, high), (wide + t, back, 2.0)),
+                ((0, 0.05, 1.0), (wide, back, 1.02)),
+            ],
+        )
         leaf = mesh_of_boxes("Door", [((0, -t, low), (wide, 0, high))])
         return body, leaf
 

@@ -67,8 +67,14 @@ class TestOneThatStandsOpen:
     def test_in_a_frame_without_a_wall(self):
         leaf = door(handle=True)
         bpy.data.objects.remove(bpy.data.objects["Wall"])
-        mesh_of_boxes("Frame", [((-0.06, -0.05, 0), (-0.01, 0.05, 2.1)), ((W + 0.01, -0.05, 0), (W + 0.06, 0.05, 2.1)),
-                                ((-0.06, -0.05, H + 0.02), (W + 0.06, 0.05, 2.1))])  # fmt: skip
+        mesh_of_boxes(
+            "Frame",
+            [
+                ((-0.06, -0.05, 0), (-0.01, 0.05, 2.1)),
+                ((W + 0.01, -0.05, 0), (W + 0.06, 0.05, 2.1)),
+                ((-0.06, -0.05, H + 0.02), (W + 0.06, 0.05, 2.1)),
+            ],
+        )
         leaf.rotation_euler.z = 1.4
         assert opening(leaf).angle == pytest.approx(1.4, abs=0.03)
 

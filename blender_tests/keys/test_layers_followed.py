@@ -171,9 +171,10 @@ def what_moves_nothing(armature):
 
 
 FOLLOWED = (
-    animated_parent, child_of, parent_that_copies, object_strip, object_action, object_driver, deltas, strip_under_the_bones,
-    root_on_a_strip, root_held_by_a_constraint, root_without_inheritance, hips_in_armature_axes, scaled_root, loose_bones, bone_between,
-    locks, stretched_time, nla_off, combine_without_tracks, what_moves_nothing,
+    animated_parent, child_of, parent_that_copies, object_strip, object_action, object_driver, deltas,
+    strip_under_the_bones, root_on_a_strip, root_held_by_a_constraint, root_without_inheritance,
+    hips_in_armature_axes, scaled_root, loose_bones, bone_between, locks, stretched_time, nla_off,
+    combine_without_tracks, what_moves_nothing,
 )  # fmt: skip
 
 

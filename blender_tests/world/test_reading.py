@@ -59,14 +59,19 @@ def crate(name, x=0.0):
 class TestWhatIsSolid:
     def test_what_is_seen_as_solid_in_the_viewport(self):
         looks = {
-            "wire": lambda o: setattr(o, "display_type", "WIRE"), "bounds": lambda o: setattr(o, "display_type", "BOUNDS"),
+            "wire": lambda o: setattr(o, "display_type", "WIRE"),
+            "bounds": lambda o: setattr(o, "display_type", "BOUNDS"),
             "fog": lambda o: o.data.materials.append(material("Fog", False, True)),
             "glass with fog": lambda o: o.data.materials.append(material("Both", True, True)),
-            "glass beside fog": lambda o: [o.data.materials.append(material(n, n == "a", n == "b")) for n in "ab"],
-            "without a material": lambda o: o.data.materials.append(None), "held out": lambda o: setattr(o, "is_holdout", True),
+            "glass beside fog": lambda o: [
+                o.data.materials.append(material(n, n == "a", n == "b")) for n in "ab"
+            ],
+            "without a material": lambda o: o.data.materials.append(None),
+            "held out": lambda o: setattr(o, "is_holdout", True),
             "not in renders": lambda o: setattr(o, "hide_render", True),
-            "not for the camera": lambda o: setattr(o, "visible_camera", False), "hidden": lambda o: o.hide_set(True),
-        }  # fmt: skip
+            "not for the camera": lambda o: setattr(o, "visible_camera", False),
+            "hidden": lambda o: o.hide_set(True),
+        }
         for i, (name, change) in enumerate(looks.items()):
             change(crate(name, i))
         assert names() == sorted(looks.keys() - {"wire", "bounds", "fog", "hidden"})

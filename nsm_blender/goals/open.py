@@ -28,9 +28,14 @@ from .spec import GoalSpec
 
 
 def open_goal(
-    name: str, target: bpy.types.Object, hinge: bpy.types.Object | None, handle: bpy.types.Object | None, hold: float,
-    around: Surroundings, here: Array,
-) -> Goal:  # fmt: skip
+    name: str,
+    target: bpy.types.Object,
+    hinge: bpy.types.Object | None,
+    handle: bpy.types.Object | None,
+    hold: float,
+    around: Surroundings,
+    here: Array,
+) -> Goal:
     """Build the goal to open the leaf ``target`` and pass, coming from ``here`` (2,); ``hinge`` and
     ``handle`` are the animator's empties.
 
@@ -99,9 +104,16 @@ def read_leaf(
     )
     volume = sense(query, vertices.min(0), vertices.max(0))
     return Leaf(
-        target.name, query, volume, pose, width=width, handle=place, thickness=float(np.clip(thickness, 0.09, 0.2)),
-        swing=swing, closed=closed,
-    )  # fmt: skip
+        target.name,
+        query,
+        volume,
+        pose,
+        width=width,
+        handle=place,
+        thickness=float(np.clip(thickness, 0.09, 0.2)),
+        swing=swing,
+        closed=closed,
+    )
 
 
 def _swing(

@@ -119,9 +119,14 @@ def sought(
 
 
 def make_goal_point(
-    spec: GoalSpec, scene: bpy.types.Scene, frame: WorldFrame, around: Surroundings, goal: Goal | None, reason: str,
+    spec: GoalSpec,
+    scene: bpy.types.Scene,
+    frame: WorldFrame,
+    around: Surroundings,
+    goal: Goal | None,
+    reason: str,
     told: list[str] | None = None,
-) -> bpy.types.Object:  # fmt: skip
+) -> bpy.types.Object:
     """The point of what was ``sought``; see ``show_goal_point``."""
     finder, brought = FINDERS[spec.action], require_action(spec.action).needs_destination
     if finder.show is not None:

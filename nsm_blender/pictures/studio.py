@@ -14,13 +14,19 @@ import bpy
 
 BACKGROUND = (0.70, 0.73, 0.76)
 # What the pictures change, by owner; the order matters where one choice opens the next.
-_RENDER = ("engine", "resolution_x", "resolution_y", "resolution_percentage", "filepath", "film_transparent", "fps_base",
-           "use_stamp", "use_border", "use_compositing", "use_sequencer", "use_file_extension", "use_overwrite")  # fmt: skip
+_RENDER = (
+    "engine", "resolution_x", "resolution_y", "resolution_percentage", "filepath", "film_transparent",
+    "fps_base", "use_stamp", "use_border", "use_compositing", "use_sequencer", "use_file_extension",
+    "use_overwrite",
+)  # fmt: skip
 _IMAGE = ("media_type", "file_format")
 _FFMPEG = ("format", "codec")  # choosing these resets the other settings
-_SHADING = ("light", "studio_light", "color_type", "show_cavity", "cavity_type", "show_shadows", "shadow_intensity",
-            "show_specular_highlight", "show_object_outline", "curvature_ridge_factor", "curvature_valley_factor",
-            "cavity_ridge_factor", "cavity_valley_factor", "use_world_space_lighting", "studiolight_rotate_z", "show_xray")  # fmt: skip
+_SHADING = (
+    "light", "studio_light", "color_type", "show_cavity", "cavity_type", "show_shadows", "shadow_intensity",
+    "show_specular_highlight", "show_object_outline", "curvature_ridge_factor", "curvature_valley_factor",
+    "cavity_ridge_factor", "cavity_valley_factor", "use_world_space_lighting", "studiolight_rotate_z",
+    "show_xray",
+)  # fmt: skip
 _DISPLAY = ("render_aa", "light_direction", "shadow_shift", "shadow_focus", "matcap_ssao_distance")
 _VIEW = ("view_transform", "look", "exposure", "gamma")
 _SCENE = ("camera", "world", "frame_start", "frame_end", "frame_step")

@@ -88,16 +88,30 @@ def _keyed(record: NsmTake) -> KeyedTake:
     row = record.character
     things = [
         KeyedThing(
-            t.object, t.action, _slot(t.action, t.slot), t.previous_action, _slot(t.previous_action, t.previous_slot),
-            t.previous_fake_user, _values(t.previous_values),
+            t.object,
+            t.action,
+            _slot(t.action, t.slot),
+            t.previous_action,
+            _slot(t.previous_action, t.previous_slot),
+            t.previous_fake_user,
+            _values(t.previous_values),
         )
         for t in record.things
         if t.object is not None and t.action is not None
-    ]  # fmt: skip
+    ]
     return KeyedTake(
-        row.object, row.action, _slot(row.action, row.slot), record.frame_start, record.frame_end, record.fps, row.previous_action,
-        _slot(row.previous_action, row.previous_slot), row.previous_fake_user, _values(row.previous_values), things,
-    )  # fmt: skip
+        row.object,
+        row.action,
+        _slot(row.action, row.slot),
+        record.frame_start,
+        record.frame_end,
+        record.fps,
+        row.previous_action,
+        _slot(row.previous_action, row.previous_slot),
+        row.previous_fake_user,
+        _values(row.previous_values),
+        things,
+    )
 
 
 def _replaced(record: NsmTake, take: KeyedTake) -> bool:

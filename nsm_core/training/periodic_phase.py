@@ -40,9 +40,12 @@ class PeriodicAutoencoder(nn.Module):
         # Joints are mixed first, then time is looked at: the same as one wide convolution, at a tenth of its
         # cost.
         self.encode = nn.Sequential(
-            nn.Conv1d(inputs, _HIDDEN, 1), nn.Conv1d(_HIDDEN, _HIDDEN, WINDOW, padding=pad), nn.BatchNorm1d(_HIDDEN), nn.Tanh(),
+            nn.Conv1d(inputs, _HIDDEN, 1),
+            nn.Conv1d(_HIDDEN, _HIDDEN, WINDOW, padding=pad),
+            nn.BatchNorm1d(_HIDDEN),
+            nn.Tanh(),
             nn.Conv1d(_HIDDEN, channels, WINDOW, padding=pad),
-        )  # fmt: skip
+        )
         self.shift = nn.ModuleList(nn.Linear(WINDOW, 2) for _ in range(channels))
         self.settle = nn.ModuleList(nn.BatchNorm1d(2) for _ in range(channels))
         self.decode = nn.Sequential(

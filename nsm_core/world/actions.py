@@ -67,17 +67,36 @@ ACTIONS = (
     Action("idle", "Stand", "Stand still where the character is; a sitter rises first", "stands", Aim.HERE),
     Action("run", "Run", "Run to the object or to the place", "arrived", Aim.PLACE),
     Action(
-        "carry", "Carry", "Lift the object with both hands and set it down on top of another one, or where "
-                          "an empty is", "set down",
-        needs_destination=True, prop=Box, handles="a box to carry", hands=True,
+        "carry",
+        "Carry",
+        "Lift the object with both hands and set it down on top of another one, or where an empty is",
+        "set down",
+        needs_destination=True,
+        prop=Box,
+        handles="a box to carry",
+        hands=True,
     ),
     Action(
-        "open", "Open", "Open the door whose leaf the object is, and go through", "passed",
-        prop=Leaf, handles="the leaf of a door to open", hands=True,
+        "open",
+        "Open",
+        "Open the door whose leaf the object is, and go through",
+        "passed",
+        prop=Leaf,
+        handles="the leaf of a door to open",
+        hands=True,
     ),
-    Action("climb", "Climb", "Step up onto the object, or over it where it is a low wall", "climbed", raises=True),
-    Action("touch", "Touch", "Walk to the object and put a hand on it, as on a button", "touched", hands=True, labels=("idle", "walk")),
-)  # fmt: skip
+    Action(
+        "climb", "Climb", "Step up onto the object, or over it where it is a low wall", "climbed", raises=True
+    ),
+    Action(
+        "touch",
+        "Touch",
+        "Walk to the object and put a hand on it, as on a button",
+        "touched",
+        hands=True,
+        labels=("idle", "walk"),
+    ),
+)
 BY_KEY = {a.key: a for a in ACTIONS}
 
 

@@ -45,9 +45,11 @@ def good(tmp_path_factory):
     sidecar.write(folder / "a.nsm.toml", *propose(clip))
     npz = model.BUNDLED
     return {
-        "bvh": (folder / "a.bvh").read_bytes(), "nsm.toml": (folder / "a.nsm.toml").read_bytes(), "toml": MAPPING.encode(),
+        "bvh": (folder / "a.bvh").read_bytes(),
+        "nsm.toml": (folder / "a.nsm.toml").read_bytes(),
+        "toml": MAPPING.encode(),
         "npz": npz.read_bytes(),
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize("kind", READERS)

@@ -38,7 +38,10 @@ def drawn(tree: ast.AST):
 
 
 def test_numbers_in_draws_are_found():
-    code = "a = rng.uniform(0.2, b)\nif session.rng.random() < 0.5: rng.normal(0, 0.1)\nrng.integers(4)\nmotion.rng.exponential(0.1)"
+    code = (
+        "a = rng.uniform(0.2, b)\nif session.rng.random() < 0.5: rng.normal(0, 0.1)\n"
+        "rng.integers(4)\nmotion.rng.exponential(0.1)"
+    )
     assert sorted(drawn(ast.parse(code))) == [(1, [0.2]), (2, [0.1]), (2, [0.5]), (4, [0.1])]
     assert {p.parent.name for p in FILES} == {"walk", "sit", "carry", "open", "climb"}
 

@@ -69,8 +69,16 @@ def depth(centres: np.ndarray, radii: np.ndarray, solid) -> np.ndarray:
 
 
 def test_doors_have_the_measures_of_the_pools_meshes(folder):
-    measures = {"width": 0.85, "height": 2.0, "panel": 0.062, "grips": 0.16, "handle_height": 0.82, "handle_edge": 0.07, "lever": 0.03,
-                "depth": 0.12}  # fmt: skip
+    measures = {
+        "width": 0.85,
+        "height": 2.0,
+        "panel": 0.062,
+        "grips": 0.16,
+        "handle_height": 0.82,
+        "handle_edge": 0.07,
+        "lever": 0.03,
+        "depth": 0.12,
+    }
     composer = Composer(
         captures.source(folder), {"open": 1}, Pool(doors=[DoorEntry("door", measures)], mesh_share=1.0)
     )

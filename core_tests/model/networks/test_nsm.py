@@ -171,9 +171,12 @@ def test_saved_and_loaded_it_predicts_the_same(net, small_config, tmp_path):
     )
     state = {name: values.numpy() for name, values in net.state_dict().items()}
     save_weights(
-        tmp_path / "w.npz", {k: v for k, v in state.items() if k not in STATISTICS}, {k: state[k] for k in STATISTICS},
-        config=small_config, layout={},
-    )  # fmt: skip
+        tmp_path / "w.npz",
+        {k: v for k, v in state.items() if k not in STATISTICS},
+        {k: state[k] for k in STATISTICS},
+        config=small_config,
+        layout={},
+    )
     x = np.random.default_rng(0).normal(size=(3, small_config.inputs)).astype(np.float32)
     g = np.random.default_rng(1).normal(size=(3, small_config.gating)).astype(np.float32)
     y, _, _ = model_of(load_weights(tmp_path / "w.npz"), "numpy").step(Inputs(x, g), {})

@@ -39,7 +39,10 @@ class NSM_OT_take_accept(_Review):
 class NSM_OT_take_reject(_Review):
     bl_idname = "nsm.take_reject"
     bl_label = "Reject"
-    bl_description = "Remove the new actions and give the character, and what it moved, back the actions and the places they had"
+    bl_description = (
+        "Remove the new actions and give the character, and what it moved, "
+        "back the actions and the places they had"
+    )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with sentences(self):

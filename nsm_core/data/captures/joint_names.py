@@ -43,7 +43,8 @@ def bodies(source: Bvh, mapping: Mapping | None = None) -> list[tuple[Bvh, Mappi
         own = mapping is None and set(JOINTS) <= set(source.joints)
         return [(source, None if own else mapping or guess_mapping(source))]
     if left:
-        told = f"{source.name}.bvh also holds {', '.join(left[:5])}, whose joints no mapping names; they are left out."
+        also = ", ".join(left[:5])
+        told = f"{source.name}.bvh also holds {also}, whose joints no mapping names; they are left out."
         found[0] = (replace(found[0][0], notes=(*found[0][0].notes, told)), found[0][1])
     return found
 

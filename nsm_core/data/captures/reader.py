@@ -47,7 +47,10 @@ def read_all(path: str | Path, centimetres: bool = True, mapping: Mapping | None
     clips = [_clip(part, found, centimetres, mapping) for part, found in parts]
     if len(clips) > 1:
         roots = ", ".join("Hips" if found is None else found.joints["Hips"] for _, found in parts)
-        told = f"{source.name}.bvh holds {len(clips)} bodies ({roots}); this is the first, the others go by {source.name}.2 and so on."
+        told = (
+            f"{source.name}.bvh holds {len(clips)} bodies ({roots}); this is the first, "
+            f"the others go by {source.name}.2 and so on."
+        )
         clips[0] = replace(clips[0], notes=(*clips[0].notes, told))
         clips[1:] = [replace(c, name=f"{source.name}.{n}") for n, c in enumerate(clips[1:], 2)]
     return clips

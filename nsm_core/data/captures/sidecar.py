@@ -28,22 +28,29 @@ MOST_AHEAD = 60.0  # seconds
 _GOAL_KEYS = {"static": ("place", "facing"), "dynamic": ("ahead",)}
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\r": "\\r", "\t": "\\t"}
 _HEADER = """\
-# What {clip} shows: proposed by `python -m nsm_core annotate`, yours to change.  {frames} frames, 30 a second, from 0.
-# Lines are `frame = value`.  Run the command again and it keeps every section you changed and proposes the others anew
-# (from your labels and contacts); --overwrite proposes everything anew.  Leave [proposal] as it is: it tells which are yours.
+# What {clip} shows: proposed by `python -m nsm_core annotate`, yours to change.
+# {frames} frames, 30 a second, from 0.
+# Lines are `frame = value`.  Run the command again and it keeps every section you changed and proposes the
+# others anew (from your labels and contacts); --overwrite proposes everything anew.  Leave [proposal] as it
+# is: it tells which are yours.
 #
-# actions   0..1, straight lines between key frames.  carry and open are on besides idle, walk and run; sit and climb take their
-#           share away from them when the file is read.  other is none of these (a hop, a gesture).  No lines: never.
-#           Training data is composed from what these labels say: walks of idle and walk, runs, sit-downs that rise again, and
-#           bends where both hands take a box; where other is on, or nothing is, the clip is not used.
-# contacts  0 or 1, kept until the next key frame.  Feet that you changed stand where you say, instead of where the rule sees
-#           them stand; hands take and leave a box where carry is on; the hips' contact is composed from the sit label.
-# phase     1 where a cycle ends (the left foot lands, a transition is over), even growth in between; phase_mirrored is for the clip
-#           mirrored left to right, where the right foot's landings count.  Changed, or measured (--phase pae), it is the phase of
-#           these frames wherever they are played on; else the rule finds it anew in what was composed.
-# goals     of sit-downs.  sit: `place` in metres (x, y, z) is where the seat asks for the hips, `facing` in degrees (0 faces -Y,
-#           counter-clockwise) which way; the seat is put there.  The goal after it, at its `frame`: from when on one is asked to
-#           rise.  Other actions' goals are drawn with the objects and ways that takes are composed of.
+# actions   0..1, straight lines between key frames.  carry and open are on besides idle, walk and run; sit
+#           and climb take their share away from them when the file is read.  other is none of these (a hop,
+#           a gesture).  No lines: never.
+#           Training data is composed from what these labels say: walks of idle and walk, runs, sit-downs
+#           that rise again, and bends where both hands take a box; where other is on, or nothing is, the
+#           clip is not used.
+# contacts  0 or 1, kept until the next key frame.  Feet that you changed stand where you say, instead of
+#           where the rule sees them stand; hands take and leave a box where carry is on; the hips' contact
+#           is composed from the sit label.
+# phase     1 where a cycle ends (the left foot lands, a transition is over), even growth in between;
+#           phase_mirrored is for the clip mirrored left to right, where the right foot's landings count.
+#           Changed, or measured (--phase pae), it is the phase of these frames wherever they are played on;
+#           else the rule finds it anew in what was composed.
+# goals     of sit-downs.  sit: `place` in metres (x, y, z) is where the seat asks for the hips, `facing` in
+#           degrees (0 faces -Y, counter-clockwise) which way; the seat is put there.  The goal after it, at
+#           its `frame`: from when on one is asked to rise.  Other actions' goals are drawn with the objects
+#           and ways that takes are composed of.
 """
 
 

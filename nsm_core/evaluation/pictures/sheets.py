@@ -63,9 +63,18 @@ def sheet(asked: TakeRequest, take: TakeResult, path: Path, title: str, rows: in
         for view in ("side", "front"):
             part = Path(folder) / f"{view}.png"
             contact_sheet(
-                positions, part, view=view, boxes=still, roots=take.root, title=f"{title}, {view}", tiles=TILES, rows=rows,
-                camera=camera, contacts=take.contacts, moving=moving_corners(asked, take),
-            )  # fmt: skip
+                positions,
+                part,
+                view=view,
+                boxes=still,
+                roots=take.root,
+                title=f"{title}, {view}",
+                tiles=TILES,
+                rows=rows,
+                camera=camera,
+                contacts=take.contacts,
+                moving=moving_corners(asked, take),
+            )
             images.append(pyplot().imread(part))
     width = min(i.shape[1] for i in images)
     with output(path, "The picture") as temporary:

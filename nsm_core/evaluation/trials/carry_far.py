@@ -130,6 +130,12 @@ def rows(s: Report) -> list[tuple[str, str, str, str]]:
 
 
 PART = TrialPart(
-    "carry, boxes far from edges, onto shelves, and large ones", lambda starts, pool: trials(starts), run_trial, summarise, rows,
-    carry.request, ("carry",), done="sound",
-)  # fmt: skip
+    "carry, boxes far from edges, onto shelves, and large ones",
+    lambda starts, pool: trials(starts),
+    run_trial,
+    summarise,
+    rows,
+    carry.request,
+    ("carry",),
+    done="sound",
+)

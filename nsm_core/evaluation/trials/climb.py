@@ -182,5 +182,12 @@ def rows(s: Report) -> list[tuple[str, str, str, str]]:
 
 
 PART = TrialPart(
-    "climb", lambda starts, pool: trials(starts, pool=pool), run_trial, summarise, rows, request, ("climb",), done="stands",
-)  # fmt: skip
+    "climb",
+    lambda starts, pool: trials(starts, pool=pool),
+    run_trial,
+    summarise,
+    rows,
+    request,
+    ("climb",),
+    done="stands",
+)

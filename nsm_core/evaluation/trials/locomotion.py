@@ -258,9 +258,20 @@ def order_rows(s: Report) -> list[tuple[str, str, str, str]]:
 
 
 PART = TrialPart(
-    "walks between furniture and through holes, runs", trials, run_trial, summarise, rows, request, ("walk", "run"),
-)  # fmt: skip
+    "walks between furniture and through holes, runs",
+    trials,
+    run_trial,
+    summarise,
+    rows,
+    request,
+    ("walk", "run"),
+)
 RESPONSE = TrialPart(
-    "seconds from an order until its label passes 0.9", orders, run_order, rollout.summarise, order_rows, judges=("walk", "run", "sit"),
+    "seconds from an order until its label passes 0.9",
+    orders,
+    run_order,
+    rollout.summarise,
+    order_rows,
+    judges=("walk", "run", "sit"),
     travels=False,
-)  # fmt: skip
+)

@@ -25,8 +25,12 @@ from . import rollout
 from .part import TrialPart
 from .rollout import SEED, Report
 
-SETTINGS = (("push, hinge left", True, False), ("push, hinge right", True, True), ("pull, hinge left", False, False),
-            ("pull, hinge right", False, True))  # fmt: skip
+SETTINGS = (
+    ("push, hinge left", True, False),
+    ("push, hinge right", True, True),
+    ("pull, hinge left", False, False),
+    ("pull, hinge right", False, True),
+)
 WALL = 3.5  # metres of wall on either side, so that there is no way around
 IN_TIME, BEYOND = (
     20.0,
@@ -171,5 +175,12 @@ def rows(s: Report) -> list[tuple[str, str, str, str]]:
 
 
 PART = TrialPart(
-    "open", lambda starts, pool: trials(starts, pool=pool), run_trial, summarise, rows, request, ("open",), done="passed",
-)  # fmt: skip
+    "open",
+    lambda starts, pool: trials(starts, pool=pool),
+    run_trial,
+    summarise,
+    rows,
+    request,
+    ("open",),
+    done="passed",
+)

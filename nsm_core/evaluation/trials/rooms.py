@@ -204,8 +204,14 @@ def _step(room: Room, hold: float) -> Goal | None:
 # What a room has for each action; None where one is sent to a random place.  The order is that of the draws
 # of a seed.
 OFFERS: dict[str, Callable[[Room, float], Goal | None]] = {
-    "idle": _here, "walk": _somewhere, "run": _somewhere, "sit": _seat, "carry": _box, "open": _door, "climb": _step,
-}  # fmt: skip
+    "idle": _here,
+    "walk": _somewhere,
+    "run": _somewhere,
+    "sit": _seat,
+    "carry": _box,
+    "open": _door,
+    "climb": _step,
+}
 
 
 def reachable(

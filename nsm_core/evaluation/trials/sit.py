@@ -234,14 +234,25 @@ def rows(s: Report) -> list[tuple[str, str, str, str]]:
 
 
 PART = TrialPart(
-    "sit, on seats not seen in training", lambda starts, pool: trials(starts, pool=pool), run_trial, summarise, rows, request, ("sit",),
+    "sit, on seats not seen in training",
+    lambda starts, pool: trials(starts, pool=pool),
+    run_trial,
+    summarise,
+    rows,
+    request,
+    ("sit",),
     {
         "no bi-directional control": ("4.27", "1.58"),
         "interaction sensor zeroed": ("3.72 (retrained)", "1.11 (retrained)"),
         "environment sensor zeroed": ("3.05 (retrained)", "0.94 (retrained)"),
     },
-)  # fmt: skip
+)
 AT_TABLES = TrialPart(
-    "sit, on seats partly under a table", lambda starts, pool: trials_at_tables(starts, pool=pool), run_trial, summarise, rows, request,
+    "sit, on seats partly under a table",
+    lambda starts, pool: trials_at_tables(starts, pool=pool),
+    run_trial,
+    summarise,
+    rows,
+    request,
     ("sit",),
-)  # fmt: skip
+)

@@ -42,23 +42,29 @@ def travel_rows(s: Report, data: float | None = None) -> list[Row]:
     cm/s.
     """
     aim = "data + 2" if data is None else f"{data + 2:.1f} (data {data:.1f} + 2)"
+
+    def pair(one: str, other: str, digits: int = 1) -> str:
+        return f"{s[one]:.{digits}f} / {s[other]:.{digits}f}"
+
+    def spread(key: str, digits: int = 1) -> str:
+        return pair(f"{key}_median", f"{key}_worst", digits)
+
+    alone = f"{s['network_slide_moving_cm_s_median']:.1f}"
+    bent = pair("knee_backward_deg_worst", "elbow_backward_deg_worst")
+    deep = f"{s['deep_share']:.1%}"
+    turned = spread("turn_per_frame_deg", 0)
     return [
-        ("share of all frames deeper than 3 cm in something", f"{s['deep_share']:.1%}", "8.1 % (NSM in SAMP)", "4 %"),
-        ("deepest penetration cm (median / worst)", f"{s['penetration_cm_median']:.1f} / "
-                                                    f"{s['penetration_cm_worst']:.1f}", "", ""),
+        ("share of all frames deeper than 3 cm in something", deep, "8.1 % (NSM in SAMP)", "4 %"),
+        ("deepest penetration cm (median / worst)", spread("penetration_cm"), "", ""),
         ("foot sliding cm/s (all frames of all trials)", f"{s['slide_all']:.1f}", "Fig. 10", aim),
-        ("slide while moving cm/s (median / worst)", f"{s['slide_moving_cm_s_median']:.1f} / "
-                                                     f"{s['slide_moving_cm_s_worst']:.1f}", "", "15"),
-        ("slide while moving cm/s, network alone (median)", f"{s['network_slide_moving_cm_s_median']:.1f}", "", ""),
-        ("planted share (median / worst)", f"{s['planted_share_median']:.2f} / "
-                                           f"{s['planted_share_worst']:.2f}", "", "0.6"),
+        ("slide while moving cm/s (median / worst)", spread("slide_moving_cm_s"), "", "15"),
+        ("slide while moving cm/s, network alone (median)", alone, "", ""),
+        ("planted share (median / worst)", spread("planted_share", 2), "", "0.6"),
         ("top speed of the hips m/s (worst)", f"{s['top_speed_m_s_worst']:.2f}", "", ""),
-        ("largest turn of a joint per frame deg (median / worst)",
-         f"{s['turn_per_frame_deg_median']:.0f} / {s['turn_per_frame_deg_worst']:.0f}", "", ""),
-        ("knee / elbow bent backward deg (worst)", f"{s['knee_backward_deg_worst']:.1f} / "
-                                                   f"{s['elbow_backward_deg_worst']:.1f}", "", "0"),
+        ("largest turn of a joint per frame deg (median / worst)", turned, "", ""),
+        ("knee / elbow bent backward deg (worst)", bent, "", "0"),
         ("ms per frame, one thread (median)", f"{s['ms_per_frame_median']:.1f}", "", "33.3"),
-    ]  # fmt: skip
+    ]
 
 
 __all__ = ["ABLATIONS", "PARTS", "Figures", "Row", "TrialPart", "parts_named", "travel_rows"]

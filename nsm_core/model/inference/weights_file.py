@@ -249,9 +249,14 @@ def _difference(theirs: Any, ours: Layout) -> str:
 
     def is_block(entry: Any) -> bool:
         return (
-            isinstance(entry, list) and len(entry) == 2 and isinstance(entry[0], str) and len(entry[0]) < 80 and isinstance(entry[1], list)
-            and len(entry[1]) < 8 and all(isinstance(n, int) and is_number(n, 0, 1e9) for n in entry[1])
-        )  # fmt: skip
+            isinstance(entry, list)
+            and len(entry) == 2
+            and isinstance(entry[0], str)
+            and len(entry[0]) < 80
+            and isinstance(entry[1], list)
+            and len(entry[1]) < 8
+            and all(isinstance(n, int) and is_number(n, 0, 1e9) for n in entry[1])
+        )
 
     for vector, blocks in plain_layout(ours).items():
         others = theirs.get(vector, []) if isinstance(theirs, dict) else None

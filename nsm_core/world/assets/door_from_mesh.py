@@ -14,8 +14,16 @@ _NOT_LEAF = re.compile("frame|doorway|wall", re.IGNORECASE)
 _LEAF_WIDTH, _LEAF_HEIGHT, _LEAF_THICKEST = (0.6, 1.2), 1.7, 0.12
 _HANDLE_HEIGHTS, _HANDLE_TALLEST = (0.6, 1.4), 0.5
 # What is made of odd measures, metres: hands must get hold of it and bodies pass.
-LIMITS = {"width": (0.72, 1.1), "height": (1.9, 2.2), "panel": (0.025, 0.08), "grips": (0.09, 0.2), "handle_height": (0.8, 1.15),
-          "handle_edge": (0.04, 0.13), "lever": (0.02, 0.16), "depth": (0.06, 0.25)}  # fmt: skip
+LIMITS = {
+    "width": (0.72, 1.1),
+    "height": (1.9, 2.2),
+    "panel": (0.025, 0.08),
+    "grips": (0.09, 0.2),
+    "handle_height": (0.8, 1.15),
+    "handle_edge": (0.04, 0.13),
+    "lever": (0.02, 0.16),
+    "depth": (0.06, 0.25),
+}
 
 
 def door_measures(parts: list[tuple[str, Array, Array]]) -> dict[str, float]:
@@ -29,8 +37,14 @@ def door_measures(parts: list[tuple[str, Array, Array]]) -> dict[str, float]:
     low, high = min(b[1][2] for b in bounds), np.max([b[2] for b in bounds], axis=0)
     leaves = [(name, a, b) for name, a, b in bounds if not _NOT_LEAF.search(name) and _is_leaf(b - a)]
     # Panels and panes lie within their leaf.
-    leaves = [x for x in leaves if not any(y is not x and (y[1] <= x[1] + 0.01)[[0, 2]].all() and (y[2] >= x[2] - 0.01)[[0, 2]].all()
-                                           for y in leaves)]  # fmt: skip
+    leaves = [
+        x
+        for x in leaves
+        if not any(
+            y is not x and (y[1] <= x[1] + 0.01)[[0, 2]].all() and (y[2] >= x[2] - 0.01)[[0, 2]].all()
+            for y in leaves
+        )
+    ]
     if len(leaves) != 1:
         raise GeometryError(
             f"It has {len(leaves)} parts that could be the leaf; name the frame's parts so, and choose "

@@ -31,8 +31,20 @@ from .from_mesh import piece_of
 from .glb import joined, read_parts
 
 # Kinds of furniture by the classes of an index; anything else is left out.
-KIND_OF = {"chair": "chair", "armchair": "armchair", "sofa": "sofa", "stool": "stool", "bench": "bench", "table": "table", "desk": "desk",
-           "cabinet": "cabinet", "drawer": "cabinet", "shelf": "shelf", "box": "box", "wall": "wall"}  # fmt: skip
+KIND_OF = {
+    "chair": "chair",
+    "armchair": "armchair",
+    "sofa": "sofa",
+    "stool": "stool",
+    "bench": "bench",
+    "table": "table",
+    "desk": "desk",
+    "cabinet": "cabinet",
+    "drawer": "cabinet",
+    "shelf": "shelf",
+    "box": "box",
+    "wall": "wall",
+}
 # Random scales along x, y and z (papers/000 section 5.2 gives none; these are those of its published objects,
 # narrowed for meshes that are large already).
 SCALES = {
@@ -193,9 +205,8 @@ class Pool:
         held = sum(d.held for d in self.doors)
         if self.doors:
             lines.append(f"{'door':10s}{'door':11s}{len(self.doors) - held:9d}{held:10d}")
-        lines.append(
-            f"{'all furniture':21s}{sum(not e.held for e in self.entries):9d}{sum(e.held for e in self.entries):10d}"
-        )
+        held = sum(e.held for e in self.entries)
+        lines.append(f"{'all furniture':21s}{len(self.entries) - held:9d}{held:10d}")
         return "\n".join(lines + [f"left out: {name} ({reason})" for name, _, reason in self.rejected])
 
 

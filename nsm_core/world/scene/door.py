@@ -62,8 +62,21 @@ def make_door(rng: np.random.Generator, **overrides: float) -> Door:
     measure.
     """
     o = dict(overrides)
-    m = pick(rng, o, width=(0.75, 1.0), height=(2.0, 2.1), panel=(0.03, 0.05), grips=(0.1, 0.14), handle_height=(0.9, 1.1),
-             handle_edge=(0.05, 0.09), lever=(0.03, 0.12), depth=(0.08, 0.2), near=(0.4, 2.0), far=(0.4, 2.0), over=(0.2, 0.5))  # fmt: skip
+    m = pick(
+        rng,
+        o,
+        width=(0.75, 1.0),
+        height=(2.0, 2.1),
+        panel=(0.03, 0.05),
+        grips=(0.1, 0.14),
+        handle_height=(0.9, 1.1),
+        handle_edge=(0.05, 0.09),
+        lever=(0.03, 0.12),
+        depth=(0.08, 0.2),
+        near=(0.4, 2.0),
+        far=(0.4, 2.0),
+        over=(0.2, 0.5),
+    )
     if o:
         raise GeometryError(f"A door has no measure {', '.join(sorted(o))}; leave it out.")
     w, h, t, g = m["width"], m["height"], m["panel"] / 2, m["grips"] / 2

@@ -183,6 +183,16 @@ class ClimbEpisode:
         sway = -manner.wait * wait[:, None] * way
         within = (self.start - first, self.end - first)
         return climb(
-            motion.hips[span], motion.rotations[span], motion.feet[span], self.block, holds, top, shifts, within, ascents, lean, sway,
+            motion.hips[span],
+            motion.rotations[span],
+            motion.feet[span],
+            self.block,
+            holds,
+            top,
+            shifts,
+            within,
+            ascents,
+            lean,
+            sway,
             manner.splay,
-        )  # fmt: skip
+        )

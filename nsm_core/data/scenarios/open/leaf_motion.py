@@ -28,9 +28,16 @@ CLEAR = 0.02  # metres that the body keeps off the leaf
 _BODY = {"Hips": 0.11, "Chest2": 0.11, "Chest4": 0.11, "Head": 0.11} | {
     side + joint: radius
     for side in ("Right", "Left")
-    for joint, radius in (("Shoulder", 0.065), ("Elbow", 0.055), ("Wrist", 0.05), ("Hip", 0.07), ("Knee", 0.065),
-                          ("Ankle", 0.055), ("Toe", 0.1))
-}  # fmt: skip
+    for joint, radius in (
+        ("Shoulder", 0.065),
+        ("Elbow", 0.055),
+        ("Wrist", 0.05),
+        ("Hip", 0.07),
+        ("Knee", 0.065),
+        ("Ankle", 0.055),
+        ("Toe", 0.1),
+    )
+}
 
 
 @dataclass(frozen=True)

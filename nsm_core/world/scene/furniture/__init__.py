@@ -31,8 +31,14 @@ __all__ = (
 )
 
 MAKERS: dict[str, Callable[[np.random.Generator, dict[str, Any]], Furniture]] = {
-    "chair": seating.chair, "armchair": seating.armchair, "sofa": seating.sofa, "stool": seating.stool, "bench": seating.bench,
-    "table": storage.table, "desk": storage.desk, "shelf": storage.shelf,
+    "chair": seating.chair,
+    "armchair": seating.armchair,
+    "sofa": seating.sofa,
+    "stool": seating.stool,
+    "bench": seating.bench,
+    "table": storage.table,
+    "desk": storage.desk,
+    "shelf": storage.shelf,
     "cabinet": storage.block("cabinet", width=(0.4, 1.6), depth=(0.35, 0.6), height=(0.7, 2.0)),
     "box": storage.block("box", width=(0.25, 0.6), depth=(0.25, 0.6), height=(0.2, 0.6)),
     "wall": storage.block("wall", width=(1.0, 4.0), depth=(0.08, 0.2), height=(2.2, 2.8)),
@@ -40,7 +46,7 @@ MAKERS: dict[str, Callable[[np.random.Generator, dict[str, Any]], Furniture]] = 
     "step": storage.step,
     "low_wall": storage.block("low_wall", width=(0.8, 2.5), depth=(0.08, 0.25), height=(0.2, 0.5)),
     "hole_wall": storage.hole_wall,
-}  # fmt: skip
+}
 KINDS = tuple(MAKERS)
 SEAT_KINDS = ("chair", "armchair", "sofa", "stool", "bench")
 

@@ -40,5 +40,15 @@ def supports(w: float, d: float, top: float, thick: float, style: str) -> list[P
         ]
     if style == "sides":
         return [(-x, -x + thick, -y, y, 0, top), (x - thick, x, -y, y, 0, top)]
-    return [(sx * x - (thick if sx > 0 else 0), sx * x + (thick if sx < 0 else 0),
-             sy * y - (thick if sy > 0 else 0), sy * y + (thick if sy < 0 else 0), 0, top) for sx in (-1, 1) for sy in (-1, 1)]  # fmt: skip
+    return [
+        (
+            sx * x - (thick if sx > 0 else 0),
+            sx * x + (thick if sx < 0 else 0),
+            sy * y - (thick if sy > 0 else 0),
+            sy * y + (thick if sy < 0 else 0),
+            0,
+            top,
+        )
+        for sx in (-1, 1)
+        for sy in (-1, 1)
+    ]

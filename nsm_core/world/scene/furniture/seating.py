@@ -46,8 +46,10 @@ def _seating(
     arm = m.get("arm_width", 0.0) if arms else 0.0
     total_w, total_d = w + 2 * arm, d + (t if back else 0)
     rear = y1 + (t if back else 0)
-    boxes = [(x0, x1, a + (y0 + rear) / 2, b + (y0 + rear) / 2, z0, z1)
-             for x0, x1, a, b, z0, z1 in supports(total_w, total_d, h - plate, 0.05 if w > 0.8 else 0.04, legs)]  # fmt: skip
+    boxes = [
+        (x0, x1, a + (y0 + rear) / 2, b + (y0 + rear) / 2, z0, z1)
+        for x0, x1, a, b, z0, z1 in supports(total_w, total_d, h - plate, 0.05 if w > 0.8 else 0.04, legs)
+    ]
     boxes.append((-total_w / 2, total_w / 2, y0, rear, h - plate, h))
     if back:
         boxes += _back(total_w, y1, t, h, h + m["back_height"], style)
@@ -85,8 +87,18 @@ def chair(rng: np.random.Generator, o: dict[str, Any]) -> Furniture:
 
 
 def armchair(rng: np.random.Generator, o: dict[str, Any]) -> Furniture:
-    m = pick(rng, o, seat_height=(0.36, 0.5), width=(0.46, 0.62), depth=(0.44, 0.6), thickness=(0.05, 0.22), back_height=(0.35, 0.6),
-              arm_width=(0.04, 0.18), arm_height=(0.15, 0.26), arm_start=(0.0, 0.25))  # fmt: skip
+    m = pick(
+        rng,
+        o,
+        seat_height=(0.36, 0.5),
+        width=(0.46, 0.62),
+        depth=(0.44, 0.6),
+        thickness=(0.05, 0.22),
+        back_height=(0.35, 0.6),
+        arm_width=(0.04, 0.18),
+        arm_height=(0.15, 0.26),
+        arm_start=(0.0, 0.25),
+    )
     legs = choose(rng, o, "legs", ("posts", "solid", "pedestal"))
     return _seating(
         "armchair", rng, o, m, True, True, str(legs), "panel", float(o.pop("plate", rng.uniform(0.05, 0.2)))
@@ -94,8 +106,17 @@ def armchair(rng: np.random.Generator, o: dict[str, Any]) -> Furniture:
 
 
 def sofa(rng: np.random.Generator, o: dict[str, Any]) -> Furniture:
-    m = pick(rng, o, seat_height=(0.36, 0.48), width=(1.1, 2.2), depth=(0.5, 0.68), thickness=(0.12, 0.28), back_height=(0.3, 0.5),
-              arm_width=(0.1, 0.25), arm_height=(0.12, 0.26))  # fmt: skip
+    m = pick(
+        rng,
+        o,
+        seat_height=(0.36, 0.48),
+        width=(1.1, 2.2),
+        depth=(0.5, 0.68),
+        thickness=(0.12, 0.28),
+        back_height=(0.3, 0.5),
+        arm_width=(0.1, 0.25),
+        arm_height=(0.12, 0.26),
+    )
     arms = bool(choose(rng, o, "arms", (True, True, True, False)))
     legs = choose(rng, o, "legs", ("posts", "solid"))
     return _seating(
