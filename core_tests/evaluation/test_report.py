@@ -19,6 +19,7 @@ from nsm_core.evaluation.trials import carry, interrupt, locomotion, rollout, st
 from nsm_core.evaluation.trials import open as doors
 from nsm_core.evaluation.trials import sit as trials_sit
 from nsm_core.evaluation.trials.suite import ABLATIONS, PARTS, Figures
+from nsm_core.evaluation.trials.together import alone
 from nsm_core.model.features.layout import INPUT, Inputs
 from nsm_core.model.inference.model import Model, load_model
 from nsm_core.rotations import heading_to_direction
@@ -171,12 +172,12 @@ def test_a_blind_network_reads_nothing_of_one_sensor(model):
 
 
 def test_figures_of_a_sit_and_of_a_walk_through_a_hole(model):
-    _, sit = trials_sit.run_trial(model, trials_sit.trials(1)[0])
+    _, sit = alone(trials_sit.run_trial(model, trials_sit.trials(1)[0]))
     summary = trials_sit.summarise([sit])
     assert summary["success"] == 1 and summary["within_3cm_3deg_ik"] == 1 and sit["network_pe_cm"] < 10
     assert 0 < summary["slide_all"] < 20 and sit["frames"] > 60
     hole = next(t for t in locomotion.trials(1) if t.name == "hole")
-    _, walk = locomotion.run_trial(model, hole)
+    _, walk = alone(locomotion.run_trial(model, hole))
     assert walk["reached"] == 1 and walk["penetration_cm"] < 3 and 0.9 < walk["path_ratio"] < 1.3
     text = evaluation_report.tables({"sit": summary, "travel": locomotion.summarise([walk])})
     assert "walks through a wall with a hole: reached | 100% |" in text
@@ -185,7 +186,7 @@ def test_figures_of_a_sit_and_of_a_walk_through_a_hole(model):
 @pytest.mark.parametrize("part", ["carry", "open", "climb"])
 def test_every_line_of_a_part_has_its_figure(model, part):
     trial = PARTS[part].trials(1, None)[0]
-    _, report = PARTS[part].run(model, trial, time_limit=1.0)
+    _, report = alone(PARTS[part].run(model, trial, time_limit=1.0))
     summary = PARTS[part].summarise([report])
     missing = []
 
@@ -201,7 +202,7 @@ def test_every_line_of_a_part_has_its_figure(model, part):
 
 def test_an_order_is_answered(model):
     order = locomotion.orders(1)[1]
-    take, report = locomotion.run_order(model, order)
+    take, report = alone(locomotion.run_order(model, order))
     assert order.name == "idle to walk" and 0.1 < report["idle_to_walk_s"] < 2 and report["reached"] == 1
     assert len(take.root) > 3
 

@@ -25,6 +25,9 @@ from nsm_core.world.assets.pool import Pool
 from .trials import stress
 from .trials.rollout import Report, slides
 from .trials.suite import ABLATIONS, PARTS, Figures, Row, travel_rows
+from .trials.together import TOGETHER, together, told
+
+Job = tuple[str, str | None, Any]  # part, ablation, trial
 
 POOL_CACHE = "runs/pool.npz"  # where ``python -m nsm_core pool`` keeps it too
 
@@ -67,20 +70,37 @@ def _prepare(weights: str | None) -> None:
     _model = load_model(weights, backend="numpy")
 
 
-def _one(job: tuple[str, str | None, Any]) -> Report:
-    """Run one trial; what breaks off is a figure too."""
-    part, ablation, trial = job
-    assert _model is not None
-    model, more = without(_model, ablation)
-    try:
-        return PARTS[part].run(model, trial, **more)[1]
-    except Exception as error:  # any: a fault in one trial must not cost the others
-        return {"failed": 1.0, "reached": 0.0, "error": f"{type(error).__name__}: {error}"}  # type: ignore[dict-item]
+def reports_of(model: Model, jobs: Sequence[Job], most: int = TOGETHER) -> list[Report]:
+    """Figures of trials of one ablation, at most ``most`` rolled out at once; what breaks off is a figure too."""
+    (ablation,) = {ablation for _, ablation, _ in jobs}
+    model, more = without(model, ablation)
+    made = together((PARTS[part].run(model, trial, **more) for part, _, trial in jobs), most)
+    return [_broken(one) if isinstance(one, Exception) else one[1] for one in made]
 
 
-def _stress(seed: int) -> stress.Outcome:
+def _broken(error: Exception) -> Report:
+    return {"failed": 1.0, "reached": 0.0, "error": f"{type(error).__name__}: {error}"}  # type: ignore[dict-item]
+
+
+def shares(jobs: Sequence[Job], workers: int) -> list[list[int]]:
+    """Numbers of the jobs that are handed to a worker at a time: of one ablation, and few enough that all
+    workers end at about the same time.
+    """
+    size = min(max(len(jobs) // (4 * workers), TOGETHER), 4 * TOGETHER)
+    alike: dict[str | None, list[int]] = {}
+    for number, (_, ablation, _) in enumerate(jobs):
+        alike.setdefault(ablation, []).append(number)
+    return [group[k : k + size] for group in alike.values() for k in range(0, len(group), size)]
+
+
+def _reports(jobs: list[Job]) -> list[Report]:
     assert _model is not None
-    return stress.run_seed(_model, seed)
+    return reports_of(_model, jobs)
+
+
+def _stress(seeds: Sequence[int]) -> list[stress.Outcome]:
+    assert _model is not None
+    return [told(one) for one in together(stress.run_seed(_model, seed) for seed in seeds)]
 
 
 def run_stress(weights: str | None, seconds: float, workers: int, quiet: bool = False) -> dict[str, Any]:
@@ -90,8 +110,9 @@ def run_stress(weights: str | None, seconds: float, workers: int, quiet: bool = 
         # In batches, so that it ends soon after there is enough.
         while sum(o.seconds for o in outcomes) < seconds and len(outcomes) < 100 + seconds:
             first = len(outcomes)
-            for outcome in processes.map(_stress, range(first, first + 4 * workers)):
-                outcomes.append(outcome)
+            seeds = [range(at, at + 8) for at in range(first, first + 8 * workers, 8)]
+            for some in processes.map(_stress, seeds):
+                outcomes += some
                 if not quiet:
                     print(
                         f"\r{sum(o.seconds for o in outcomes):.0f} of {seconds:.0f} s of random goals",
@@ -135,18 +156,21 @@ def evaluate(
     if not only:
         return {"trials": []}
     pool = held_back(assets)
-    jobs: list[tuple[str, str | None, Any]] = []
+    jobs: list[Job] = []
     for name in only:
         chosen = PARTS[name].trials(starts, pool)
         for ablation in (None, *(PARTS[name].ablations if ablations else ())):
             jobs += [(name, ablation, t) for t in chosen]
-    reports: list[Report] = []
-    began = time.perf_counter()
+    made: dict[int, Report] = {}
+    began, numbers = time.perf_counter(), shares(jobs, workers)
     with pool_of_workers(weights, workers) as processes:
-        for n, report in enumerate(processes.map(_one, jobs), 1):
-            reports.append(report)
+        handed = ([jobs[n] for n in some] for some in numbers)
+        for some, figures in zip(numbers, processes.map(_reports, handed), strict=True):
+            made |= zip(some, figures, strict=True)
             if not quiet:
-                print(f"\rtrial {n} of {len(jobs)}, {time.perf_counter() - began:.0f} s", end="", flush=True)
+                spent = time.perf_counter() - began
+                print(f"\r{len(made)} of {len(jobs)} trials, {spent:.0f} s", end="", flush=True)
+    reports = [made[n] for n in range(len(jobs))]
     if not quiet:
         print()
     result: dict[str, Any] = {}

@@ -17,6 +17,7 @@ from nsm_core.control.take import TakeRequest, TakeResult
 from nsm_core.errors import NsmError
 from nsm_core.evaluation.trials.rollout import props_of
 from nsm_core.evaluation.trials.suite import PARTS
+from nsm_core.evaluation.trials.together import alone
 from nsm_core.files import output
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, rotate_planar
@@ -114,7 +115,7 @@ def draw(
             )
             try:
                 asked = part.request(trial)
-                take, report = part.run(model, trial)
+                take, report = alone(part.run(model, trial))
             except NsmError as error:
                 print(f"{title}: {error}")
                 continue

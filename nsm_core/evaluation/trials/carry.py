@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from nsm_core.control.goals import Goal
-from nsm_core.control.take import TakeRequest, TakeResult, roll
+from nsm_core.control.take import TakeRequest, TakeResult
 from nsm_core.evaluation.measures.objects import box_report
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
@@ -23,6 +23,7 @@ from nsm_core.world.scene.props import Box
 from . import rollout
 from .part import TrialPart
 from .rollout import SEED, Report
+from .together import Trying, rolled
 
 FLOOR, LOW, TABLE = 0.0, (0.35, 0.5), (0.68, 0.78)
 SETTINGS = (
@@ -138,10 +139,10 @@ def request(trial: CarryTrial, hold: float = 1.0, **more: Any) -> TakeRequest:
     return TakeRequest(trial.start, trial.heading, [goal], furniture.cuboids(trial.still), **more)  # type: ignore[arg-type]
 
 
-def run_trial(model: Model, trial: CarryTrial, **more: Any) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: CarryTrial, **more: Any) -> Trying[tuple[TakeResult, Report]]:
     """Roll one trial out; returns the take and its figures."""
     asked = request(trial, **more)
-    take = roll(model, asked)
+    take = yield from rolled(model, asked)
     report, _ = rollout.judge(asked, take)
     box = asked.goals[0].prop
     assert isinstance(box, Box)

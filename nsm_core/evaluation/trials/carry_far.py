@@ -19,6 +19,7 @@ from . import carry, rollout
 from .carry import CarryTrial
 from .part import TrialPart
 from .rollout import SEED, Report
+from .together import Trying
 
 # Name, size of the box, what it stands on and goes to: kind, height of that top, and metres from the edge to
 # the box; metres.
@@ -105,14 +106,14 @@ def trials(starts: int = 1, settings: Sequence[int] = range(len(SETTINGS))) -> l
     return result
 
 
-def run_trial(model: Model, trial: CarryTrial, **more: object) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: CarryTrial, **more: object) -> Trying[tuple[TakeResult, Report]]:
     """Roll one trial out; returns the take and its figures, those of ``carrying`` and whether it was
     ``sound``.
 
     Sound: placed, the body deeper than 3 cm in at most 3 % of the frames, and the box nowhere deeper than 1
     cm in anything.
     """
-    take, report = carry.run_trial(model, trial, **more)
+    take, report = yield from carry.run_trial(model, trial, **more)
     report["sound"] = float(
         report["placed"] > 0 and report["penetration_share"] <= DEEP and report["box_in_solids_cm"] <= 1
     )

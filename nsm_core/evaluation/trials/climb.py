@@ -11,7 +11,7 @@ import numpy as np
 from nsm_core.body.contacts import ANKLES, TOES
 from nsm_core.body.skeleton import HIPS, forward_kinematics
 from nsm_core.control.goals import Goal
-from nsm_core.control.take import TakeRequest, TakeResult, roll
+from nsm_core.control.take import TakeRequest, TakeResult
 from nsm_core.evaluation.measures.objects import foot_heights
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
@@ -25,6 +25,7 @@ from nsm_core.world.sensors.interaction import interaction_sensor
 from . import rollout
 from .part import TrialPart
 from .rollout import SEED, Report
+from .together import Trying, rolled
 
 # Kind, height and depth in metres, and how wide; the rest is drawn.
 SETTINGS = (
@@ -103,13 +104,13 @@ def request(trial: ClimbTrial, hold: float = 1.0, **more: Any) -> TakeRequest:
     return TakeRequest(trial.start, trial.heading, [goal], query, **more)  # type: ignore[arg-type]
 
 
-def run_trial(model: Model, trial: ClimbTrial, **more: Any) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: ClimbTrial, **more: Any) -> Trying[tuple[TakeResult, Report]]:
     """Roll one trial out; returns the take and its figures."""
     asked = request(trial, **more)
     goal = asked.goals[0]
     assert goal.interaction is not None
     ground = Terrain.probe(asked.environment, goal.interaction).height
-    take = roll(model, asked)
+    take = yield from rolled(model, asked)
     report, _ = rollout.judge(asked, take, ground=ground)
     end = forward_kinematics(take.hips_position[-1], take.local_rotations[-1])[0].astype(np.float64)
     feet = foot_heights(end, ground)

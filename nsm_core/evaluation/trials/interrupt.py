@@ -17,6 +17,7 @@ from . import rollout
 from .part import TrialPart
 from .rollout import SEED, Report
 from .rooms import goal_of, make_room, random_place, reachable
+from .together import Trying
 
 PAIRS = (
     ("walk", "sit"), ("sit", "walk"), ("run", "idle"), ("carry", "walk"), ("carry", "sit"),
@@ -65,7 +66,7 @@ def request(trial: InterruptTrial, **more: object) -> TakeRequest:
     return reachable(make, (SEED, 11, trial.setting, trial.seed))
 
 
-def run_trial(model: Model, trial: InterruptTrial, **more: object) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: InterruptTrial, **more: object) -> Trying[tuple[TakeResult, Report]]:
     """Roll one trial out; without a way to interrupt a take, the goals follow one another and ``no_hook``
     says so.
     """
@@ -73,11 +74,11 @@ def run_trial(model: Model, trial: InterruptTrial, **more: object) -> tuple[Take
     before, after = asked.goals
     hook = hasattr(TakeRunner, "interrupt")
     runner = TakeRunner(model, replace(asked, goals=[before]) if hook else asked)
-    while runner.frames < trial.frame and runner.step():
+    while runner.frames < trial.frame and (yield runner):
         pass
     if hook:
         runner.interrupt([after])
-    while runner.frames < LIMIT * FPS and runner.step():
+    while runner.frames < LIMIT * FPS and (yield runner):
         pass
     take = runner.result()
     report, _ = rollout.judge(asked, take, goal=-1)

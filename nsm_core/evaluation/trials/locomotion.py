@@ -12,7 +12,7 @@ import numpy as np
 
 from nsm_core.control.actions.base import EXECUTED
 from nsm_core.control.goals import Goal
-from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner, roll
+from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner
 from nsm_core.conventions import FPS, RUN, SIT, WALK
 from nsm_core.errors import GoalError
 from nsm_core.model.inference.model import Model
@@ -27,6 +27,7 @@ from . import rollout
 from .part import TrialPart
 from .rollout import SEED, Report
 from .sit import SEATS, sit_goal
+from .together import Trying, rolled
 
 OBSTACLES = ("table", "desk", "cabinet", "box", "chair", "armchair", "sofa", "stool", "shelf")
 WAY, PIECES = 5.0, 9  # metres from start to goal, and pieces of furniture about the way
@@ -114,10 +115,10 @@ def request(trial: WalkTrial, hold: float = 1.0, **more: Any) -> TakeRequest:
     return TakeRequest(trial.start, trial.heading, [goal], furniture.cuboids(trial.still), **more)  # type: ignore[arg-type]
 
 
-def run_trial(model: Model, trial: WalkTrial, **more: Any) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: WalkTrial, **more: Any) -> Trying[tuple[TakeResult, Report]]:
     """Roll one way out; returns the take and its figures."""
     asked = request(trial, **more)
-    take = roll(model, asked)
+    take = yield from rolled(model, asked)
     report, _ = rollout.judge(asked, take, shortest=rollout.shortest_way(asked, trial.goal))
     report |= {"way": float(trial.setting), "ran": float((take.action[:, RUN] > 0.5).mean())}
     return take, report
@@ -203,7 +204,7 @@ def orders(starts: int = 10, pool: Pool | None = None) -> list[Order]:
     return result
 
 
-def run_order(model: Model, order: Order, **more: Any) -> tuple[TakeResult | None, Report]:
+def run_order(model: Model, order: Order, **more: Any) -> Trying[tuple[TakeResult | None, Report]]:
     """Give one order and measure the seconds until its label passes 0.9; nan where it never does, or cannot
     be given.
     """
@@ -214,7 +215,7 @@ def run_order(model: Model, order: Order, **more: Any) -> tuple[TakeResult | Non
         goal = Goal(action, "place", np.append(8 * ahead, 0), order.heading, 0.0)
         runner = TakeRunner(model, TakeRequest(np.zeros(2), 0.0, [goal], Cuboids(), contact_ik=False, **more))  # type: ignore[arg-type]
         label, begun = (WALK if action == "walk" else RUN), None
-        while runner.step() and runner.frames < _PATIENCE * FPS:
+        while (yield runner) and runner.frames < _PATIENCE * FPS:
             if runner.director.index == 0 and runner.state.style_past[0, -1, label] > EXECUTED:
                 begun = (runner.frames - runner.director.results[0].start_frame) / FPS
                 break
@@ -224,7 +225,7 @@ def run_order(model: Model, order: Order, **more: Any) -> tuple[TakeResult | Non
     start = order.start - LEAD[before] * ahead
     onward = Goal(before, "place", np.append(order.start + 3.5 * ahead, 0), order.heading, 0.0)
     runner = TakeRunner(model, TakeRequest(start, order.heading, [onward], query, contact_ik=False, **more))  # type: ignore[arg-type]
-    while runner.step() and runner.frames < _PATIENCE * FPS:
+    while (yield runner) and runner.frames < _PATIENCE * FPS:
         if float((runner.state.root[0, :2] - start) @ ahead) >= LEAD[before]:
             break
     moving = float(runner.state.style_past[0, -1, WALK if before == "walk" else RUN])
@@ -232,7 +233,7 @@ def run_order(model: Model, order: Order, **more: Any) -> tuple[TakeResult | Non
         return runner.result(), _answer(order, None) | {"no_hook": 1.0}
     runner.interrupt([sit_goal(order.piece, np.zeros(2), 0.0)])
     given, begun = runner.frames, None
-    while runner.step() and runner.frames < given + _PATIENCE * FPS:
+    while (yield runner) and runner.frames < given + _PATIENCE * FPS:
         if runner.state.style_past[0, -1, SIT] > EXECUTED:
             begun = (runner.frames - given) / FPS
             break

@@ -10,7 +10,7 @@ import numpy as np
 
 from nsm_core.body.capsules import penetration_depths
 from nsm_core.control.goals import Goal
-from nsm_core.control.take import TakeRequest, TakeResult, roll
+from nsm_core.control.take import TakeRequest, TakeResult
 from nsm_core.conventions import FPS, HAND_CONTACTS
 from nsm_core.evaluation.measures.objects import leaf_report, prop_depths
 from nsm_core.model.inference.model import Model
@@ -24,6 +24,7 @@ from nsm_core.world.scene.props import Leaf
 from . import rollout
 from .part import TrialPart
 from .rollout import SEED, Report
+from .together import Trying, rolled
 
 SETTINGS = (
     ("push, hinge left", True, False),
@@ -102,10 +103,10 @@ def passed_at(root: Array, way: Passage, width: float, beyond: float = BEYOND) -
     return float(past[0] / FPS) if len(past) else float("nan")
 
 
-def run_trial(model: Model, trial: DoorTrial, **more: Any) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: DoorTrial, **more: Any) -> Trying[tuple[TakeResult, Report]]:
     """Roll one trial out; returns the take and its figures."""
     asked = request(trial, **more)
-    take = roll(model, asked)
+    take = yield from rolled(model, asked)
     report, _ = rollout.judge(asked, take)
     leaf = asked.goals[0].prop
     assert isinstance(leaf, Leaf)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from .rollout import Report
+from .together import Trying
 
 Row = tuple[str, str, str, str]
 
@@ -31,7 +32,7 @@ class TrialPart:
 
     title: str
     trials: Callable[[int, Any], list[Any]]
-    run: Callable[..., tuple[Any, Report]]
+    run: Callable[..., Trying[tuple[Any, Report]]]
     summarise: Callable[[Sequence[Report]], Report]
     rows: Callable[[Report], list[Row]]
     request: Callable[..., Any] | None = None

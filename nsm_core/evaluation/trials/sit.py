@@ -11,7 +11,7 @@ import numpy as np
 
 from nsm_core.body.skeleton import HIP_OVER_SEAT
 from nsm_core.control.goals import Goal
-from nsm_core.control.take import TakeRequest, TakeResult, roll
+from nsm_core.control.take import TakeRequest, TakeResult
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
 from nsm_core.world.affordances.seat import find_seat
@@ -22,6 +22,7 @@ from nsm_core.world.sensors.interaction import interaction_sensor
 from . import rollout
 from .part import TrialPart
 from .rollout import SEED, Report
+from .together import Trying, rolled
 
 SEATS = ("chair", "armchair", "stool", "bench", "sofa", "chair")
 AT_TABLE = ("chair", "stool")
@@ -160,10 +161,10 @@ def request(
     return TakeRequest(start, trial.heading + turn, goals, query, contact_ik=contact_ik, **more)  # type: ignore[arg-type]
 
 
-def run_trial(model: Model, trial: SitTrial, **more: object) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: SitTrial, **more: object) -> Trying[tuple[TakeResult, Report]]:
     """Roll one trial out; returns the take and its figures."""
     asked = request(trial, **more)  # type: ignore[arg-type]
-    take = roll(model, asked)
+    take = yield from rolled(model, asked)
     report, depths = rollout.judge(asked, take)
     if trial.leaves:
         report["left"] = float(take.goals[1].reached)

@@ -21,6 +21,7 @@ from nsm_core.world.assets.pool import Pool
 
 from .rollout import SEED, props_of
 from .rooms import OFFERS, make_room, random_goals, random_place, reachable
+from .together import Trying
 
 GOALS = 6  # a take
 LONGEST = 240.0  # seconds of a take
@@ -49,7 +50,7 @@ class Outcome:
     given_up: list[str] = field(default_factory=list)
 
 
-def run_seed(model: Model, seed: int, pool: Pool | None = None) -> Outcome:
+def run_seed(model: Model, seed: int, pool: Pool | None = None) -> Trying[Outcome]:
     """Furnish a room, draw a chain of goals, roll it out; whatever goes wrong is part of the outcome."""
     outcome, runner = Outcome(seed), None
 
@@ -64,7 +65,7 @@ def run_seed(model: Model, seed: int, pool: Pool | None = None) -> Outcome:
     try:
         asked = reachable(make, (SEED, 12, seed))
         runner = TakeRunner(model, asked)
-        while runner.frames < LONGEST * FPS and runner.step():
+        while runner.frames < LONGEST * FPS and (yield runner):
             pass
     except Exception as error:  # any: to count them is what this is for
         outcome.error = message_of(error)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from nsm_core.control.goals import Goal
-from nsm_core.control.take import TakeRequest, TakeResult, roll
+from nsm_core.control.take import TakeRequest, TakeResult
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, rotate_planar
 from nsm_core.world.scene import furniture
@@ -17,6 +17,7 @@ from nsm_core.world.scene.furniture import Furniture
 from . import rollout
 from .part import TrialPart
 from .rollout import SEED, Report
+from .together import Trying, rolled
 
 # Name, kind of the piece, and the height of the point on its front as a share of the piece's.
 SETTINGS = (
@@ -70,10 +71,10 @@ def request(trial: TouchTrial, hold: float = 1.0, **more: Any) -> TakeRequest:
     )
 
 
-def run_trial(model: Model, trial: TouchTrial, **more: Any) -> tuple[TakeResult, Report]:
+def run_trial(model: Model, trial: TouchTrial, **more: Any) -> Trying[tuple[TakeResult, Report]]:
     """Roll one trial out; returns the take and its figures."""
     asked = request(trial, **more)
-    take = roll(model, asked)
+    take = yield from rolled(model, asked)
     report, _ = rollout.judge(asked, take)
     return take, report
 
