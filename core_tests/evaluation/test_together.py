@@ -1,4 +1,4 @@
-"""Trials rolled out side by side give the figures that each gives by itself, and break off each for itself."""
+"""Trials rolled out side by side give the figures that each gives by itself; each breaks off for itself."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ def _prepare(weights: str | None) -> None:
 
 
 def reports_of(model: Model, jobs: Sequence[Job], most: int = TOGETHER) -> list[Report]:
-    """Figures of trials of one ablation, at most ``most`` rolled out at once; what breaks off is a figure too."""
+    """Figures of trials of one ablation, at most ``most`` at once; what breaks off is a figure too."""
     (ablation,) = {ablation for _, ablation, _ in jobs}
     model, more = without(model, ablation)
     made = together((PARTS[part].run(model, trial, **more) for part, _, trial in jobs), most)

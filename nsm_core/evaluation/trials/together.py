@@ -26,7 +26,7 @@ Trying = Generator[TakeRunner, bool, T]
 
 
 def rolled(model: Model, asked: TakeRequest, limit: float = LONGEST) -> Trying[TakeResult]:
-    """Ask for frames of a take to its end, at most ``limit`` seconds of them; GoalError as of ``TakeRunner``."""
+    """Ask for a take's frames to its end, at most ``limit`` seconds; GoalError as of ``TakeRunner``."""
     runner = TakeRunner(model, asked)
     while runner.frames < limit * FPS and (yield runner):
         pass
