@@ -11,7 +11,7 @@ import numpy as np
 from mathutils import Quaternion
 
 from nsm_core.body import clip
-from nsm_core.body.skeleton import HIPS, JOINTS, J, forward_kinematics
+from nsm_core.body.skeleton import HIPS, J
 from nsm_core.conventions import FPS
 from nsm_core.errors import NsmError, SkeletonError
 from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_normalize, quat_to_rotvec
@@ -19,8 +19,9 @@ from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_normalize, 
 from ..animation.channels import ActionChannels, assign, new_action
 from ..animation.kept import Kept, restored_on_failure
 from ..rigs.armature import Placement, StartPose, read_pose, read_world_pose
+from ..rigs.bone_map import bone_map_of
 from ..rigs.mount import Mount, along, last
-from .layers import carried, channels_of_strips, posed_bones, require_keyable, rotation_channel
+from .layers import bones_between, carried, channels_of_strips, require_keyable, rotation_channel
 from .objects import KeyedThing, MovedObject, discard_thing, key_thing
 
 __all__ = ["KeyedTake", "StartPose", "discard_take", "key_take", "read_back", "read_pose", "resample_take"]
@@ -120,24 +121,21 @@ def key_take_steps(
         # Empty as it is: what carries the armature is read as it will be when the old action no longer plays.
         assign(armature, channels.action, channels.slot)
         bpy.context.view_layer.update()
-        mount = Mount.of(armature)
+        apart = placement.keyed.apart
+        mounts = mounts_of(armature, placement)
         if carried(armature):
-            mount = Mount.over((yield from along(scene, frames, lambda: Mount.of(armature))))
-            mount.require_one_size(armature.name)
-        location, basis = bone_channels(armature, placement, mount, hips, local)
+            every = yield from along(scene, frames, lambda: mounts_of(armature, placement))
+            mounts = {j: Mount.over([each[j] for each in every]) for j in apart}
+            mounts[HIPS].require_one_size(armature.name)
+        places, basis = bone_channels(armature, placement, mounts, hips, local)
         others = channels_of_strips(armature)
-        for j, joint in enumerate(JOINTS):
+        for j in placement.keyed.mapped:
             yield j / J
-            _key_bone(
-                channels,
-                armature.pose.bones[joint],
-                frames,
-                basis[:, j],
-                location if j == HIPS else None,
-                others,
-            )
-        for between in posed_bones(armature)[J:]:
+            bone = armature.pose.bones[placement.keyed.bones[j]]
+            _key_bone(channels, bone, frames, basis[:, j], places.get(j), others)
+        for between in bones_between(armature):
             _key_still(channels, armature.pose.bones[between], frames, others)
+        _key_switches(channels, armature, frames)
         _touch(armature)
     return KeyedTake(
         armature,
@@ -192,38 +190,49 @@ def discard_take(take: KeyedTake) -> None:
     bpy.context.view_layer.update()
 
 
+def mounts_of(armature: bpy.types.Object, placement: Placement) -> dict[int, Mount]:
+    """Where the channels of the bones begin that get locations, by their joint."""
+    return {j: Mount.of(armature, placement.keyed.bones[j]) for j in placement.keyed.apart}
+
+
 def bone_channels(
-    armature: bpy.types.Object, placement: Placement, mount: Mount, hips: Array, local: Array
-) -> tuple[Array, Array]:
-    """Turn a take into pose channels: hips location (T, 3) and basis rotations (T, 23, 4), sign-continuous.
+    armature: bpy.types.Object, placement: Placement, mounts: dict[int, Mount], hips: Array, local: Array
+) -> tuple[dict[int, Array], Array]:
+    """Turn a take into pose channels: locations (T, 3) of the bones with mounts, by their joint, and basis
+    rotations (T, 23, 4), sign-continuous.
 
-    A joint's basis is its local rotation seen from the bone's rest frame, ``R^-1 L R``; that of a joint which
-    does not inherit
-    rotation is its rotation in the armature seen from its bone there, ``B^-1 A^-1 W R``.  For the hips what
-    carries them comes off first.
+    ``hips`` (T, 3) are in the world, Blender units.  A bone's basis is its rotation seen from its rest frame
+    on the bone that carries it; that of a bone which does not inherit rotation, R its rest in the armature,
+    is ``R^-1 A^-1 W C``.  For the hips what carries them comes off first.
     """
-    rest = placement.rest
-    basis = quat_mul(quat_mul(quat_conjugate(rest), local), rest)
-    off = quat_conjugate(mount.rotation)  # (N, 4), A^-1
-    loose = _loose_joints(armature)
+    rig = placement.keyed
+    places, world = rig.to_bones(hips / placement.scale, local)
+    basis = rig.basis(world)
+    off = quat_conjugate(mounts[HIPS].rotation)  # (N, 4), A^-1
+    loose = _loose_joints(armature, placement)
     if loose:
-        world = forward_kinematics(hips, local)[1][:, loose]
-        bones = np.array(
-            [armature.data.bones[JOINTS[j]].matrix_local.to_quaternion() for j in loose], dtype=np.float64
-        )
-        basis[:, loose] = quat_mul(
-            quat_mul(quat_conjugate(bones), quat_mul(off[:, None], world)), rest[loose]
-        )
-    world = quat_mul(local[:, HIPS], np.broadcast_to(rest[HIPS], local[:, HIPS].shape))
-    basis[:, HIPS] = quat_mul(quat_conjugate(mount.turn), quat_mul(off, world))
-    return mount.location(hips), _continuous(quat_normalize(basis))
+        basis[:, loose] = quat_mul(quat_conjugate(rig.turns[loose]), quat_mul(off[:, None], world[:, loose]))
+    for j, mount in mounts.items():
+        basis[:, j] = quat_mul(quat_conjugate(mount.turn), quat_mul(off, world[:, j]))
+    locations = {j: mount.location(places[j] * placement.scale) for j, mount in mounts.items()}
+    return locations, _continuous(quat_normalize(basis))
 
 
-def _loose_joints(armature: bpy.types.Object) -> list[int]:
-    """Joints, but for the hips, that do not turn with the joint above them."""
-    return [
-        j for j, name in enumerate(JOINTS) if j != HIPS and not armature.data.bones[name].use_inherit_rotation
-    ]
+def _loose_joints(armature: bpy.types.Object, placement: Placement) -> list[int]:
+    """Joints whose bones do not turn with the bone that carries them."""
+    rig, bones = placement.keyed, armature.data.bones
+    return [j for j in rig.mapped if j not in rig.apart and not bones[rig.bones[j]].use_inherit_rotation]
+
+
+def _key_switches(channels: ActionChannels, armature: bpy.types.Object, frames: Array) -> None:
+    """Key the custom properties that have a rig's controls obey these keys, by one key each."""
+    for name, values in bone_map_of(armature).properties.items():
+        for key, value in values.items():
+            bone = armature.pose.bones[name]
+            if key in bone:
+                path = f'["{bpy.utils.escape_identifier(key)}"]'
+                full = f'pose.bones["{bpy.utils.escape_identifier(name)}"]{path}'
+                channels.curve(full, 0, name, frames[:1], np.array([value]))
 
 
 def read_back(

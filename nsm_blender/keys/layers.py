@@ -14,10 +14,11 @@ from collections.abc import Iterable, Iterator
 
 import bpy
 
-from nsm_core.body.skeleton import HIPS, JOINTS
 from nsm_core.errors import NsmError, SkeletonError
 
 from ..animation.channels import strip_curves
+from ..rigs.armature import Placement
+from ..rigs.bone_map import bone_map_of
 from ..rigs.mount import Mount
 
 _STRING = r'\["((?:[^"\\]|\\.)*)"\]'
@@ -35,15 +36,15 @@ def rotation_channel(mode: str) -> str:
     return _ROTATION_OF.get(mode, "rotation_euler")
 
 
-def posed_bones(armature: bpy.types.Object) -> list[str]:
-    """The 23 joints, and the bones that lie between two of them."""
+def bones_between(armature: bpy.types.Object) -> list[str]:
+    """Bones that lie between two bones of the body."""
+    keyed = set(bone_map_of(armature).joints.values())
     between: dict[str, None] = {}
-    for name in JOINTS[HIPS + 1 :]:
-        for parent in armature.data.bones[name].parent_recursive:
-            if parent.name in JOINTS:
-                break
-            between[parent.name] = None
-    return [*JOINTS, *between]
+    for name in keyed:
+        line = [parent.name for parent in armature.data.bones[name].parent_recursive]
+        carrier = next((i for i, over in enumerate(line) if over in keyed), 0)
+        between |= dict.fromkeys(line[:carrier])
+    return [bone.name for bone in armature.data.bones if bone.name in between]
 
 
 def require_keyable(armature: bpy.types.Object) -> None:
@@ -65,17 +66,17 @@ def require_keyable(armature: bpy.types.Object) -> None:
             "choose Pose Position in its data properties and generate again."
         )
     require_action_rules(armature)
-    bones = posed_bones(armature)
-    loose = next(
-        (name for name in bones[len(JOINTS) :] if not armature.data.bones[name].use_inherit_rotation), None
-    )
+    bone_map = bone_map_of(armature)
+    between = [] if bone_map.properties else bones_between(armature)  # controls have their own ways
+    bones = [*bone_map.joints.values(), *between]
+    loose = next((name for name in between if not armature.data.bones[name].use_inherit_rotation), None)
     if loose is not None:
         raise SkeletonError(
             f"The bone {loose} of {armature.name} lies between two joints and inherits no rotation, so that "
             "it bends the body; "
             "switch Inherit Rotation on in its bone properties."
         )
-    Mount.of(armature)
+    Mount.of(armature, bone_map.hips)
     _require_no_constraints(armature, bones)
     _require_no_drivers(armature, bones)
     _require_flags_kept(armature, bones)
@@ -174,7 +175,13 @@ def carried(armature: bpy.types.Object) -> bool:
     """Whether the hips' channels may begin elsewhere from frame to frame: the object may move, or a bone
     above the hips.
     """
-    above = [b for b in armature.pose.bones["Hips"].parent_recursive if len(b.constraints)]
+    apart = Placement.of(armature).keyed
+    above = [
+        bone
+        for j in apart.apart
+        for bone in armature.pose.bones[apart.bones[j]].parent_recursive
+        if len(bone.constraints)
+    ]
     return bool(above) or may_move(armature)
 
 
@@ -260,7 +267,7 @@ def _require_flags_kept(armature: bpy.types.Object, bones: list[str]) -> None:
 
 def _require_size_kept(armature: bpy.types.Object) -> None:
     """Raise SkeletonError where the size of the armature, or of what it is parented to, is animated."""
-    above = {bone.name for bone in armature.data.bones["Hips"].parent_recursive}
+    above = {bone.name for bone in armature.data.bones[bone_map_of(armature).hips].parent_recursive}
     grown = [*driven(armature), *(curve.data_path for curve in strip_curves(armature) if varies(curve))]
     for match in filter(None, map(_BONE_PATH.match, grown)):
         if match[2] == "scale" and match[3] is None and _plain(match[1]) in above:

@@ -8,13 +8,11 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Quaternion, Vector
 
-from nsm_core.body.skeleton import HIPS, JOINTS
 from nsm_core.rotations import Array, quat_normalize
 
 from ..animation.kept import SceneState
 from ..rigs.armature import Placement
-from ..rigs.mount import Mount
-from .keying import bone_channels
+from .keying import bone_channels, mounts_of
 
 __all__ = ["Preview", "SceneState"]
 
@@ -23,7 +21,8 @@ class Preview:
     """Shows a pose on the character, and where it has moved things, while its take grows, without a key."""
 
     def __init__(self, armature: bpy.types.Object) -> None:
-        self.armature, self.placement, self.mount = armature, Placement.of(armature), Mount.of(armature)
+        self.armature, self.placement = armature, Placement.of(armature)
+        self.mounts = mounts_of(armature, self.placement)
 
     def show(
         self, hips_world: Array, local_rotations: Array, moved: Iterable[tuple[bpy.types.Object, Matrix]] = ()
@@ -33,9 +32,10 @@ class Preview:
         """
         rotations = quat_normalize(np.asarray(local_rotations, dtype=np.float64))[None]
         hips = np.asarray(hips_world, dtype=np.float64)[None]
-        location, basis = bone_channels(self.armature, self.placement, self.mount, hips, rotations)
-        for j, name in enumerate(JOINTS):
-            place = Matrix.Translation(Vector(location[0])) if j == HIPS else Matrix()
-            self.armature.pose.bones[name].matrix_basis = place @ Quaternion(basis[0, j]).to_matrix().to_4x4()
+        places, basis = bone_channels(self.armature, self.placement, self.mounts, hips, rotations)
+        for j in self.placement.keyed.mapped:
+            place = Matrix.Translation(Vector(places[j][0])) if j in places else Matrix()
+            bone = self.armature.pose.bones[self.placement.keyed.bones[j]]
+            bone.matrix_basis = place @ Quaternion(basis[0, j]).to_matrix().to_4x4()
         for moving, world in moved:
             moving.matrix_world = world

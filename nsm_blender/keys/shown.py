@@ -18,7 +18,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from nsm_core.body.skeleton import HIPS, JOINTS, OFFSETS, PARENTS, forward_kinematics
+from nsm_core.body.skeleton import HIPS, JOINTS, OFFSETS, forward_kinematics
 from nsm_core.control.take import TakeResult
 from nsm_core.conventions import FPS
 from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_normalize, wrap_angle
@@ -177,8 +177,7 @@ def own_offsets(placement: Placement) -> Array:
     """Joint offsets (23, 3) of a character in its own metres; the network's where they are the same to a
     millimetre.
     """
-    heads = placement.heads
-    offsets = np.array([heads[j] - (heads[p] if p >= 0 else 0) for j, p in enumerate(PARENTS)])
+    offsets = placement.seen.offsets
     return OFFSETS if np.abs(offsets[1:] - OFFSETS[1:]).max() < 1e-3 else offsets
 
 

@@ -13,6 +13,7 @@ from nsm_core.rotations import Array
 
 from ..animation.channels import assign, new_action
 from ..keys.keying import KeyedTake
+from ..rigs.bone_map import bone_map_of
 from ..world.frame import WorldFrame
 from .viewpoint import choose_views, soften
 
@@ -80,12 +81,14 @@ def path_of(take: KeyedTake, scene: bpy.types.Scene) -> tuple[Array, Array]:
     keys.
     """
     hips, facing = [], []
+    seen = bone_map_of(take.armature)
     kept = scene.frame_current, scene.frame_subframe
     for number in range(take.frame_start, take.frame_end + 1):
         scene.frame_set(number)
         matrix, bones = take.armature.matrix_world, take.armature.pose.bones
-        hips.append(tuple(matrix @ bones["Hips"].head))
-        left = matrix.to_3x3() @ (bones["LeftHip"].head - bones["RightHip"].head)
+        hips.append(tuple(matrix @ bones[seen.seen("Hips")].head))
+        right_hip, left_hip = (bones[seen.seen(f"{side}Hip")].head for side in ("Right", "Left"))
+        left = matrix.to_3x3() @ (left_hip - right_hip)
         facing.append(tuple(Vector((left.y, -left.x)).normalized()))
     scene.frame_set(kept[0], subframe=kept[1])
     return np.array(hips), np.array(facing)

@@ -14,6 +14,7 @@ from mathutils import Vector
 from nsm_core.rotations import Array
 
 from ..keys.keying import KeyedTake
+from ..rigs.bone_map import bone_map_of
 from ..takes import own_objects
 
 # Bones whose heads should be in sight, where the character has them.
@@ -135,7 +136,8 @@ def _sight(
     """
     depsgraph = bpy.context.evaluated_depsgraph_get()
     armature = take.armature.evaluated_get(depsgraph)
-    bones = [armature.pose.bones[name] for name in SEEN if name in armature.pose.bones]
+    seen = bone_map_of(take.armature)
+    bones = [armature.pose.bones[seen.seen(name)] for name in SEEN if name in seen.joints]
     points = [armature.matrix_world @ bone.head for bone in bones]
     seen = np.zeros(offsets.shape[:2])
     for at in np.ndindex(*seen.shape):

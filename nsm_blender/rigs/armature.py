@@ -1,8 +1,8 @@
 """What the core's skeleton means on a Blender armature: bones, rest frames, world placement.
 
 The core's rest pose has identity world rotations; a bone's rest matrix is whatever its head, tail and
-roll make of it.  With R the bone's rest rotation in the armature and A the armature object's rotation,
-a core world rotation W is the pose rotation ``A^-1 W R`` in armature space.
+roll make of it.  With C the bone's rotation in that pose (``rig_skeleton``) and A the armature object's
+rotation, a core world rotation W is the pose rotation ``A^-1 W C`` in armature space.
 """
 
 from __future__ import annotations
@@ -11,30 +11,18 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Vector
+from mathutils import Vector
 
-from nsm_core.body.skeleton import (
-    END_SITES,
-    FEET,
-    HIPS,
-    INDEX,
-    JOINTS,
-    OFFSETS,
-    PARENTS,
-    local_from_world,
-    require_joints,
-    root_of,
-)
+from nsm_core.body.skeleton import END_SITES, HIPS, INDEX, JOINTS, OFFSETS, PARENTS, J, root_of
 from nsm_core.errors import SkeletonError
-from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_rotate
+from nsm_core.rotations import Array, quat_mul
 
+from .bone_map import BoneMap, bone_map_of, require_map
 from .mount import Mount
+from .rig_skeleton import RigSkeleton, rig_skeleton
 
 # The joint that a bone's tail points to, where it has more than one child.
 _MAIN_CHILD = {"Hips": "Chest", "Chest4": "Neck"}
-# A spine that leans so much (the sine) in the rest pose is still upright: only the pose differs, not the
-# axes.
-_ASKEW = 0.35
 
 
 @dataclass(frozen=True)
@@ -58,10 +46,9 @@ class Placement:
 
     matrix: Array  # (4, 4) armature to world
     rotation: Array  # (4,) quaternion of it
-    scale: float  # Blender units to a metre of the core's skeleton: leg length in the world over its own
-    # (23, 4) rest rotations of the bones, seen along the axes of the rest pose: up is its Z, ahead its -Y
-    rest: Array
-    heads: Array  # (23, 3) joints of the rest pose along these axes, metres of the core's skeleton
+    scale: float  # Blender units to a metre of the core's skeleton: hip height in the world over its own
+    keyed: RigSkeleton  # the bones that get keys
+    seen: RigSkeleton  # the bones that show the result: the same ones where no controls move them
 
     @classmethod
     def of(cls, armature: bpy.types.Object) -> Placement:
@@ -80,51 +67,52 @@ class Placement:
                 "Scale) and generate again."
             )
         rotation = np.array(armature.matrix_world.to_quaternion(), dtype=np.float64)
-        rest = np.array(
-            [armature.data.bones[name].matrix_local.to_quaternion() for name in JOINTS], dtype=np.float64
-        )
-        heads = np.array([armature.data.bones[name].head_local for name in JOINTS], dtype=np.float64)
+        bone_map = bone_map_of(armature)
+        keyed = _skeleton(armature, bone_map, shown=False)
         # A root bone may be scaled as well as the object: what carries the hips carries all.
-        scale *= Mount.of(armature).scale
-        size = scale * _leg_length(heads) / _leg_length(joint_positions_at_rest())
+        size = scale * Mount.of(armature, bone_map.hips).scale * keyed.size
         if not 1e-6 < size < 1e6:
             raise SkeletonError(
                 f"The legs of {armature.name} have no length; give hips, knees and ankles their places in "
                 "edit mode."
             )
+        seen = _skeleton(armature, bone_map, shown=True) if bone_map.shown else keyed
         # Bones are kept in single precision; five digits are a tenth of a millimetre on a body.
-        size, axes = float(f"{size:.5g}"), _axes(heads)
-        return cls(
-            matrix,
-            rotation,
-            size,
-            quat_mul(quat_conjugate(axes), rest),
-            quat_rotate(quat_conjugate(axes), heads) * scale / size,
-        )
+        return cls(matrix, rotation, float(f"{size:.5g}"), keyed, seen)
 
 
-def _leg_length(heads: Array) -> float:
-    """Mean length of the legs, hip by knee to ankle, of joints (23, 3)."""
-    return float(
-        np.mean([np.linalg.norm(np.diff(heads[list(leg[:3])], axis=0), axis=1).sum() for leg in FEET])
-    )
+def _skeleton(armature: bpy.types.Object, bone_map: BoneMap, shown: bool) -> RigSkeleton:
+    """The skeleton of the bones that get keys, or of those that show the result."""
+    named = [bone_map.seen(j) if shown and j in bone_map.joints else bone_map.joints.get(j) for j in JOINTS]
+    bones = [armature.data.bones[name] if name else None for name in named]
+    turns, heads, tails = np.tile((1.0, 0.0, 0.0, 0.0), (J, 1)), np.zeros((J, 3)), np.zeros((J, 3))
+    for j, bone in enumerate(bones):
+        if bone is not None:
+            turns[j] = bone.matrix_local.to_quaternion()
+            heads[j], tails[j] = bone.head_local, bone.tail_local
+    return rig_skeleton(tuple(named), _carriers(armature, bone_map), turns, heads, tails)
 
 
-def _axes(heads: Array) -> Array:
-    """Rotation (4,) from the core's rest pose to one with joints (23, 3): the nearest along axes, its own
-    where it stands askew.
-    """
-    up = heads[INDEX["Head"]] - heads[HIPS]
-    left = sum(heads[INDEX[f"Left{part}"]] - heads[INDEX[f"Right{part}"]] for part in ("Hip", "Shoulder"))
-    back = np.cross(up, left)
-    if np.linalg.norm(back) < 1e-9 * max(np.linalg.norm(up), np.linalg.norm(left)) ** 2 or not back.any():
-        return np.array((1.0, 0.0, 0.0, 0.0))
-    z, y = up / np.linalg.norm(up), back / np.linalg.norm(back)
-    own = np.stack((np.cross(y, z), y, z), axis=1)
-    snapped = np.round(own)
-    if np.abs(np.linalg.det(snapped) - 1) < 0.5 and np.abs(own - snapped).max() < _ASKEW:
-        own = snapped
-    return np.array(Matrix(own.tolist()).to_quaternion(), dtype=np.float64)
+def _carriers(armature: bpy.types.Object, bone_map: BoneMap) -> tuple[int, ...]:
+    """For every joint, the one whose bone its own hangs on, -1 for none; controls hang as the joints do."""
+    joint_of = {bone: INDEX[joint] for joint, bone in bone_map.joints.items()}
+    carriers = []
+    for joint in JOINTS:
+        name = bone_map.joints.get(joint)
+        if name is None or bone_map.properties:
+            carriers.append(_above(joint, bone_map))
+        else:
+            over = armature.data.bones[name].parent_recursive
+            carriers.append(next((joint_of[bone.name] for bone in over if bone.name in joint_of), -1))
+    return tuple(carriers)
+
+
+def _above(joint: str, bone_map: BoneMap) -> int:
+    """The nearest joint over a joint that has a bone, -1 for none."""
+    above = PARENTS[INDEX[joint]]
+    while above >= 0 and JOINTS[above] not in bone_map.joints:
+        above = PARENTS[above]
+    return above
 
 
 def require_skeleton(armature: bpy.types.Object | None) -> None:
@@ -134,24 +122,29 @@ def require_skeleton(armature: bpy.types.Object | None) -> None:
         raise SkeletonError(
             f"{what} is not an armature; choose the character's armature, or add the bundled character."
         )
-    require_joints(list(armature.data.bones.keys()), f"The armature {armature.name}")
-    wrong = [name for j, name in enumerate(JOINTS) if _parent_joint(armature.data.bones[name]) != PARENTS[j]]
-    if wrong:
+    bone_map = require_map(armature)
+    bones = armature.data.bones
+    carriers = _carriers(armature, bone_map)
+    wrong = [
+        name
+        for j, joint in enumerate(JOINTS)
+        if (name := bone_map.joints.get(joint))
+        and carriers[j] >= 0
+        and carriers[j] != _above(joint, bone_map)
+    ]
+    if wrong or carriers[HIPS] >= 0:
         raise SkeletonError(
-            f"The armature {armature.name} has the bones {', '.join(wrong)} under other parents than the "
-            "23-joint skeleton; "
-            "parent them as in the bundled character."
+            f"The armature {armature.name} has the bones {', '.join(wrong or [bone_map.hips])} under other "
+            "parents than the 23-joint skeleton; choose others under Bones in the sidebar, or parent them as "
+            "in the bundled character."
         )
-    if armature.data.bones["Hips"].use_connect and armature.data.bones["Hips"].parent:
-        raise SkeletonError(
-            f"The bone Hips of {armature.name} is connected to its parent and cannot move; clear Connected "
-            "in edit mode."
-        )
-
-
-def _parent_joint(bone: bpy.types.Bone) -> int:
-    """Index of the nearest ancestor among the 23 joints, -1 for none."""
-    return next((INDEX[p.name] for p in bone.parent_recursive if p.name in INDEX), -1)
+    for j, joint in enumerate(JOINTS):
+        name = bone_map.joints.get(joint)
+        if name and carriers[j] < 0 and bones[name].use_connect and bones[name].parent:
+            raise SkeletonError(
+                f"The bone {name} of {armature.name} is connected to its parent and cannot move; clear "
+                "Connected in edit mode."
+            )
 
 
 def read_world_pose(
@@ -163,14 +156,16 @@ def read_world_pose(
     """
     placement = placement or Placement.of(armature)
     evaluated = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    bones = [evaluated.pose.bones[name] for name in JOINTS]
-    heads = np.array([b.head for b in bones], dtype=np.float64)
     matrix = np.array(evaluated.matrix_world, dtype=np.float64)
     rotation = np.array(evaluated.matrix_world.to_quaternion(), dtype=np.float64)
-    positions = heads @ matrix[:3, :3].T + matrix[:3, 3]
-    pose = np.array([b.matrix.to_quaternion() for b in bones], dtype=np.float64)
-    world = quat_mul(rotation, quat_mul(pose, quat_conjugate(placement.rest)))
-    return positions, positions[HIPS], local_from_world(world)
+    heads, turns = np.zeros((J, 3)), np.tile((1.0, 0.0, 0.0, 0.0), (J, 1))
+    for j, name in enumerate(placement.seen.bones):
+        if name is not None:
+            bone = evaluated.pose.bones[name]
+            heads[j], turns[j] = bone.head, bone.matrix.to_quaternion()
+    heads = heads @ matrix[:3, :3].T + matrix[:3, 3]
+    positions, local = placement.seen.from_bones(heads, quat_mul(rotation, turns), placement.scale)
+    return positions, positions[HIPS], local
 
 
 def read_pose(armature: bpy.types.Object) -> StartPose:

@@ -34,12 +34,12 @@ class Mount:
     axes: Array
 
     @classmethod
-    def of(cls, armature: bpy.types.Object) -> Mount:
-        """As the scene shows the armature now; SkeletonError where the bones above the hips are scaled
-        unevenly.
+    def of(cls, armature: bpy.types.Object, name: str) -> Mount:
+        """As the scene shows the armature now, for its bone ``name``, the hips or what hangs on none of the
+        body's bones; SkeletonError where the bones above it are scaled unevenly.
         """
         shown = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        bone, parent = armature.data.bones["Hips"], shown.pose.bones["Hips"].parent
+        bone, parent = armature.data.bones[name], shown.pose.bones[name].parent
 
         def posed(basis: Matrix) -> Matrix:
             """The hips in the armature with ``basis`` on them: Blender's own rule, the bone's inheritance

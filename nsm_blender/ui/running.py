@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import bpy
 
-from nsm_core.body.skeleton import JOINTS
 from nsm_core.world.actions import BY_KEY
 
+from ..rigs.bone_map import bone_map_of
 from ..world.frame import holds
 
 
@@ -97,13 +97,9 @@ def reason_not_ready(context: bpy.types.Context) -> str:
         return "No character is chosen; choose its armature, or add the bundled character."
     if not holds(context.scene, character):
         return f"The character {character.name} is no longer in this scene; choose another one."
-    missing = [name for name in JOINTS if name not in character.data.bones]
-    if missing:
-        more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
-        return (
-            f"{character.name} lacks the bone {missing[0]}{more}; rename its bones to the 23 joint names, "
-            "or add the bundled character."
-        )
+    problem = bone_map_of(character).problem(character.name, character.data.bones)
+    if problem:
+        return problem
     if not settings.goals:
         return "There is no goal yet; select a seat and press the plus beside the list."
     enabled = [(number, goal) for number, goal in enumerate(settings.goals, 1) if goal.enabled]

@@ -10,9 +10,8 @@ from collections.abc import Callable
 import bpy
 from bpy.app.handlers import persistent
 
-from nsm_core.body.skeleton import JOINTS
-
 from ..animation.identity import Known
+from ..rigs.bone_map import bone_map_of
 from ..takes import TakeSpec
 from ..world.frame import holds
 from . import running
@@ -32,7 +31,7 @@ class Watch:
             Known(spec.character),
             Known(spec.character.data),
         )
-        self.bones = [name for name in JOINTS if name in spec.character.data.bones]
+        self.bones = [*bone_map_of(spec.character).joints.values()]
         goals = [needed for goal in spec.goals for needed in (goal.object, goal.to) if needed is not None]
         self.goals = [Known(needed) for needed in dict.fromkeys(goals)]
 

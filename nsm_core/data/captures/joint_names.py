@@ -114,24 +114,34 @@ def families() -> dict[str, dict[str, list[str]]]:
     return {path.name: wanted_names(table_of(path), path.name) for path in sorted(FOLDER.glob("*.toml"))}
 
 
-@lru_cache(maxsize=512)  # the clips of a folder share their skeleton
-def _mapping_of(names: Names, parents: Parents) -> tuple[Mapping | None, dict[str, str]]:
-    """The family that names most of the 23 of those that name every limb, and the most that any has found."""
+def by_family(names: Names) -> dict[str, dict[str, str]]:
+    """What every bundled family finds among some names: a name for each of the 23 that it knows there, by
+    the name of its file.
+    """
     forms = _all_forms(names)
-    most: dict[Any, Any] = {}
-    best: Mapping | None = None
-    for name, wanted in families().items():
+    read: dict[str, dict[str, str]] = {}
+    for family, wanted in families().items():
         joints: dict[str, str] = {}
         for target, spellings in wanted.items():
             found = next((forms[key] for s in spellings for key in _forms(s) if key in forms), None)
             if found is not None and found not in joints.values():
                 joints[target] = found
+        read[family] = joints
+    return read
+
+
+@lru_cache(maxsize=512)  # the clips of a folder share their skeleton
+def _mapping_of(names: Names, parents: Parents) -> tuple[Mapping | None, dict[str, str]]:
+    """The family that names most of the 23 of those that name every limb, and the most that any has found."""
+    most: dict[Any, Any] = {}
+    best: Mapping | None = None
+    for name, joints in by_family(names).items():
         if len(set(REQUIRED) & set(joints)) > len(set(REQUIRED) & set(most)):
             most = joints
         if all(n in joints for n in REQUIRED) and _is_chained(names, parents, joints):
-            joints = _in_place(names, parents, joints)
+            joints = in_place(names, parents, joints)
             if best is None or len(joints) > len(best.joints):
-                best = Mapping(joints, _spine(names, parents, joints), name=name)
+                best = Mapping(joints, spine_of(names, parents, joints), name=name)
     return best, most
 
 
@@ -143,7 +153,8 @@ def _ancestors(parents: Parents, joint: int) -> list[int]:
     return chain
 
 
-def _hangs(names: Names, parents: Parents, lower: str, upper: str) -> bool:
+def hangs(names: Names, parents: Parents, lower: str, upper: str) -> bool:
+    """Whether the joint ``lower`` lies somewhere under the joint ``upper``."""
     return names.index(upper) in _ancestors(parents, names.index(lower))[1:]
 
 
@@ -155,10 +166,10 @@ def _is_chained(names: Names, parents: Parents, joints: dict[str, str]) -> bool:
         for limb in _LIMBS
         for a, b in zip(limb[:-1], limb[1:], strict=True)
     ]
-    return all(_hangs(names, parents, lower, upper) for lower, upper in pairs)
+    return all(hangs(names, parents, lower, upper) for lower, upper in pairs)
 
 
-def _in_place(names: Names, parents: Parents, joints: dict[str, str]) -> dict[str, str]:
+def in_place(names: Names, parents: Parents, joints: dict[str, str]) -> dict[str, str]:
     """The mapping without collars and toes that are no part of their limb, and without a neck that the head
     does not hang on.
     """
@@ -166,12 +177,12 @@ def _in_place(names: Names, parents: Parents, joints: dict[str, str]) -> dict[st
     for s in SIDES:
         pairs |= {s + "Collar": (s + "Shoulder", s + "Collar"), s + "Toe": (s + "Toe", s + "Ankle")}
     wrong = {
-        n for n, (a, b) in pairs.items() if n in joints and not _hangs(names, parents, joints[a], joints[b])
+        n for n, (a, b) in pairs.items() if n in joints and not hangs(names, parents, joints[a], joints[b])
     }
     return {k: v for k, v in joints.items() if k not in wrong}
 
 
-def _spine(names: Names, parents: Parents, joints: dict[str, str]) -> tuple[str, ...]:
+def spine_of(names: Names, parents: Parents, joints: dict[str, str]) -> tuple[str, ...]:
     """The joints between the pelvis and the arms, from the pelvis up."""
     at = {n: names.index(joints[n]) for n in ("Hips", "RightShoulder", "LeftShoulder")}
     right, left = (_ancestors(parents, at[s + "Shoulder"])[1:] for s in SIDES)

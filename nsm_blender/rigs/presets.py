@@ -1,0 +1,135 @@
+"""Presets: bone maps as small TOML files, one a rig family; the add-on's own and those of the user's
+folder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from nsm_core.body.skeleton import JOINTS
+from nsm_core.data.captures.joint_map import wanted_names
+from nsm_core.errors import CaptureError, SkeletonError
+from nsm_core.files import output
+from nsm_core.validate import is_number, read_toml, shown, table
+
+from .bone_map import NEEDED, BoneMap
+
+FOLDER = Path(__file__).parent / "presets"
+_KEYS = ("joints", "sides", "shown", "shown_sides", "properties")
+_MOST = 200  # presets that are read from the user's folder
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A preset file: for every joint the bones that may stand for it, best first."""
+
+    name: str
+    joints: Mapping[str, list[str]]
+    shown: Mapping[str, list[str]]
+    properties: Mapping[str, Mapping[str, float]]
+
+    def among(self, bones: Any) -> BoneMap | None:
+        """The map of a rig that has ``bones``; None where it lacks one of the needed joints."""
+        joints, seen = (_chosen(names, bones) for names in (self.joints, self.shown))
+        if any(joint not in joints for joint in NEEDED):
+            return None
+        switches = {bone: values for bone, values in self.properties.items() if bone in bones}
+        return BoneMap(
+            joints, {j: b for j, b in seen.items() if j in joints}, switches, f"presets/{self.name}"
+        )
+
+
+def _chosen(names: Mapping[str, list[str]], bones: Any) -> dict[str, str]:
+    found = ((joint, next((s for s in each if s in bones), None)) for joint, each in names.items())
+    return {joint: bone for joint, bone in found if bone is not None}
+
+
+def user_folder() -> Path:
+    """The folder of the user's own presets; it may not exist yet."""
+    package = __package__.rpartition(".")[0]
+    if package.startswith("bl_ext."):
+        return Path(bpy.utils.extension_path_user(package, path="rigs"))
+    return Path(bpy.utils.user_resource("CONFIG", path="nsm_rigs"))
+
+
+def presets() -> list[Preset]:
+    """The user's presets, then the add-on's; files that cannot be read are left out."""
+    found = []
+    for folder in (user_folder(), FOLDER):
+        for path in sorted(folder.glob("*.toml"))[:_MOST]:
+            try:
+                found.append(_read(path, path.stat().st_mtime_ns))
+            except (SkeletonError, OSError):
+                continue
+    return found
+
+
+def load_preset(path: str | Path) -> Preset:
+    """Read a preset; SkeletonError says which entry is wrong."""
+    path = Path(path)
+    return _read(path, path.stat().st_mtime_ns if path.exists() else 0)
+
+
+@lru_cache(maxsize=64)
+def _read(path: Path, _changed: int) -> Preset:
+    try:
+        found = read_toml(path, SkeletonError)
+        unknown = next((key for key in found if key not in _KEYS), None)
+        if unknown is not None:
+            raise SkeletonError(
+                f"{path.name}: {shown(unknown)} is not known in a bone map; use {', '.join(_KEYS)}."
+            )
+        joints = wanted_names(_sided(found, "joints", "sides"), path.name)
+        seen = wanted_names(_sided(found, "shown", "shown_sides"), path.name)
+    except CaptureError as error:  # the same files, read for another purpose
+        raise SkeletonError(str(error)) from error
+    properties = {
+        bone: table(values, f"{path.name}: properties of {bone}", SkeletonError)
+        for bone, values in table(
+            found.get("properties", {}), f"{path.name}: [properties]", SkeletonError
+        ).items()
+    }
+    for bone, values in properties.items():
+        for key, value in values.items():
+            if not is_number(value, -1e6, 1e6):
+                raise SkeletonError(f"{path.name}: {key} of {bone} must be a number, not {shown(value)}.")
+    return Preset(path.stem, joints, seen, properties)
+
+
+def _sided(found: dict[str, Any], plain: str, sides: str) -> dict[str, Any]:
+    """The two tables of names with ``{side}`` as L and R, the letters that rigs in Blender end in."""
+    joints = dict(table(found.get(plain, {}), plain, SkeletonError))
+    for target, names in table(found.get(sides, {}), sides, SkeletonError).items():
+        for side in ("Right", "Left"):
+            each = [names] if isinstance(names, str) else names
+            if not isinstance(each, list) or not all(isinstance(name, str) for name in each):
+                raise SkeletonError(f"{sides}: {target} must name bones, in quotes, not {shown(names)}.")
+            joints[side + target] = [name.replace("{side}", side[0]) for name in each]
+    return {"joints": joints}
+
+
+def save_preset(path: str | Path, bone_map: BoneMap) -> None:
+    """Write a map as a preset, whole or not at all; OutputError where that fails."""
+    lines = ["# A bone map: which bone of the rig stands for which joint.", "", "[joints]"]
+    lines += [f"{joint} = {_quoted(bone_map.joints[joint])}" for joint in JOINTS if joint in bone_map.joints]
+    if bone_map.shown:
+        lines += ["", "[shown]", *(f"{joint} = {_quoted(bone)}" for joint, bone in bone_map.shown.items())]
+    if bone_map.properties:
+        lines += ["", "[properties]"]
+        for bone, values in bone_map.properties.items():
+            each = ", ".join(f"{_quoted(key)} = {float(value)}" for key, value in values.items())
+            lines.append(f"{_quoted(bone)} = {{ {each} }}")
+    with output(path, "The bone map") as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _quoted(text: str) -> str:
+    """A TOML basic string."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'
