@@ -24,6 +24,8 @@ CALLED_FROM_OUTSIDE = {
     "modal",
     "poll",
     "description",
+    "filter_glob",
+    "check_existing",
 }
 CALLED_FROM_OUTSIDE |= {"create_module", "exec_module"}
 Span = tuple[Path, int, int]

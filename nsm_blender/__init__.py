@@ -80,6 +80,8 @@ def register() -> None:
             bpy.utils.register_class(cls)
     if not hasattr(bpy.types.Scene, "nsm"):
         bpy.types.Scene.nsm = bpy.props.PointerProperty(type=properties.NsmSettings)
+    if not hasattr(bpy.types.Armature, "nsm_rig"):
+        bpy.types.Armature.nsm_rig = bpy.props.PointerProperty(type=properties.NsmRig)
     watch.install()
     if (
         bpy.app.module
@@ -96,6 +98,8 @@ def unregister() -> None:
     watch.uninstall()
     if hasattr(bpy.types.Scene, "nsm"):
         del bpy.types.Scene.nsm
+    if hasattr(bpy.types.Armature, "nsm_rig"):
+        del bpy.types.Armature.nsm_rig
     for cls in reversed((*properties.CLASSES, *operators.CLASSES, *panels.CLASSES)):
         if cls.is_registered:
             bpy.utils.unregister_class(cls)

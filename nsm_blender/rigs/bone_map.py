@@ -15,6 +15,7 @@ import numpy as np
 from nsm_core.body.skeleton import JOINTS
 from nsm_core.data.captures.joint_map import REQUIRED
 from nsm_core.errors import SkeletonError
+from nsm_core.rotations import Array
 
 NEEDED = (*REQUIRED, "Chest4")  # joints without which no performance can be put on a rig
 OWN = "the bundled character"
@@ -62,9 +63,10 @@ class BoneMap:
                 "another one under Bones, or press Detect."
             )
         if missing:
+            more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
             return (
-                f"No bone of {name} was found for {', '.join(missing)}; choose the bones under Bones in the "
-                "sidebar, or add the bundled character."
+                f"No bone of {name} was found for {', '.join(missing[:3])}{more}; choose the bones under "
+                "Bones in the sidebar, or add the bundled character."
             )
         twice = sorted({b for b in self.joints.values() if list(self.joints.values()).count(b) > 1})
         if twice:
@@ -98,12 +100,18 @@ def found_map(data: bpy.types.Armature) -> BoneMap:
     """
     from .detect import detect
 
+    names, parents, heads = bones_of(data)
+    return detect(names, parents, heads.tobytes())
+
+
+def bones_of(data: bpy.types.Armature) -> tuple[tuple[str, ...], tuple[int, ...], Array]:
+    """Names, parents (-1 for none) and heads (N, 3) float32 of an armature's bones at rest."""
     names = tuple(data.bones.keys())
     at = {name: i for i, name in enumerate(names)}
     parents = tuple(at[bone.parent.name] if bone.parent else -1 for bone in data.bones)
     heads = np.empty(3 * len(names), np.float32)
     data.bones.foreach_get("head_local", heads)
-    return detect(names, parents, heads.tobytes())
+    return names, parents, heads.reshape(-1, 3)
 
 
 def stored_map(data: bpy.types.Armature) -> BoneMap | None:
@@ -124,5 +132,5 @@ def store_map(data: bpy.types.Armature, bone_map: BoneMap) -> None:
     for joint in JOINTS:
         row = rig.joints.add()
         row.name, row.bone = joint, bone_map.joints.get(joint, "")
-    rig.family, rig.score = bone_map.family, bone_map.score
+    rig.family, rig.score, rig.remarks = bone_map.family, bone_map.score, "\n".join(bone_map.remarks)
     rig.extras = json.dumps({"shown": dict(bone_map.shown), "properties": dict(bone_map.properties)})

@@ -5,8 +5,10 @@ best by hierarchy and geometry is taken.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 
+import bpy
 import numpy as np
 
 from nsm_core.body.skeleton import INDEX, JOINTS, PARENTS
@@ -14,14 +16,16 @@ from nsm_core.data.captures.joint_map import SIDES, SPINE
 from nsm_core.data.captures.joint_names import by_family, hangs, in_place, spine_of
 from nsm_core.rotations import Array
 
-from .bone_map import NEEDED, BoneMap
-from .presets import presets
+from .bone_map import NEEDED, BoneMap, bones_of
+from .presets import PRESET, presets
 from .shape import by_shape
 
 Names = tuple[str, ...]
 Parents = tuple[int, ...]
 _LIMBS = (("Shoulder", "Elbow"), ("Elbow", "Wrist"), ("Hip", "Knee"), ("Knee", "Ankle"))
+_ODD = 2.5  # times as long as a limb's other bone that one is at most
 _ALIKE = 0.85  # of a limb's length that the other side's has at least
+_SHAPE = "its shape"
 _EXACT = 0.02  # of the score by which a preset, made for a rig, goes before names that are merely known
 
 
@@ -31,7 +35,8 @@ def detect(names: Names, parents: Parents, heads: bytes) -> BoneMap:
     as bytes; one that lacks needed joints where none is whole.
     """
     places = np.frombuffer(heads, np.float32).reshape(-1, 3).astype(np.float64)
-    found = [judged(candidate, names, parents, places) for candidate in _candidates(names, parents, places)]
+    found = [judged(each, names, parents, places) for each in _candidates(names, parents, places)]
+    found = [each for each in found if each.family != _SHAPE or not each.remarks]  # a guess must fit
     return max(found, key=lambda each: each.score, default=BoneMap({}, score=0.0))
 
 
@@ -45,9 +50,10 @@ def _candidates(names: Names, parents: Parents, places: Array) -> Iterator[BoneM
         joints = _whole(names, parents, read)
         if len(joints) >= len(NEEDED) // 2:
             yield BoneMap(joints, family=family.removesuffix(".toml").replace("_", " "))
-    joints = by_shape(parents, places)
-    if joints:
-        yield BoneMap({joint: names[bone] for joint, bone in joints.items()}, family="its shape")
+    bones, spine = by_shape(parents, places)
+    if bones:
+        joints = {joint: names[bone] for joint, bone in bones.items()}
+        yield BoneMap(joints | spread(tuple(names[bone] for bone in spine)), family=_SHAPE)
 
 
 def _whole(names: Names, parents: Parents, read: dict[str, str]) -> dict[str, str]:
@@ -105,6 +111,13 @@ def _hanging(names: Names, parents: Parents, joints: dict[str, str]) -> dict[str
     return kept
 
 
+def judged_on(data: bpy.types.Armature, bone_map: BoneMap) -> BoneMap:
+    """A map with its score and remarks on an armature; bones that it lacks do not count."""
+    names, parents, heads = bones_of(data)
+    here = {joint: bone for joint, bone in bone_map.joints.items() if bone in data.bones}
+    return judged(replace(bone_map, joints=here), names, parents, heads.astype(np.float64))
+
+
 def judged(candidate: BoneMap, names: Names, parents: Parents, places: Array) -> BoneMap:
     """A map with its score: the share of the joints that have bones, times that of the checks they pass."""
     index = {name: i for i, name in enumerate(names)}
@@ -117,14 +130,12 @@ def judged(candidate: BoneMap, names: Names, parents: Parents, places: Array) ->
             for joint in at
             if joint != "Hips"
         }
-    passed = sum(checks.values()) / max(len(checks), 1)
+    passed = (sum(checks.values()) / max(len(checks), 1)) ** 3  # one thing odd is much
     score = needed**2 * passed * (0.8 + 0.2 * len(at) / len(JOINTS)) * (1 - _EXACT)
-    if candidate.family and "/" in candidate.family:
-        score += _EXACT
+    if candidate.family.startswith(PRESET):
+        score += _EXACT * needed**2 * passed
     remarks = tuple(sentence for sentence, well in checks.items() if not well)
-    return BoneMap(
-        candidate.joints, candidate.shown, candidate.properties, candidate.family, float(score), remarks
-    )
+    return replace(candidate, score=float(score), remarks=remarks)
 
 
 def _hangs_right(candidate: BoneMap, names: Names, parents: Parents, joint: str) -> bool:
@@ -157,6 +168,13 @@ def _checks(at: dict[str, Array]) -> dict[str, bool]:
             checks[f"{side}{a} is far from as long as the other side's"] = bool(
                 own >= _ALIKE * max(others) > 0
             )
+        for a, b, c in (("Shoulder", "Elbow", "Wrist"), ("Hip", "Knee", "Ankle")):
+            if {side + a, side + b, side + c} <= set(at):
+                upper = float(np.linalg.norm(at[side + b] - at[side + a]))
+                lower = float(np.linalg.norm(at[side + c] - at[side + b]))
+                checks[f"{side}{b} is far from the middle of its limb"] = (
+                    upper < _ODD * lower < _ODD**2 * upper
+                )
         for low, high in (("Ankle", "Knee"), ("Knee", "Hip"), ("Ankle", "Shoulder")):
             if side + low in at and side + high in at:
                 checks[f"{side}{low} is not under {side}{high}"] = bool(

@@ -21,6 +21,7 @@ from nsm_core.validate import is_number, read_toml, shown, table
 from .bone_map import NEEDED, BoneMap
 
 FOLDER = Path(__file__).parent / "presets"
+PRESET = "preset "  # begins the family of a map that is from a preset
 _KEYS = ("joints", "sides", "shown", "shown_sides", "properties")
 _MOST = 200  # presets that are read from the user's folder
 
@@ -36,13 +37,14 @@ class Preset:
 
     def among(self, bones: Any) -> BoneMap | None:
         """The map of a rig that has ``bones``; None where it lacks one of the needed joints."""
+        chosen = self.on(bones)
+        return chosen if all(joint in chosen.joints for joint in NEEDED) else None
+
+    def on(self, bones: Any) -> BoneMap:
+        """The map of those of ``bones`` that the preset names."""
         joints, seen = (_chosen(names, bones) for names in (self.joints, self.shown))
-        if any(joint not in joints for joint in NEEDED):
-            return None
         switches = {bone: values for bone, values in self.properties.items() if bone in bones}
-        return BoneMap(
-            joints, {j: b for j, b in seen.items() if j in joints}, switches, f"presets/{self.name}"
-        )
+        return BoneMap(joints, {j: b for j, b in seen.items() if j in joints}, switches, PRESET + self.name)
 
 
 def _chosen(names: Mapping[str, list[str]], bones: Any) -> dict[str, str]:

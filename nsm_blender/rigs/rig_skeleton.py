@@ -216,8 +216,9 @@ def _height(places: Array, known: list[bool]) -> float:
     """Height of the hip joints over the balls of the feet on straight legs, mean of both; where a foot has no
     toe, its ankle is as high as ours.
     """
-    legs = []
+    legs, lengths = [], 0.0
     for hip, knee, ankle, toe in FEET:
         leg = float(np.linalg.norm(np.diff(places[[hip, knee, ankle]], axis=0), axis=1).sum())
+        lengths += leg
         legs.append(leg + (max(float(places[ankle, 2] - places[toe, 2]), 0.0) if known[toe] else _DROP * leg))
-    return float(np.mean(legs))
+    return float(np.mean(legs)) if lengths > 0 else 0.0

@@ -11,17 +11,17 @@ from nsm_core.rotations import Array
 _ASIDE = 0.02  # of the body's height that a limb's bone lies off its middle
 
 
-def by_shape(parents: tuple[int, ...], heads: Array) -> dict[str, int]:
+def by_shape(parents: tuple[int, ...], heads: Array) -> tuple[dict[str, int], list[int]]:
     """Joint of the 23 -> bone, for bones with ``parents`` and ``heads`` (N, 3) in an armature with Z or Y
-    up, facing -Y or Z; empty where no body is seen.
+    up, and the bones of the spine from the pelvis up; both empty where no body is seen.
     """
     children: list[list[int]] = [[] for _ in parents]
     for bone, parent in enumerate(parents):
         if parent >= 0:
             children[parent].append(bone)
-    size = np.ptp(heads, axis=0)
+    size = np.ptp(heads, axis=0) if len(heads) else np.zeros(3)
     if len(parents) < 14 or size.max() <= 0:
-        return {}
+        return {}, []
     up = 1 if size[1] > size[2] else 2
     places = heads if up == 2 else np.stack((heads[:, 0], -heads[:, 2], heads[:, 1]), axis=1)
     places = (places - np.array((np.median(places[:, 0]), 0, places[:, 2].min()))) / size[up]
@@ -33,36 +33,38 @@ def by_shape(parents: tuple[int, ...], heads: Array) -> dict[str, int]:
         low = [leaf for leaf in mine if places[leaf, 2] < 0.25]
         high = [leaf for leaf in mine if places[leaf, 2] > 0.35]
         if not low or not high:
-            return {}
+            return {}, []
         foot = min(low, key=lambda leaf: (round(places[leaf, 2], 2), places[leaf, 1]))
         hand = max(high, key=lambda leaf: sign * places[leaf, 0])
         lines[side] = (_line(parents, foot), _line(parents, hand))
     hips = _fork(lines["Right"][0], lines["Left"][0])
     chest = _fork(lines["Right"][1], lines["Left"][1])
     if hips is None or chest is None or hips not in _line(parents, chest):
-        return {}
+        return {}, []
     found["Hips"] = hips
     for side in lines:
         leg = [b for b in _after(lines[side][0], hips) if abs(places[b, 0]) > _ASIDE]
         arm = [b for b in _after(lines[side][1], chest) if abs(places[b, 0]) > _ASIDE / 2]
         legs, arms = _leg(leg, places), _arm(arm, places, children)
         if not legs or not arms:
-            return {}
+            return {}, []
         found |= {side + name: bone for name, bone in {**legs, **arms}.items()}
     tops = [leaf for leaf in leaves if abs(places[leaf, 0]) < _ASIDE and chest in _line(parents, leaf)[:-1]]
     if not tops:
-        return {}
+        return {}, []
     over = _after(_line(parents, max(tops, key=lambda leaf: places[leaf, 2])), chest)
-    found["Head"] = over[min(1, len(over) - 1)]
+    forks = [bone for bone in over[1:] if len(children[bone]) > 1]  # a face hangs on a head
+    found["Head"] = forks[0] if forks else over[min(1, len(over) - 1)]
     if len(over) > 1:
         found["Neck"] = over[0]
     spine = _after(_line(parents, chest), hips)
-    if not spine:
-        return {}
-    found["Chest4"] = spine[-1]
-    for name, bone in zip(("Chest", "Chest2", "Chest3"), spine[:-1], strict=False):
-        found[name] = bone
-    return found
+    toes = [places[found[s + "Toe"]] - places[found[s + "Ankle"]] for s in lines if s + "Toe" in found]
+    if sum(float(toe[1]) for toe in toes) > 0:  # it faces the other way, so that left is right
+        other = {"Right": "Left", "Left": "Right"}
+        found = {
+            next((other[s] + j[len(s) :] for s in other if j.startswith(s)), j): b for j, b in found.items()
+        }
+    return found, spine
 
 
 def _line(parents: Sequence[int], bone: int) -> list[int]:
@@ -87,9 +89,9 @@ def _leg(line: list[int], places: Array) -> dict[str, int]:
     """Hip, knee, ankle and toe of a leg's bones from the top."""
     if len(line) < 3:
         return {}
-    low = [b for b in line if places[b, 2] < 0.5 * places[line[0], 2]]
-    ankles = [b for b in line[2:] if places[b, 2] < 0.25 * places[line[0], 2]]
-    if not low or not ankles:
+    floor = min(places[b, 2] for b in line)
+    ankles = [b for b in line[2:] if places[b, 2] - floor < 0.25 * (places[line[0], 2] - floor)]
+    if not ankles:
         return {}
     ankle = ankles[0]
     middle = (places[line[0], 2] + places[ankle, 2]) / 2

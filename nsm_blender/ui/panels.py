@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import textwrap
 from typing import Any
 
 import bpy
@@ -12,12 +10,10 @@ from nsm_core.world.actions import Aim
 from nsm_core.world.scene.props import Leaf
 
 from . import running
+from .bones_panel import NSM_PT_bones
+from .drawing import Sidebar, sentence
 from .properties import action_of, settings_of
 from .reviews import pending
-
-_PIXELS_A_LETTER = 6.5  # at a resolution scale of 1, a little more than the average letter takes
-_AROUND_TEXT = 72  # pixels of the region that icon, margins and tabs take
-_BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:s|ms|m|cm)\b)")
 
 
 class NSM_UL_goals(bpy.types.UIList):
@@ -57,13 +53,7 @@ class NSM_UL_goals(bpy.types.UIList):
         body.prop(item, "action", text="", emboss=False)
 
 
-class _Sidebar:
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "NSM"
-
-
-class NSM_PT_take(_Sidebar, bpy.types.Panel):
+class NSM_PT_take(Sidebar, bpy.types.Panel):
     bl_label = "Neural State Machine"
     bl_idname = "NSM_PT_take"
 
@@ -110,13 +100,13 @@ class NSM_PT_take(_Sidebar, bpy.types.Panel):
         big.operator("nsm.generate", icon="PLAY")
         reason = running.reason_not_ready(context)
         if reason:
-            _sentence(context, layout, reason, "INFO")
+            sentence(context, layout, reason, "INFO")
 
     def _draw_results(self, context: bpy.types.Context, layout: Any, settings: Any) -> None:
         if len(settings.results):
             box = layout.box()
             for line in settings.results:
-                _sentence(context, box, line.text, "CHECKMARK" if line.good else "ERROR")
+                sentence(context, box, line.text, "CHECKMARK" if line.good else "ERROR")
         if pending(context.scene) is not None:
             row = layout.row(align=True)
             row.operator("nsm.take_accept", icon="CHECKMARK")
@@ -143,15 +133,4 @@ def _draw_goal(layout: Any, goal: Any) -> None:
     column.prop(goal, "hold")
 
 
-def _sentence(context: bpy.types.Context, layout: Any, text: str, icon: str) -> None:
-    """Show a sentence over as many lines as the sidebar's width asks for."""
-    scale = context.preferences.system.ui_scale
-    width = context.region.width / scale if context.region else 300
-    column = layout.column(align=True)
-    column.scale_y = 0.85
-    text = _BEFORE_UNIT.sub("\u00a0", text)  # a number stays on the line of its unit
-    for i, line in enumerate(textwrap.wrap(text, max(int((width - _AROUND_TEXT) / _PIXELS_A_LETTER), 20))):
-        column.label(text=line, icon="BLANK1" if i else icon)
-
-
-CLASSES = (NSM_UL_goals, NSM_PT_take)
+CLASSES = (NSM_UL_goals, NSM_PT_take, NSM_PT_bones)

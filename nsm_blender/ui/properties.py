@@ -19,6 +19,8 @@ from nsm_core.world.actions import ACTIONS, BY_KEY, Action, Aim
 
 from ..goals.registry import FINDERS
 from ..goals.spec import GoalSpec
+from ..rigs.bone_map import stored_map
+from ..rigs.detect import judged_on
 from .running import unknown_action
 
 # What can evaluate to a mesh, and empties: markers, collection instances and parents of parts.
@@ -101,6 +103,35 @@ class NsmTake(bpy.types.PropertyGroup):
     keys: StringProperty(description="Checksum of the keys as they were made")
 
 
+def _edited(row: NsmBone, _context: bpy.types.Context) -> None:
+    """Judge a list of bones anew when a bone was exchanged."""
+    data = row.id_data
+    bone_map = stored_map(data)
+    if bone_map is not None:
+        judge = judged_on(data, bone_map)
+        data.nsm_rig.score, data.nsm_rig.remarks = judge.score, "\n".join(judge.remarks)
+
+
+class NsmBone(bpy.types.PropertyGroup):
+    """One joint of the body, by its name, and the bone that stands for it."""
+
+    bone: StringProperty(
+        name="Bone",
+        description="The bone that moves this part of the body; empty where the rig has none",
+        update=_edited,
+    )
+
+
+class NsmRig(bpy.types.PropertyGroup):
+    """The list of an armature's bones; empty where they are found anew for every take."""
+
+    joints: CollectionProperty(type=NsmBone)
+    family: StringProperty(description="What the list was made from")
+    score: FloatProperty(description="How well the bones fit a body, 0 to 1")
+    remarks: StringProperty(description="What is odd about the list, a line each")
+    extras: StringProperty(description="Bones that show the result, and switches that are keyed, JSON")
+
+
 class NsmSettings(bpy.types.PropertyGroup):
     """Everything the sidebar shows for a scene."""
 
@@ -124,7 +155,7 @@ class NsmSettings(bpy.types.PropertyGroup):
     takes: CollectionProperty(type=NsmTake)
 
 
-CLASSES = (NsmGoal, NsmResult, NsmKeyed, NsmTake, NsmSettings)
+CLASSES = (NsmGoal, NsmResult, NsmKeyed, NsmTake, NsmBone, NsmRig, NsmSettings)
 
 
 def settings_of(scene: bpy.types.Scene) -> NsmSettings:

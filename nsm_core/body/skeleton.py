@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.errors import SkeletonError
 from nsm_core.rotations import Array, direction_to_heading, quat_conjugate, quat_mul, quat_rotate
 
 JOINTS = (
@@ -122,13 +121,3 @@ def mirror(hips_position: Array, local_rotations: Array) -> tuple[Array, Array]:
     """Reflect a pose at the plane x = 0: same shapes, left and right joints exchanged."""
     rotations = local_rotations[..., MIRROR, :] * np.array((1, 1, -1, -1), dtype=local_rotations.dtype)
     return hips_position * np.array((-1, 1, 1), dtype=hips_position.dtype), rotations
-
-
-def require_joints(names: list[str] | tuple[str, ...], what: str) -> None:
-    """Raise SkeletonError that lists the joints of the 23 that ``names`` lacks."""
-    missing = [n for n in JOINTS if n not in names]
-    if missing:
-        raise SkeletonError(
-            f"{what} lacks the bones {', '.join(missing)}; rename its bones to the 23 joint names, "
-            "or add the bundled character instead."
-        )

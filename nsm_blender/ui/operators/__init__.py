@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from . import character, generate, goal_list, review
+from . import bones, character, generate, goal_list, review
 
-CLASSES = (*character.CLASSES, *goal_list.CLASSES, *generate.CLASSES, *review.CLASSES)
+CLASSES = (*character.CLASSES, *bones.CLASSES, *goal_list.CLASSES, *generate.CLASSES, *review.CLASSES)

@@ -1,0 +1,102 @@
+"""Rigs of other makers, made in the test: names, rest pose, rolls and proportions as asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import bpy
+import numpy as np
+
+from nsm_core.body.skeleton import END_SITES, INDEX, JOINTS, OFFSETS, PARENTS, J, forward_kinematics
+from nsm_core.rotations import quat_from_axis_angle
+
+MIXAMO = {
+    "Hips": "Hips", "Chest": "Spine", "Chest3": "Spine1", "Chest4": "Spine2", "Neck": "Neck", "Head": "Head",
+    **{
+        side + ours: side + theirs
+        for side in ("Left", "Right")
+        for ours, theirs in (
+            ("Collar", "Shoulder"), ("Shoulder", "Arm"), ("Elbow", "ForeArm"), ("Wrist", "Hand"),
+            ("Hip", "UpLeg"), ("Knee", "Leg"), ("Ankle", "Foot"), ("Toe", "ToeBase"),
+        )
+    },
+}  # fmt: skip
+# A body that is not ours: short legs, long arms, a wide chest.
+PROPORTIONS = {"Knee": 0.7, "Ankle": 0.75, "Elbow": 1.3, "Wrist": 1.2, "Shoulder": 1.25, "Chest2": 1.2}
+
+
+def remove_bones(armature: bpy.types.Object, *names: str) -> None:
+    """Delete bones of an armature; what hung on them hangs on nothing."""
+    bpy.context.view_layer.objects.active = armature
+    bpy.ops.object.mode_set(mode="EDIT")
+    for name in names:
+        armature.data.edit_bones.remove(armature.data.edit_bones[name])
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def own_offsets() -> np.ndarray:
+    """Offsets (23, 3) of a body with ``PROPORTIONS``, metres."""
+    offsets = OFFSETS.astype(np.float64)
+    for j, name in enumerate(JOINTS):
+        for part, share in PROPORTIONS.items():
+            if name.endswith(part):
+                offsets[j] = offsets[j] * share
+    return offsets
+
+
+def rest_places(offsets: np.ndarray, arms: float = 0.0, elbows: float = 0.0) -> np.ndarray:
+    """Joints (23, 3) of a rest pose, arms lowered and elbows bent forward by radians."""
+    local = np.tile((1.0, 0.0, 0.0, 0.0), (J, 1))
+    for side, sign in (("Left", 1.0), ("Right", -1.0)):
+        local[INDEX[side + "Shoulder"]] = quat_from_axis_angle(np.array((0, 1.0, 0)), sign * arms)
+        local[INDEX[side + "Elbow"]] = quat_from_axis_angle(np.array((0, 0, 1.0)), -sign * elbows)
+    return forward_kinematics(offsets[0], local, offsets)[0]
+
+
+def foreign_rig(
+    names: Mapping[str, str],
+    arms: float = 0.8,
+    elbows: float = 0.4,
+    seed: int = 5,
+    unit: float = 1.0,
+    tails: str = "child",
+    extra: bool = True,
+) -> bpy.types.Object:
+    """An armature whose bones are called ``names`` (joint -> bone; other joints have none), with random
+    rolls, ``unit`` metres a unit of its bones; ``extra`` adds a root, twist bones and fingers.  ``tails`` is
+    "child" or "up".
+    """
+    places = rest_places(own_offsets(), arms, elbows) / unit
+    data = bpy.data.armatures.new("Rig")
+    armature = bpy.data.objects.new("Rig", data)
+    bpy.context.scene.collection.objects.link(armature)
+    armature.scale = (unit,) * 3
+    bpy.context.view_layer.objects.active = armature
+    bpy.ops.object.mode_set(mode="EDIT")
+    rolls = np.random.default_rng(seed).uniform(-3, 3, J)
+    top = None
+    if extra:
+        top = data.edit_bones.new("root")
+        top.head, top.tail = (0, 0, 0), (0, 0.2 / unit, 0)
+    for j, joint in enumerate(JOINTS):
+        if joint not in names:
+            continue
+        bone = data.edit_bones.new(names[joint])
+        bone.head = places[j]
+        below = [k for k, p in enumerate(PARENTS) if p == j]
+        end = places[j] + np.array(END_SITES.get(joint, (0, 0, 0.1))) / unit
+        if tails == "child" and below and joint not in ("Hips", "Chest4"):
+            end = places[below[0]]
+        bone.tail = places[j] + np.array((0, 0, 0.1)) / unit if tails == "up" else end
+        bone.roll = rolls[j]
+        above = PARENTS[j]
+        while above >= 0 and JOINTS[above] not in names:
+            above = PARENTS[above]
+        bone.parent = data.edit_bones[names[JOINTS[above]]] if above >= 0 else top
+        if extra and joint.endswith(("Shoulder", "Hip", "Wrist")):
+            for number in range(3 if joint.endswith("Wrist") else 1):
+                aside = data.edit_bones.new(f"{names[joint]}_extra{number}")
+                aside.head = places[j] + np.array((0, 0.01 * number, 0)) / unit
+                aside.tail, aside.parent = aside.head + (bone.tail - bone.head) / 2, bone
+    bpy.ops.object.mode_set(mode="OBJECT")
+    return armature
