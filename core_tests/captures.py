@@ -12,7 +12,7 @@ import numpy as np
 
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import FEET, INDEX, OFFSETS, TOE_HEIGHT, J
-from nsm_core.data.captures import bvh_writer
+from nsm_core.data.captures import bvh_writer, sidecar
 from nsm_core.data.export import export, take_arrays
 from nsm_core.data.matching.source import Source
 from nsm_core.data.scenarios.composer import Composer, load
@@ -119,13 +119,37 @@ def sit(height: float = 0.52, back: float = 0.42) -> tuple[np.ndarray, np.ndarra
     return hips, _legs(hips, local, toes, np.zeros((len(t), 2)), np.zeros((len(t), 2)))
 
 
+SITS = "[actions.sit]\n39 = 0\n63 = 1\n142 = 1\n165 = 0\n"  # what sidecars of ``sit`` say, and of ``pick_up``
+TAKES = "".join(
+    f"[{of}]\n77 = 0\n78 = 1\n"
+    for of in ("actions.carry", *map("contacts.{}Wrist".format, ("Right", "Left")))
+)
+
+
+def used(motion: tuple[np.ndarray, np.ndarray], *gaits: str) -> str:
+    """What a sidecar says of a motion that is used for ``gaits`` as a whole."""
+    return "[use]\n" + "".join(f"{gait} = [[0, {len(motion[0]) - 1}]]\n" for gait in gaits)
+
+
+def write_clip(path: Path, motion: tuple[np.ndarray, np.ndarray], says: str = "") -> None:
+    """Write a capture, and a sidecar beside it if it is to say something."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    bvh_writer.write(path, *motion)
+    if says:
+        head = f'clip = "{path.stem}"\nframes = {len(motion[0])}\n'
+        sidecar.sidecar_of(path).write_text(head + says, encoding="utf-8")
+
+
+def write_pick_up(folder: Path) -> None:
+    """Write a bend to a box beside the captures of ``write_captures``."""
+    write_clip(folder / "monday" / "pick_up.bvh", pick_up(), TAKES)
+
+
 def write_captures(folder: Path) -> Path:
-    """Write the capture folder; names are those the loaders choose by."""
-    clips = {
-        "accad_male1/male1_a1_stand": stand(),
-        "opencap/opencap_sts1": sit(),
-        "quaternius/quaternius_sit_full": sit(0.5, 0.4),
-    }
+    """Write the capture folder, with sidecars that say what its clips are used for; one is used for
+    nothing.
+    """
+    write_clip(folder / "monday" / "stand.bvh", stand(), used(stand(), "walk") + "stand = 90\n")
     for n, (distance, turn, seconds) in enumerate(
         (
             (3.0, 0, 3.2),
@@ -139,15 +163,39 @@ def write_captures(folder: Path) -> Path:
             (0.4, 0, 1.1),
         )
     ):
-        clips[f"cmu/cmu_09_{n:02d}"] = walk(distance, turn, seconds)
-    clips["cmu/cmu_09_20"] = walk(0.5, 0.3, 1.2, travel=np.pi / 2)
-    clips["cmu/cmu_09_21"] = walk(0.5, 0, 1.2, travel=np.pi)
-    clips["accad_male2/hop_in_place"] = walk(0.5, 0, 1)
-    for name, motion in clips.items():
-        path = folder / "clips" / f"{name}.bvh"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        bvh_writer.write(path, *motion)
+        _write_walk(folder, f"walk_{n:02d}", walk(distance, turn, seconds))
+    _write_walk(folder, "walk_20", walk(0.5, 0.3, 1.2, travel=np.pi / 2))
+    _write_walk(folder, "walk_21", walk(0.5, 0, 1.2, travel=np.pi))
+    write_clip(folder / "thursday" / "hop_in_place.bvh", walk(0.5, 0, 1))
+    write_clip(folder / "wednesday" / "sit_0.bvh", sit(), SITS)
+    write_clip(folder / "wednesday" / "sit_1.bvh", sit(0.5, 0.4), SITS)
     return folder
+
+
+def _write_walk(folder: Path, name: str, motion: tuple[np.ndarray, np.ndarray]) -> None:
+    """Write a walk that is walked with, and run with too, so that runs are searched for as well."""
+    write_clip(folder / "tuesday" / f"{name}.bvh", motion, used(motion, "walk", "run"))
+
+
+def write_shipped(folder: Path, *names: str) -> list[Path]:
+    """Write captures that go by names of those whose labels the program brings, made to show what these say.
+
+    They lie without sidecars in folders of their sources, "cmu/cmu_07_01.bvh" for "cmu/cmu_07_01"; the paths.
+    """
+    paths = [folder / f"{name}.bvh" for name in names]
+    for n, path in enumerate(paths):
+        sheet = sidecar.read(sidecar.shipped(path))
+        frames = np.arange(sheet.frames)
+        if sheet.actions["sit"]:  # the way down and up of ``sit``, as often as the label asks for it
+            value = np.interp(frames, *zip(*sheet.actions["sit"], strict=True))
+            at, motion = np.where(np.gradient(value) < 0, 174 - 42 * value, 30 + 42 * value), sit()
+        elif sheet.actions["carry"]:
+            low = next(f for f, v in sheet.actions["carry"] if v)
+            at, motion = frames - low + 78, pick_up()
+        else:
+            at, motion = frames, stand() if sheet.use.stand else walk(1.5 + 0.3 * n, 0.4 * n - 1, 2.1)
+        write_clip(path, tuple(part[np.clip(np.round(at).astype(int), 0, len(part) - 1)] for part in motion))
+    return paths
 
 
 _made: dict[str, Path] = {}

@@ -45,13 +45,11 @@ for folder in (HERE, HERE.parent):
         sys.path.insert(0, str(folder))
 
 import captures
-from captures import pick_up
 
 from nsm_core.body.skeleton import JOINTS, forward_kinematics
 from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest, TakeRunner
 from nsm_core.conventions import CONTACTS, STYLES
-from nsm_core.data.captures import bvh_writer
 from nsm_core.data.scenarios.composer import Composer, load
 from nsm_core.evaluation.trials import carry, climb, sit
 from nsm_core.evaluation.trials import open as doors
@@ -193,11 +191,10 @@ def source() -> object:
     """What composing reads: the computed captures with a pick-up and runs beside them."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = captures.write_captures(Path(scratch))
-        bvh_writer.write(folder / "clips" / "accad_male1" / "male1_a5_pickupbox.bvh", *pick_up())
+        captures.write_pick_up(folder)
         for n, (distance, turn) in enumerate(((4.5, 0), (5.0, 0.5), (4.0, 1.0))):
-            bvh_writer.write(
-                folder / "clips" / "accad_male2" / f"male2_run{n}.bvh", *captures.walk(distance, turn, 2.1)
-            )
+            motion = captures.walk(distance, turn, 2.1)
+            captures.write_clip(folder / "thursday" / f"run_{n}.bvh", motion, captures.used(motion, "run"))
         return load(str(folder))
 
 

@@ -115,11 +115,11 @@ def test_library_frames_are_seen_from_their_roots(clip):
         build_library([clip[:5]])
 
 
-def test_loaders_choose_by_name_and_measure(tmp_path_factory):
+def test_loaders_choose_what_sidecars_say(tmp_path_factory):
     folder = capture_folder(tmp_path_factory)
     names = [c.name for c in load_walks(CaptureFolder(folder))]
-    assert "male1_a1_stand" in names and "cmu_09_03" in names
-    assert not {"hop_in_place", "opencap_sts1", "quaternius_sit_full"} & set(names)
+    assert "monday/stand" in names and "tuesday/walk_03" in names
+    assert not {"thursday/hop_in_place", "wednesday/sit_0", "wednesday/sit_1"} & set(names)
     loaded = source(folder)
     sits = loaded.segments["sit"]
     assert len(sits) == 4  # two and their mirror images

@@ -19,7 +19,7 @@ from nsm_core.data.annotation.proposal import arrays_of, propose
 from nsm_core.data.captures import sidecar
 from nsm_core.data.captures.folder import Capture, CaptureFolder
 from nsm_core.data.captures.joint_map import load_mapping
-from nsm_core.data.captures.sidecar import Sheet, fingerprint
+from nsm_core.data.captures.sheet import Sheet, fingerprint
 from nsm_core.errors import CaptureError, NsmError
 
 
@@ -30,13 +30,7 @@ def annotate_clip(
     have kept.
     """
     clip = folder.read(capture)
-    kept = sidecar.read(capture.sidecar) if capture.sidecar is not None and not overwrite else None
-    if kept is not None and kept.frames != len(clip):
-        raise CaptureError(
-            f"{sidecar.sidecar_of(capture.path).name} speaks of {kept.frames} frames, {capture.path.name} "
-            f"has {len(clip)} at 30 a second; "
-            "delete it, or run with --overwrite, to have it proposed anew."
-        )
+    kept = None if overwrite else folder.sheet(capture)
     sheet, remarks = propose(clip, kept)
     return clip, sheet, remarks, kept.edited() if kept is not None else []
 

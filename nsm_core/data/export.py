@@ -32,13 +32,11 @@ HELD_BACK_CLIPS = 20  # one clip in so many is kept for validation
 
 
 def held_back(clip: str) -> bool:
-    """Whether a clip, and its mirror image with it, is kept for validation: by name, so that it is the same
-    ones in all data.
+    """Whether a clip, and its mirror image with it, is kept for validation: by the name of its file,
+    wherever that lies, so that it is the same ones in all data.
     """
-    return (
-        int(hashlib.sha256(f"validates {clip.rstrip(MIRRORED)}".encode()).hexdigest(), 16) % HELD_BACK_CLIPS
-        == 0
-    )
+    name = clip.rsplit("/", 1)[-1].rstrip(MIRRORED)
+    return int(hashlib.sha256(f"validates {name}".encode()).hexdigest(), 16) % HELD_BACK_CLIPS == 0
 
 
 def _validates(take: ComposedTake) -> Array:

@@ -7,14 +7,12 @@ from functools import cache
 import captures
 import numpy as np
 import pytest
-from captures import pick_up
 
 from nsm_core.body.skeleton import ARMS, FEET, HIP_OVER_SEAT, forward_kinematics
 from nsm_core.body.thin_capsules import thin_depths
 from nsm_core.conventions import CLIMB, FOOT_CONTACTS, HIP_CONTACT, SIT
 from nsm_core.data.augmentation.soundness import DEEPER
 from nsm_core.data.augmentation.swap_objects import SEATS, switched
-from nsm_core.data.captures import bvh_writer
 from nsm_core.data.scenarios.composer import Composer, load
 from nsm_core.rotations import rotate_planar, wrap_angle
 from nsm_core.world.assets.pool import Pool
@@ -159,7 +157,7 @@ def test_the_body_gets_hardly_deeper_into_things_than_before(pairs):
 
 def test_hands_hold_the_new_box_which_rests_where_the_old_one_did(tmp_path_factory):
     folder = captures.write_captures(tmp_path_factory.mktemp("pick_ups"))
-    bvh_writer.write(folder / "clips" / "accad_male1" / "male1_a5_pickupbox.bvh", *pick_up())
+    captures.write_pick_up(folder)
     composer, seen = Composer(load(str(folder)), {"carry": 1.0}), 0
     for seed in range(30):
         take = composer.compose(seed)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import re
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from nsm_core.data.annotation.proposal import arrays_of, propose
 from nsm_core.data.captures import bvh_writer, reader, sidecar
 from nsm_core.data.captures.joint_map import load_mapping
 from nsm_core.data.captures.joint_names import families
+from nsm_core.data.captures.sheet import Use
 from nsm_core.world.assets import glb
 from nsm_core.world.assets.pool import Pool
 
@@ -168,6 +170,16 @@ def test_no_edit_of_a_goal_passes_without_a_word(tmp_path, line, wrong):
         ("frames = 60\nproposal = []", r"\[proposal\] is \[\]"),
         ("frames = 60\nproposal = {goals = 3}", "'goals' is 3; it must be a text"),
         ("frames = 60\nclip = 3", "clip is 3; it must be a text"),
+        ("frames = 60\nuse = {walk = 3}", r"\[use\]: walk is 3; it must be a list"),
+        ("frames = 60\nuse = {hop = []}", "'hop' is not known; use walk, run, sit, stand"),
+        ("frames = 60\nuse = {run = [3]}", r"3 is no stretch; write it as \[first, last\]"),
+        ("frames = 60\nuse = {run = [[0, 60]]}", "a frame is 60; it must be a whole number from 0 to 59"),
+        ("frames = 60\nuse = {sit = [[30, 10]]}", r"\[30, 10\] is shorter than 20 frames"),
+        (
+            "frames = 60\nuse = {walk = [[0, 30], [30, 59]]}",
+            r"\[30, 59\] begins before the stretch ahead of it",
+        ),
+        ("frames = 60\nuse = {stand = 1.5}", "stand is 1.5; it must be a whole number"),
         ("frames = 60\n[action.walk]\n1 = 1", "'action' is not known"),
         (
             "frames = 60\n[[goals]]\nframe = 1\naction = 'walk'\n[[goals]]\nframe = 1\naction = 'idle'",
@@ -179,6 +191,15 @@ def test_a_sidecar_that_says_what_it_cannot_is_refused_in_its_own_words(tmp_path
     (tmp_path / "a.nsm.toml").write_text(text)
     with pytest.raises(sidecar.CaptureError, match=rf"^a\.nsm\.toml.*{says}.*\.$"):
         sidecar.read(tmp_path / "a.nsm.toml")
+
+
+def test_what_a_clip_is_used_for_comes_back(tmp_path, sheet_text):
+    (tmp_path / "a.nsm.toml").write_bytes(sheet_text)
+    sheet = sidecar.read(tmp_path / "a.nsm.toml")
+    assert sheet.use == Use() and "\n[use]" not in sheet_text.decode()
+    for use in (Use(walk=()), Use(((0, 20), (21, 60)), (), ((3, 40),), 7), Use(stand=0)):
+        sidecar.write(tmp_path / "b.nsm.toml", replace(sheet, use=use))
+        assert sidecar.read(tmp_path / "b.nsm.toml") == replace(sheet, use=use)
 
 
 @pytest.mark.parametrize(
@@ -198,7 +219,7 @@ def test_a_sidecar_that_says_what_it_cannot_is_refused_in_its_own_words(tmp_path
 def test_clip_names_of_any_letters_come_back(tmp_path, sheet_text, name):
     (tmp_path / "a.nsm.toml").write_bytes(sheet_text)
     sheet = sidecar.read(tmp_path / "a.nsm.toml")
-    sidecar.write(tmp_path / "b.nsm.toml", sidecar.replace(sheet, clip=name), {0: name})
+    sidecar.write(tmp_path / "b.nsm.toml", replace(sheet, clip=name), {0: name})
     again = sidecar.read(tmp_path / "b.nsm.toml")
     assert again.clip == name.replace("\udc80", "?") and again.goals == sheet.goals and again.edited() == []
 

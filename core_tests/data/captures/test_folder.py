@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from captures import pick_up, sit, stand, walk
+from captures import sit, stand, walk, write_clip, write_pick_up
 
 from nsm_core.__main__ import main
 from nsm_core.body.clip import Clip
@@ -138,24 +138,23 @@ def test_what_never_ends_is_no_capture(tmp_path):
         reader.read(tmp_path / "pipe.bvh")
 
 
-def test_clips_known_by_name_are_read_with_all_their_bodies_and_hidden_files_are_none(tmp_path):
-    for source, name in (
-        ("cmu", "cmu_02_01"),
-        ("cmu", "walk"),
-        ("opencap", "quick_run"),
-        ("quaternius", "jog"),
-    ):
-        (tmp_path / "clips" / source).mkdir(parents=True, exist_ok=True)
-        two_bodies(tmp_path / "clips" / source / f"{name}.bvh")
+def test_every_body_has_its_own_sidecar_and_hidden_files_are_no_captures(tmp_path):
+    for source, name in (("one", "jog"), ("two", "walk")):
+        (tmp_path / source).mkdir()
+        two_bodies(tmp_path / source / f"{name}.bvh")
     for left in (".2f00aa11bb22-new.bvh", "._walk.bvh"):  # of a killed program, of macOS
-        (tmp_path / "clips" / "cmu" / left).write_bytes(b"\x00\x05\x16\x07HIERARCHY\nROOT")
+        (tmp_path / "one" / left).write_bytes(b"\x00\x05\x16\x07HIERARCHY\nROOT")
     folder = CaptureFolder(tmp_path)
-    walks = load_walks(folder)
-    assert sorted(round(distance(c), 1) for c in walks) == [1.5, 1.5, 1.5, 3.0, 3.0, 3.0]
-    assert sorted(c.name for c in walks) == ["cmu_02_01", "cmu_02_01.2", "jog", "jog.2", "walk", "walk.2"]
-    assert sorted(c.name for c in load_runs(folder)) == ["jog", "jog.2"]
-    assert [c.path.name for c in folder.unlabelled("quaternius", "cmu")][:2] == ["jog.2.bvh", "jog.bvh"]
-    assert {c.file.stem for c in folder.unlabelled()} == {"cmu_02_01", "walk", "quick_run", "jog"}
+    assert [c.path.name for c in folder.captures] == ["jog.2.bvh", "jog.bvh", "walk.2.bvh", "walk.bvh"]
+    assert [c.file.stem for c in folder.captures] == ["jog", "jog", "walk", "walk"]
+    assert folder.labelled == () and load_walks(folder) == []  # nobody has said what they show
+    count = len(folder.read(folder.captures[0]))
+    for name, use in (("one/jog", "run"), ("one/jog.2", "walk"), ("two/walk.2", "walk")):
+        (tmp_path / f"{name}.nsm.toml").write_text(f"frames = {count}\n[use]\n{use} = [[0, {count - 1}]]\n")
+    folder = CaptureFolder(tmp_path)
+    assert [c.name for c in load_walks(folder)] == ["one/jog.2", "two/walk.2"]
+    assert [round(distance(c), 1) for c in load_walks(folder)] == [1.5, 1.5]
+    assert [(c.name, round(distance(c), 1)) for c in load_runs(folder)] == [("one/jog", 3.0)]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="links and pipes are made otherwise there")
@@ -178,16 +177,10 @@ def test_settings_that_cannot_be_read_are_told_not_passed_over(tmp_path, capsys)
 
 
 def test_a_folder_is_read_once_for_all_who_choose_from_it(tmp_path):
-    motions = {"walk": walk(2.0, 0.3, 2.2), "stand": stand(), "sit": sit(), "male1_a5_pickupbox": pick_up()}
-    for n, (name, motion) in enumerate(motions.items()):
-        path = tmp_path / (
-            f"{name}.bvh" if n < 2 else f"clips/opencap/{'opencap_sts1' if name == 'sit' else name}.bvh"
-        )
-        path.parent.mkdir(parents=True, exist_ok=True)
-        bvh_writer.write(path, *motion)
+    for name, motion in (("walk", walk(2.0, 0.3, 2.2)), ("stand", stand()), ("sit", sit())):
+        write_clip(tmp_path / f"{name}.bvh", motion)
     assert main(["annotate", str(tmp_path), "--no-pictures"]) == 0
-    for path in (tmp_path / "clips").rglob("*.nsm.toml"):
-        path.unlink()
+    write_pick_up(tmp_path)
     folder = CaptureFolder(tmp_path)
     first = [load(folder) for load in (load_walks, load_runs, load_sits, load_bends, stance)]
     assert [len(found) > 0 for found in first] == [True, False, True, True, True]

@@ -226,12 +226,12 @@ def test_every_other_damage_is_a_sentence(capture, spoil):
 
 def test_loaders_pass_damage_on_and_name_the_file(tmp_path):
     folder = write_captures(tmp_path)
-    damaged = folder / "clips" / "cmu" / "cmu_09_01.bvh"
+    damaged = folder / "tuesday" / "walk_01.bvh"
     text = damaged.read_text()
     damaged.write_text(text[: len(text) // 2])
-    with pytest.raises(CaptureError, match=r"cmu_09_01\.bvh"):
+    with pytest.raises(CaptureError, match=r"walk_01\.bvh"):
         load_walks(CaptureFolder(folder))
-    (folder / "clips" / "accad_male1" / "male1_a1_stand.bvh").unlink()
-    for loader in (stance, load_sits):  # without the known stand the longest of the walks is looked for
-        with pytest.raises(CaptureError, match=r"cmu_09_01\.bvh"):
+    (folder / "monday" / "stand.bvh").unlink()
+    for loader in (stance, load_sits):  # without a stand that is named the longest of the walks is looked for
+        with pytest.raises(CaptureError, match=r"walk_01\.bvh"):
             loader(CaptureFolder(folder))

@@ -1,6 +1,4 @@
-"""What the composer takes from capture folders: by labels where there are sidecars, by the known set's names
-elsewhere.
-"""
+"""What the composer takes from capture folders: what sidecars say, by labels or outright, and nothing else."""
 
 from __future__ import annotations
 
@@ -18,6 +16,7 @@ from nsm_core.body.ik.two_bone import place_limbs, place_wrists
 from nsm_core.body.skeleton import FEET, INDEX, forward_kinematics
 from nsm_core.data.captures import bvh_writer, reader, sidecar
 from nsm_core.data.captures.folder import CaptureFolder, Labelled
+from nsm_core.data.captures.sheet import Use
 from nsm_core.data.matching.labelled import grasps, sit_downs, walks_and_runs
 from nsm_core.data.matching.selection import load_runs, load_sits, load_walks, neutral, stance
 from nsm_core.data.scenarios.carry import episode as carry_episode
@@ -211,32 +210,73 @@ def test_a_sidecar_of_another_length_is_told(studio, tmp_path):
         load(str(folder))
 
 
-def test_without_sidecars_the_known_names_choose_and_nothing_else_changes(tmp_path_factory, tmp_path):
+def test_what_a_sidecar_names_is_taken_as_it_is_and_clips_without_one_are_not(tmp_path_factory, tmp_path):
     known = captures.capture_folder(tmp_path_factory)
-    names = ["male1_a1_stand", *(f"cmu_09_{n:02d}" for n in (*range(9), 20, 21))]
+    names = ["monday/stand", *(f"tuesday/walk_{n:02d}" for n in (*range(9), 20, 21))]
     walks = load_walks(CaptureFolder(known))
     assert [c.name for c in walks] == names
     assert [c.name for c in load_runs(CaptureFolder(known))] == names[1:]
     for clip in walks:
-        raw = reader.read(next(known.rglob(f"{clip.name}.bvh")))
+        raw = reader.read(known / f"{clip.name}.bvh")
         np.testing.assert_array_equal(clip.hips_position, raw.hips_position)
         np.testing.assert_array_equal(clip.local_rotations, raw.local_rotations)
-    assert [s.clip.name.split("@")[0] for s in load_sits(CaptureFolder(known))] == [
-        "opencap_sts1",
-        "quaternius_sit_full",
-    ]
+    sits = [s.clip.name for s in load_sits(CaptureFolder(known))]
+    assert sits == ["wednesday/sit_0@39", "wednesday/sit_1@39"]
     other = tmp_path / "copy"
     shutil.copytree(known, other)
     write(other / "unknown.bvh", captures.walk(2.0, 0.3, 3.2))
-    write(other / "clips" / "cmu" / "deep" / "cmu_09_77.bvh", captures.walk(2.0, 0.3, 3.2))
+    write(other / "clips" / "cmu" / "cmu_09_01.bvh", captures.walk(2.0, 0.3, 3.2))  # a name says nothing
     a, b = captures.source(known), load(str(other))
     for name in ("hips", "rotations", "root", "pose", "contacts"):
         np.testing.assert_array_equal(getattr(a.library, name), getattr(b.library, name))
-    takes = [Composer(s, {"sit": 0.6, "walk": 0.4}) for s in (a, b)]
-    for seed in range(3):
-        one, two = (c.compose(seed) for c in takes)
-        assert (one is None) == (two is None)
-        if one is not None:
-            np.testing.assert_array_equal(one.hips, two.hips)
-            np.testing.assert_array_equal(one.rotations, two.rotations)
-            np.testing.assert_array_equal(one.labels, two.labels)
+
+
+def with_uses(studio: Path, tmp_path: Path, name: str, lines: str) -> CaptureFolder:
+    """A copy of the folder in which one sidecar says what its clip is used for, and was annotated again."""
+    folder = tmp_path / "used"
+    shutil.copytree(studio, folder)
+    path = folder / f"{name}{sidecar.SUFFIX}"
+    head, rest = path.read_text(encoding="utf-8").split("\n\n[", 1)
+    path.write_text(f"{head}\n\n[use]\n{lines}\n\n[{rest}", encoding="utf-8")
+    assert main(["annotate", str(folder), "--no-pictures"]) == 0
+    return CaptureFolder(folder)
+
+
+def of(clips, name: str) -> list[tuple[str, int]]:
+    return [(c.name, len(c)) for c in clips if c.name.split("@")[0] == name]
+
+
+def test_stretches_that_are_named_are_used_whatever_labels_say(studio, tmp_path):
+    folder = with_uses(studio, tmp_path, "take 0", "walk = [[10, 49], [60, 99]]\nrun = [[60, 99]]")
+    assert of(load_walks(folder), "take 0") == [("take 0@10", 40), ("take 0@60", 40)]
+    assert of(load_runs(folder), "take 0") == [("take 0@60", 40)]
+    assert of(load_walks(folder), "take 1") == of(load_walks(CaptureFolder(studio)), "take 1")
+
+
+def test_a_clip_is_left_out_and_a_stand_is_chosen(studio, tmp_path):
+    assert of(load_walks(CaptureFolder(studio)), "box")
+    folder = with_uses(studio, tmp_path, "box", "walk = []\nstand = 5")
+    assert not of(load_walks(folder), "box") and len(carry_episode.segments(folder)) == 2
+    assert neutral(folder).name == "box" and len(neutral(folder)) == 1
+    box = next(p for p in folder.labelled if p.clip.name == "box")
+    np.testing.assert_array_equal(neutral(folder).local_rotations[0], box.clip.local_rotations[5])
+
+
+def test_other_leaves_sits_and_grasps_out_too(studio, tmp_path):
+    folder = edited(studio, tmp_path, lambda s: s.with_section("actions.other", [(0, 1.0)]))
+    assert load_sits(CaptureFolder(folder)) == [] and carry_episode.segments(CaptureFolder(folder)) == []
+    assert load_walks(CaptureFolder(folder)) == []
+
+
+def test_a_sit_in_a_stretch_that_is_named_may_move_its_feet():
+    clip = Clip("made", *(a.astype(np.float32) for a in captures.sit()))
+    drift = np.linspace(0, 0.6, len(clip), dtype=np.float32)[:, None] * (1, 0, 0)
+    clip = Clip("made", clip.hips_position + drift, clip.local_rotations)
+    keys = {"sit": [(30, 0.0), (72, 1.0), (132, 1.0), (174, 0.0)]}
+
+    def sits(*stretches):
+        sheet = sidecar.Sheet("made", len(clip), keys, {}, [], [], [], use=Use(sit=stretches or None))
+        return [(s.clip.name, s.down, s.up) for s in sit_downs(Labelled(clip, sheet))]
+
+    assert sits() == [] and sits((40, 203)) == []
+    assert sits((30, 174)) == sits((0, 20), (25, 203)) == [("made@30", 42, 102)]

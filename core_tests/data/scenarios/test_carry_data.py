@@ -7,13 +7,11 @@ from dataclasses import replace
 import captures
 import numpy as np
 import pytest
-from captures import pick_up
 
 from nsm_core.body.ik.grip import lead, place_hands
 from nsm_core.body.ik.leaning import COMFORT, lean_into_reach
 from nsm_core.body.skeleton import ARMS, FEET, forward_kinematics
 from nsm_core.conventions import CARRY, HAND_CONTACTS
-from nsm_core.data.captures import bvh_writer
 from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.scenarios.carry import episode as carry_episode
 from nsm_core.data.scenarios.carry.supports import Support
@@ -32,7 +30,7 @@ WRISTS, SHOULDERS = [arm[2] for arm in ARMS], [arm[0] for arm in ARMS]
 @pytest.fixture(scope="module")
 def source(tmp_path_factory):
     folder = captures.write_captures(tmp_path_factory.mktemp("pick_ups"))
-    bvh_writer.write(folder / "clips" / "accad_male1" / "male1_a5_pickupbox.bvh", *pick_up())
+    captures.write_pick_up(folder)
     return load(str(folder))
 
 

@@ -300,18 +300,18 @@ def test_folders_that_are_no_captures_or_no_data(tmp_path, folder):
 
 def damaged(tmp_path: Path) -> str:
     folder = captures.write_captures(tmp_path)
-    sit = folder / "clips" / "opencap" / "opencap_sts1.bvh"
+    sit = folder / "wednesday" / "sit_0.bvh"
     sit.write_text(sit.read_text().replace("JOINT LeftWrist", "JOINT gizmo"))
     return str(folder)
 
 
 def test_damaged_captures_are_named(tmp_path):
-    with pytest.raises(SkeletonError, match=r"opencap_sts1\.bvh lacks the bones LeftWrist"):
+    with pytest.raises(SkeletonError, match=r"sit_0\.bvh lacks the bones LeftWrist"):
         load(damaged(tmp_path))
 
 
 def test_damaged_captures_stop_an_export_with_their_name(tmp_path):
-    with pytest.raises(SkeletonError, match=r"opencap_sts1\.bvh lacks the bones LeftWrist"):
+    with pytest.raises(SkeletonError, match=r"sit_0\.bvh lacks the bones LeftWrist"):
         export(damaged(tmp_path), tmp_path / "out", 0.1, workers=1)
 
 

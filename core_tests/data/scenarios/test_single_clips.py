@@ -8,11 +8,9 @@ from pathlib import Path
 import captures
 import numpy as np
 import pytest
-from captures import pick_up
 
 from nsm_core.body.skeleton import ARMS, HIP_OVER_SEAT, HIPS
 from nsm_core.conventions import SIT
-from nsm_core.data.captures import bvh_writer
 from nsm_core.data.scenarios.composer import Composer, load
 from nsm_core.data.scenarios.take import ComposedTake, annotate
 from nsm_core.evaluation.measures.motion import jumps
@@ -85,7 +83,7 @@ def test_the_seat_stands_under_the_captured_sit(folder):
 
 def test_one_captured_bend_takes_a_box_lifts_it_and_puts_it_back(tmp_path):
     folder = captures.write_captures(tmp_path)
-    bvh_writer.write(folder / "clips" / "accad_male1" / "male1_a5_pickupbox.bvh", *pick_up())
+    captures.write_pick_up(folder)
     takes = composed(folder, {"carry": 1}, 12, load(str(folder)))
     assert len(takes) > 3
     for take in takes:

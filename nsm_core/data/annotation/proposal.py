@@ -9,7 +9,7 @@ import numpy as np
 from nsm_core.body.clip import Clip
 from nsm_core.body.skeleton import HIPS
 from nsm_core.conventions import CLIMB, CONTACTS, FOOT_CONTACTS, IDLE, RUN, SIT, STYLES, WALK
-from nsm_core.data.captures.sidecar import SECTIONS, GoalKey, Key, Sheet, fingerprint
+from nsm_core.data.captures.sheet import SECTIONS, GoalKey, Key, Sheet, Use, fingerprint
 from nsm_core.rotations import Array
 
 from .action_rules import propose_actions
@@ -105,14 +105,15 @@ def _step_keys(on: Array) -> list[Key]:
 def propose(clip: Clip, kept: Sheet | None = None) -> tuple[Sheet, dict[int, str]]:
     """Propose a sheet for a clip, and remarks on its goals by index.
 
-    Sections of ``kept`` that a person has changed stay as they are, and phase and goals follow from the
-    labels so kept.
+    Sections of ``kept`` that a person has changed stay as they are, what it is used for too, and phase and
+    goals follow from the labels so kept.
     """
     motion = motion_of(clip)
     actions, spans, contacts = propose_actions(motion)
     actions["other"] = others(motion, spans)
     on = {name: _step_keys(contacts[:, k]) if contacts[:, k].any() else [] for k, name in enumerate(CONTACTS)}
-    sheet = Sheet(clip.name, len(clip), actions, on, [], [], [])
+    use = kept.use if kept is not None else Use()
+    sheet = Sheet(clip.name, len(clip), actions, on, [], [], [], use=use)
     edited = kept.edited() if kept is not None else []
     proposal = {name: fingerprint(sheet.section(name)) for name in SECTIONS[:-3]}
     for name in edited:

@@ -16,15 +16,16 @@ from . import reader
 from .bvh_parser import parse_hierarchy
 from .joint_map import Mapping, load_mapping
 from .joint_names import bodies
-from .sidecar import Sheet, sidecar_of
+from .sheet import Sheet
 from .sidecar import read as read_sheet
+from .sidecar import shipped, sidecar_of
 
 MAPPING = "mapping.toml"
 
 
 @dataclass(frozen=True)
 class Labelled:
-    """A clip, named by its path in the folder, and what its sidecar says of it."""
+    """A clip, named by its path in the folder, and what its sidecar says of it, its own or the shipped one."""
 
     clip: Clip
     sheet: Sheet
@@ -36,7 +37,7 @@ class Capture:
     0.
 
     It goes by ``path``: the second body of "two.bvh" by "two.2.bvh".  ``mapping`` is the mapping file that
-    holds for it; ``sidecar`` says what it shows, None where its name has to.
+    holds for it; ``sidecar`` is the one that lies beside it, None where there is none.
     """
 
     path: Path
@@ -108,42 +109,39 @@ class CaptureFolder:
             )
         return clips[capture.body]
 
-    def find(self, path: str) -> Capture | None:
-        """The clip that goes by a path in the folder; None where there is none."""
-        return next((c for c in self.captures if c.path == self.folder / path), None)
+    def sheet(self, capture: Capture) -> Sheet | None:
+        """What a clip shows: as the sidecar beside it says, else the one that the program brings for the
+        capture of that name and length.
 
-    def unlabelled(self, *sources: str) -> list[Capture]:
-        """List the clips, every body of a file, of ``clips/SOURCE`` that have no sidecar: what they are used
-        for is in their names.
-
-        Sorted within each of the ``sources``; of all of them together where none is named.  May be empty.
+        None where there is neither; CaptureError where the one beside it speaks of another number of frames.
         """
-        clips = [
-            c for c in self.captures if c.path.parent.parent == self.folder / "clips" and c.sidecar is None
-        ]
-        return [c for source in sources for c in clips if c.path.parent.name == source] if sources else clips
+        count = len(self.read(capture)) if capture.sidecar or shipped(capture.path).exists() else 0
+        if capture.sidecar is None:
+            known = read_sheet(shipped(capture.path)) if count else None
+            return known if known is not None and known.frames == count else None
+        sheet = read_sheet(capture.sidecar)
+        if sheet.frames != count:
+            raise CaptureError(
+                f"{capture.sidecar.name} speaks of {sheet.frames} frames, {capture.path.name} has {count} at 30 a "
+                "second; delete it, or run `python -m nsm_core annotate --overwrite` on its folder, which "
+                "proposes it anew."
+            )
+        return sheet
 
     @cached_property
     def labelled(self) -> tuple[Labelled, ...]:
-        """All clips that have a sidecar; CaptureError where one speaks of another number of frames."""
-        found = []
-        for capture in self.captures:
-            if capture.sidecar is None:
-                continue
-            clip, sheet = self.read(capture), read_sheet(capture.sidecar)
-            if sheet.frames != len(clip):
-                raise CaptureError(
-                    f"{capture.sidecar.name} speaks of {sheet.frames} frames, {capture.path.name} has "
-                    f"{len(clip)} at 30 a second; "
-                    "run `python -m nsm_core annotate --overwrite` on its folder."
-                )
-            found.append(
-                Labelled(
-                    replace(clip, name=capture.path.relative_to(self.folder).with_suffix("").as_posix()),
-                    sheet,
-                )
-            )
-        return tuple(found)
+        """All clips that have a sidecar, in the order of their paths; the others are not used.  Errors as of
+        ``sheet``.
+        """
+        found = ((capture, self.sheet(capture)) for capture in self.captures)
+        return tuple(
+            Labelled(replace(self.read(capture), name=self._name(capture)), sheet)
+            for capture, sheet in found
+            if sheet is not None
+        )
+
+    def _name(self, capture: Capture) -> str:
+        return capture.path.relative_to(self.folder).with_suffix("").as_posix()
 
     def notes(self) -> list[str]:
         """Sentences on what was read other than its files say, of all captures read so far."""

@@ -1,31 +1,34 @@
-"""The editable file beside a clip: labels, contacts, phase and goals as key frames, and what of it a person
-has changed.
+"""The editable file beside a clip: labels, contacts, phase and goals as key frames, what the clip is used
+for, and what of it a person has changed.
+
+Its header, below, says what may stand in it.  The program brings such files for the captures that its own
+weights were trained with (``nsm_core/labels``), see ``shipped``.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
+import os
 import re
-from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from nsm_core.conventions import CONTACTS, GOAL_ACTIONS, STYLES
+from nsm_core.conventions import CONTACTS, GOAL_ACTIONS
 from nsm_core.errors import CaptureError, OutputError
 from nsm_core.files import atomic_path
-from nsm_core.validate import is_number, listed, number, read_toml, shown, table, text
+from nsm_core.validate import is_number, listed, number, read_toml, shown, table, text, whole
 
-Key = tuple[int, float]
+from .sheet import LABELS, SECTIONS, GoalKey, Key, Sheet, Stretch, Use
+
 SUFFIX = ".nsm.toml"
 MOST_FRAMES = 2_000_000  # of a clip at 30 Hz, 18 hours
+LEAST_STRETCH = 20  # frames that are used as one piece
 MOST_FAR = 1000.0  # metres that a goal lies from the clip's origin
 MOST_TURN = 3600.0  # degrees of a goal's facing
 MOST_AHEAD = 60.0  # seconds
 _GOAL_KEYS = {"static": ("place", "facing"), "dynamic": ("ahead",)}
+_USES = ("walk", "run", "sit")  # words of [use] that name stretches
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\r": "\\r", "\t": "\\t"}
 _HEADER = """\
 # What {clip} shows: proposed by `python -m nsm_core annotate`, yours to change.
@@ -51,83 +54,29 @@ _HEADER = """\
 #           degrees (0 faces -Y, counter-clockwise) which way; the seat is put there.  The goal after it, at
 #           its `frame`: from when on one is asked to rise.  Other actions' goals are drawn with the objects
 #           and ways that takes are composed of.
+# use       yours alone, never proposed: what training data takes of the clip as it is, whatever its labels
+#           and feet do.  `walk`, `run` and `sit` are lists of stretches [first, last], for example
+#           `walk = [[0, 120]]`, and [] for nothing of it; the sit label tells when the seat is reached and
+#           left in a stretch of `sit`.  `stand` is a frame of a quiet stand with hanging arms: takes start
+#           from it, and its arms are given to those who sit down and bend.
 """
-
-
-@dataclass(frozen=True)
-class GoalKey:
-    """What is asked for from ``frame`` on; ``place`` (metres) and ``facing`` (degrees) if static, else
-    ``ahead`` seconds.
-    """
-
-    frame: int
-    action: str
-    place: tuple[float, float, float] | None = None
-    facing: float = 0.0
-    ahead: float = 1.0
-
-
-@dataclass(frozen=True)
-class Sheet:
-    """The content of a sidecar: key frames by style, by contact, of the phase, of the mirrored clip's phase,
-    and goals.
-    """
-
-    clip: str
-    frames: int
-    actions: dict[str, list[Key]]
-    contacts: dict[str, list[Key]]
-    phase: list[Key]
-    phase_mirrored: list[Key]
-    goals: list[GoalKey]
-    proposal: dict[str, str] = field(default_factory=dict)
-    present: frozenset[str] = frozenset()
-
-    def section(self, name: str) -> Any:
-        """Content of a section: "actions.walk", "contacts.Hips", "phase", "phase_mirrored" or "goals"."""
-        kind, _, part = name.partition(".")
-        return getattr(self, kind).get(part, []) if part else getattr(self, kind)
-
-    def with_section(self, name: str, content: object) -> Sheet:
-        """Return the sheet with one section exchanged."""
-        kind, _, part = name.partition(".")
-        exchanged: dict[str, Any] = {kind: {**getattr(self, kind), part: content} if part else content}
-        return replace(self, **exchanged)
-
-    def edited(self) -> list[str]:
-        """Names of the sections that a person changed, added or wrote since they were proposed."""
-        return [
-            n
-            for n in SECTIONS
-            if self.proposal.get(n) != fingerprint(self.section(n))
-            and (n in self.proposal or n in self.present)
-        ]
-
-    def says(self, name: str) -> bool:
-        """Whether a section says what the rules would not: a person's, or measured."""
-        return f"{name}.by" in self.proposal or name in self.edited()
-
-
-LABELS = (*STYLES, "other")  # of [actions]
-SECTIONS = (
-    *(f"actions.{s}" for s in LABELS),
-    *(f"contacts.{c}" for c in CONTACTS),
-    "phase",
-    "phase_mirrored",
-    "goals",
-)
-
-
-def fingerprint(content: object) -> str:
-    """Eight letters that change when the content of a section does; formatting and comments do not count."""
-    plain = [vars(g) if isinstance(g, GoalKey) else g for g in content]  # type: ignore[attr-defined]
-    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:8]
+LABELS_FOLDER = Path(__file__).parents[2] / "labels"
 
 
 def sidecar_of(clip: str | Path) -> Path:
     """Path of the sidecar of a clip's file."""
     path = Path(clip)
     return path if path.name.endswith(SUFFIX) else path.with_name(path.stem + SUFFIX)
+
+
+def shipped(clip: str | Path) -> Path:
+    """Path of the sidecar that the program brings for a capture: by its name and that of the folder it lies in.
+
+    There need be none; the capture of that name is the one it speaks of where the number of frames is the
+    same.
+    """
+    own = sidecar_of(os.path.abspath(clip))
+    return LABELS_FOLDER / own.parent.name / own.name
 
 
 def write(path: Path, sheet: Sheet, comments: dict[int, str] | None = None) -> None:
@@ -137,6 +86,7 @@ def write(path: Path, sheet: Sheet, comments: dict[int, str] | None = None) -> N
     clip = _quoted(sheet.clip)
     lines = [_HEADER.format(clip=clip[1:-1], frames=sheet.frames)]
     lines += [f"clip = {clip}", f"frames = {sheet.frames}"]
+    lines += _lines_of(sheet.use)
     for name in SECTIONS[:-1]:
         lines += ["", f"[{name}]", *(f"{frame} = {_number(value)}" for frame, value in sheet.section(name))]
     for n, goal in enumerate(sheet.goals):
@@ -163,6 +113,14 @@ def write(path: Path, sheet: Sheet, comments: dict[int, str] | None = None) -> N
         raise OutputError(
             f"{path} cannot be written ({error.strerror}); choose a folder you may write to."
         ) from error
+
+
+def _lines_of(use: Use) -> list[str]:
+    found = {word: getattr(use, word) for word in _USES if getattr(use, word) is not None}
+    lines = [f"{word} = [{', '.join(f'[{a}, {b}]' for a, b in v)}]" for word, v in found.items()]
+    if use.stand is not None:
+        lines.append(f"stand = {use.stand}")
+    return ["", "[use]", *lines] if lines else []
 
 
 def _quoted(text: str) -> str:
@@ -207,7 +165,7 @@ def read(path: str | Path) -> Sheet:
         found,
         path.name,
         CaptureError,
-        ("clip", "frames", "actions", "contacts", "phase", "phase_mirrored", "goals", "proposal"),
+        ("clip", "frames", "use", "actions", "contacts", "phase", "phase_mirrored", "goals", "proposal"),
     )
     present = {k for k in ("phase", "phase_mirrored", "goals") if k in found}
     groups: dict[str, dict[str, list[Key]]] = {}
@@ -234,7 +192,40 @@ def read(path: str | Path) -> Sheet:
     marks = table(found.get("proposal", {}), f"{path.name}, [proposal]", CaptureError)
     proposal = {k: text(v, f"{path.name}, [proposal]: {shown(k)}", CaptureError) for k, v in marks.items()}
     clip = text(found.get("clip", path.name), f"{path.name}: clip", CaptureError)
-    return Sheet(clip, frames, **groups, **phases, goals=goals, proposal=proposal, present=frozenset(present))
+    use = _use(found.get("use", {}), f"{path.name}, [use]", frames)
+    return Sheet(
+        clip, frames, **groups, **phases, goals=goals, proposal=proposal, present=frozenset(present), use=use
+    )
+
+
+def _use(found: object, where: str, frames: int) -> Use:
+    words = table(found, where, CaptureError, (*_USES, "stand"))
+    stretches = {word: _stretches(words[word], f"{where}: {word}", frames) for word in _USES if word in words}
+    stand = words.get("stand")
+    if stand is not None:
+        stand = whole(stand, f"{where}: stand", CaptureError, 0, frames - 1)
+    return Use(**stretches, stand=stand)
+
+
+def _stretches(found: object, where: str, frames: int) -> tuple[Stretch, ...]:
+    stretches: list[Stretch] = []
+    for pair in listed(found, where, CaptureError):
+        if not isinstance(pair, list) or len(pair) != 2:
+            raise CaptureError(
+                f"{where}: {shown(pair)} is no stretch; write it as [first, last], two frames."
+            )
+        first, last = (whole(frame, f"{where}: a frame", CaptureError, 0, frames - 1) for frame in pair)
+        if last - first < LEAST_STRETCH - 1:
+            raise CaptureError(
+                f"{where}: [{first}, {last}] is shorter than {LEAST_STRETCH} frames; lengthen it."
+            )
+        if stretches and first <= stretches[-1][1]:
+            raise CaptureError(
+                f"{where}: [{first}, {last}] begins before the stretch ahead of it ends; "
+                "write stretches in order, none over another."
+            )
+        stretches.append((first, last))
+    return tuple(stretches)
 
 
 def _keys(found: object, where: str, frames: int) -> list[Key]:

@@ -15,6 +15,7 @@ from nsm_core.conventions import CONTACTS, FOOT_CONTACTS, FPS, HAND_CONTACTS
 from nsm_core.data.annotation.phases import phase_of_keys
 from nsm_core.data.annotation.proposal import steps
 from nsm_core.data.captures.folder import Labelled
+from nsm_core.data.captures.sheet import Stretch
 from nsm_core.data.captures.sidecar import SUFFIX
 from nsm_core.errors import CaptureError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
@@ -76,8 +77,24 @@ def _around(flags: Array, reach: int) -> Array:
 def walks_and_runs(labelled: Labelled) -> tuple[list[Clip], list[Clip]]:
     """Cut out stretches on level ground that idle or walk, and those that run with what leads to and from it.
 
-    Frames in which another label is on, or none at all, are used for neither.
+    Frames in which another label is on, or none at all, are used for neither.  Where the sidecar says what it
+    is to be used for, that is taken instead, as it is.
     """
+    walks, runs = _by_labels(labelled)
+    use = labelled.sheet.use
+    return _as_told(labelled.clip, use.walk, walks), _as_told(labelled.clip, use.run, runs)
+
+
+def _as_told(clip: Clip, told: tuple[Stretch, ...] | None, found: list[Clip]) -> list[Clip]:
+    """The stretches that a person named, else those ``found``; who names a whole clip gets it under its
+    name.
+    """
+    if told is None:
+        return found
+    return [clip if b - a + 1 == len(clip) else part(clip, a, b + 1) for a, b in told]
+
+
+def _by_labels(labelled: Labelled) -> tuple[list[Clip], list[Clip]]:
     clip = labelled.clip
     gait = sum(lines(labelled, name) for name in ("idle", "walk", "run"))
     free = (gait > 0.5) & (np.max([lines(labelled, name) for name in _OTHERS], axis=0) < 0.01)
@@ -105,19 +122,16 @@ def sit_downs(labelled: Labelled) -> list[SitDown]:
     Goals that a person wrote say where the seat is and when rising is asked for; CaptureError where the hips
     sit elsewhere.
     """
-    clip, value, found = labelled.clip, lines(labelled, "sit"), []
-    height = clip.hips_position[:, 2]
+    clip, value, out, found = labelled.clip, lines(labelled, "sit"), _left_out(labelled), []
     for a, b in intervals(value > 0.01):
         full = np.flatnonzero(value[a:b] > 0.99) + a
         if a == 0 or b == len(clip) or len(full) < 5:
             continue  # begins or ends seated
+        if out[full].any():
+            continue
+        told = labelled.sheet.use.sit
         cut, down, up = part(clip, a - 1, b + 1), int(full[0]) - a + 1, int(full[-1]) - a + 1
-        ends = min(height[a - 1], height[b])
-        if (
-            ends > max(UPRIGHT, float(np.median(height[full])) + 0.15)
-            and len(cut) >= SHORTEST
-            and _stays(cut)
-        ):
+        if _sits(cut, down, up) if told is None else any(c < a and b <= d for c, d in told):
             found.append(SitDown(cut, down, up, *_goal(labelled, a - 1, int(full[0]), int(full[-1]))))
     return found
 
@@ -153,16 +167,27 @@ def sitting(clip: Clip, full: int, leave: int) -> tuple[Array, float]:
     return positions[middle, HIPS].astype(np.float64), float(smoothed_root(positions)[1][middle])
 
 
-def _stays(clip: Clip) -> bool:
+def _left_out(labelled: Labelled) -> Array:
+    """Frames (T,) bool that a person labelled other; a rule that does not see what is done labels them so
+    too.
+    """
+    return (lines(labelled, "other") > 0.5) & labelled.sheet.says("actions.other")
+
+
+def _sits(clip: Clip, down: int, up: int) -> bool:
+    """Whether a clip begins and ends upright, sits in between and keeps its feet in place."""
+    height = clip.hips_position[:, 2]
+    upright = min(height[0], height[-1]) > max(UPRIGHT, float(np.median(height[down : up + 1])) + 0.15)
     toes = clip.world()[0][:, TOES]
     level = np.abs(np.median(toes[..., 2], axis=0)).max() < LEVEL
-    return bool(level and np.linalg.norm((toes - np.median(toes, axis=0))[..., :2], axis=-1).max() < SHUFFLE)
+    strays = np.linalg.norm((toes - np.median(toes, axis=0))[..., :2], axis=-1).max()
+    return bool(upright and len(clip) >= SHORTEST and level and strays < SHUFFLE)
 
 
 def grasps(labelled: Labelled) -> list[int]:
     """Frames at which both hands take or leave something while the carry label is on."""
-    frames = np.arange(labelled.sheet.frames)
+    frames, out = np.arange(labelled.sheet.frames), _left_out(labelled)
     held = lines(labelled, "carry") > 0.5
     for hand in HAND_CONTACTS:
         held &= steps(labelled.sheet.contacts.get(CONTACTS[hand], []), frames) > 0.5
-    return [f for a, b in intervals(held) for f in (a, b - 1) if 0 < f < len(frames) - 1]
+    return [f for a, b in intervals(held) for f in (a, b - 1) if 0 < f < len(frames) - 1 and not out[f]]

@@ -1,6 +1,4 @@
-"""Which captures are walked, run, sat down and stood with: by labels where there are sidecars, else by name
-and measure.
-"""
+"""Which captures are walked, run, sat down and stood with: what their sidecars say."""
 
 from __future__ import annotations
 
@@ -21,25 +19,10 @@ from nsm_core.signals import align_quaternions, gaussian_smooth, intervals
 from .labelled import as_told, grasps, sit_downs, walks_and_runs
 from .segment import Segment, SitDown
 
-# Clips whose names hold one of these words are left out of level walking: they hop, skip, crouch or carry.
-_LEFT_OUT = tuple(
-    "hop skip leap jump crouch box run swing sway dribble pickup pick_up use_item talk interact push squat "
-    "lift".split()
-)
-_WALK_SOURCES = ("accad_female1", "accad_male1", "accad_male2", "cmu", "opencap", "quaternius")
-_SIT_CLIPS = ("opencap_sts1", "opencap_stsasym1", "opencap_stsweaklegs1", "quaternius_sit_full")
 _QUIET, _HANGING = (
     0.12,
     0.2,
 )  # m/s of any joint in a quiet stand; metres between hips and hanging wrists, in height
-
-
-def _is_level_walk(clip: Clip) -> bool:
-    if any(word in clip.name for word in _LEFT_OUT):
-        return False
-    hips = clip.hips_position
-    speed = np.linalg.norm(np.diff(hips[:, :2], axis=0), axis=1).mean() * FPS
-    return bool(hips[:, 2].min() > 0.8 and speed < 2.0)
 
 
 def _pieces(folder: CaptureFolder) -> list[Labelled]:
@@ -47,49 +30,15 @@ def _pieces(folder: CaptureFolder) -> list[Labelled]:
 
 
 def load_walks(folder: CaptureFolder) -> list[Clip]:
-    """Read the level idle and walking clips below the capture folder: by labels where there are sidecars,
-    else by name and measure.
-    """
-    other = (
-        "cmu_02_04",
-        "cmu_02_05",
-        "cmu_02_06",
-        "cmu_02_07",
-        "cmu_02_08",
-        "cmu_02_09",
-        "cmu_02_10",
-        "cmu_06",
-        "cmu_01_",
-        "cmu_03_",
-    )
-    captures = folder.unlabelled(*_WALK_SOURCES)
-    named = [
-        folder.read(c)
-        for c in captures
-        if not (c.path.parent.name == "cmu" and f"{c.file.stem}_".startswith(other))
-    ]
-    return [c for c in named if _is_level_walk(c)] + [
-        c for piece in _pieces(folder) for c in walks_and_runs(piece)[0]
-    ]
-
-
-_RUN_LEFT_OUT = tuple("hop skip leap jump crouch box side hop2 jump2 quick".split())
+    """Read the stretches that stand and walk on level ground; may be empty."""
+    return [c for piece in _pieces(folder) for c in walks_and_runs(piece)[0]]
 
 
 def load_runs(folder: CaptureFolder) -> list[Clip]:
-    """Read the clips that run, start to run or stop running: by labels where there are sidecars, else by name
-    and measure.
-    """
-    runs = ("run", "jog", "cmu_02_03", "cmu_09")
-    captures = [c for c in folder.unlabelled(*_WALK_SOURCES) if any(r in c.path.stem for r in runs)]
-    clips = [folder.read(c) for c in captures if not any(word in c.path.stem for word in _RUN_LEFT_OUT)]
-    clips = [c for c in clips if c.hips_position[:, 2].min() > 0.6]
-    return clips + [c for piece in _pieces(folder) for c in walks_and_runs(piece)[1]]
+    """Read the stretches that run, start to run or stop running; may be empty."""
+    return [c for piece in _pieces(folder) for c in walks_and_runs(piece)[1]]
 
 
-# Frame of a quiet stand whose arms the sitters get: the chair captures have no hand markers and hold the arms
-# folded. A folder without it gives the longest quiet stand of its own.
-_NEUTRAL_ARMS = ("accad_male1", "male1_a1_stand", 90)
 _ARM_JOINTS = [INDEX[s + n] for s in ("Right", "Left") for n in ("Collar", "Shoulder", "Elbow", "Wrist")]
 
 
@@ -102,11 +51,14 @@ def stance(folder: CaptureFolder) -> dict[str, object]:
 
 
 def neutral(folder: CaptureFolder) -> Clip:
-    """One frame of a quiet stand with hanging arms; CaptureError where nobody stands still."""
-    source, name, frame = _NEUTRAL_ARMS
-    known = folder.find(f"clips/{source}/{name}.bvh")
-    if known is not None:
-        return folder.read(known)[frame : frame + 1]
+    """One frame of a quiet stand with hanging arms: the first that a sidecar names, else amid the longest.
+
+    CaptureError where nobody stands still.
+    """
+    for piece in folder.labelled:
+        frame = piece.sheet.use.stand
+        if frame is not None:
+            return piece.clip[frame : frame + 1]
     best: tuple[int, Clip] | None = None
     for clip in load_walks(folder):
         positions, _ = clip.world()
@@ -153,40 +105,14 @@ def rest_hands_on_thighs(clip: Clip, arms: Array) -> Clip:
 
 
 def load_sits(folder: CaptureFolder) -> list[SitDown]:
-    """Cut out sit-downs that start and end standing: by labels where there are sidecars, else by name and
-    height; may be empty.
-    """
-    sits: list[SitDown] = []
-    labels = [cut for piece in _pieces(folder) for cut in sit_downs(piece)]
-    named = [c for c in folder.unlabelled() if c.file.stem in _SIT_CLIPS]
-    if not named and not labels:
-        return sits
+    """Cut out sit-downs that start and end standing; may be empty."""
+    sits = [cut for piece in _pieces(folder) for cut in sit_downs(piece)]
+    if not sits:
+        return []
     arms = neutral(folder).local_rotations[0, _ARM_JOINTS]
-    for capture in named:
-        clip = folder.read(capture)
-        height = gaussian_smooth(clip.hips_position[:, 2], 2.0)
-        seat = np.percentile(height, 5)
-        standing = np.percentile(height, 97)
-        low = height < seat + 0.03
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], low, [False])).astype(int)))
-        for down, up in zip(edges[::2], edges[1::2], strict=True):
-            if up - down < 4:
-                continue
-            before = np.flatnonzero(height[:down] > standing - 0.03)
-            after = np.flatnonzero(height[up:] > standing - 0.03)
-            if not len(before) or not len(after):
-                continue
-            start, end = int(before[-1]), int(up + after[0])
-            cut = Clip(
-                f"{clip.name}@{start}",
-                clip.hips_position[start : end + 1],
-                clip.local_rotations[start : end + 1],
-            )
-            sits.append(SitDown(rest_hands_on_thighs(cut, arms), int(down - start), int(up - start)))
-    return sits + [replace(sit, clip=rest_hands_on_thighs(sit.clip, arms)) for sit in labels]
+    return [replace(sit, clip=rest_hands_on_thighs(sit.clip, arms)) for sit in sits]
 
 
-_WORDS = ("pickupbox", "pick_up_box", "lift_box", "putdownbox", "put_down_box")
 _LEVEL, _LEAST, _DRIFT = (
     0.02,
     0.25,
@@ -196,24 +122,19 @@ _CHEST = INDEX["Chest4"]
 
 
 def load_bends(folder: CaptureFolder) -> list[Segment]:
-    """Cut pick-ups and put-downs into halves that lead from upright (frame 0) to low; the arms hang.  May be
-    empty.
+    """Cut pick-ups and put-downs into halves that lead from upright (frame 0) to low; the arms hang.
 
-    By the hands' contacts where there are sidecars, else by names.
+    They are where both hands take or leave something, within a second; may be empty.
     """
-    named = [
-        c for c in folder.unlabelled() if any(w in c.path.stem for w in _WORDS) and "run" not in c.path.stem
-    ]
-    found: list[tuple[Clip, int | None]] = [(folder.read(c), None) for c in named]
-    found += [(piece.clip, frame) for piece in _pieces(folder) for frame in grasps(piece)]
+    found = [(piece.clip, frame) for piece in _pieces(folder) for frame in grasps(piece)]
     halves: dict[str, Segment] = {}
     if not found:
         return []
     arms = neutral(folder)
     for clip, grasp in found:
         height = gaussian_smooth(clip.world()[0][:, _CHEST, 2], 2.0)
-        near = 0 if grasp is None else max(grasp - FPS, 0)
-        low = near + int(height[near : None if grasp is None else grasp + FPS].argmin())
+        near = max(grasp - FPS, 0)
+        low = near + int(height[near : grasp + FPS].argmin())
         upright = float(np.percentile(height, 97)) - _LEVEL
         bottom = np.flatnonzero(height < height[low] + 0.02)
         before, after = np.flatnonzero(height[:low] > upright), np.flatnonzero(height[low:] > upright)
