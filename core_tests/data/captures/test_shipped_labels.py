@@ -1,4 +1,4 @@
-"""The labels that the program brings for the captures its weights were trained with: sidecars like anybody's."""
+"""Labels that the program brings for the captures its weights were trained with: sidecars like any."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the composer takes from capture folders: what sidecars say, by labels or outright, and nothing else."""
+"""What the composer takes from capture folders: what sidecars say, by labels or outright, nothing else."""
 
 from __future__ import annotations
 

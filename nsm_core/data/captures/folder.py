@@ -25,7 +25,7 @@ MAPPING = "mapping.toml"
 
 @dataclass(frozen=True)
 class Labelled:
-    """A clip, named by its path in the folder, and what its sidecar says of it, its own or the shipped one."""
+    """A clip, named by its path in the folder, and what its own or the shipped sidecar says of it."""
 
     clip: Clip
     sheet: Sheet
@@ -122,8 +122,8 @@ class CaptureFolder:
         sheet = read_sheet(capture.sidecar)
         if sheet.frames != count:
             raise CaptureError(
-                f"{capture.sidecar.name} speaks of {sheet.frames} frames, {capture.path.name} has {count} at 30 a "
-                "second; delete it, or run `python -m nsm_core annotate --overwrite` on its folder, which "
+                f"{capture.sidecar.name} speaks of {sheet.frames} frames, {capture.path.name} has {count} at 30 "
+                "a second; delete it, or run `python -m nsm_core annotate --overwrite` on its folder, which "
                 "proposes it anew."
             )
         return sheet

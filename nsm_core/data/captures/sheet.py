@@ -1,4 +1,4 @@
-"""What a sidecar says of a clip: labels, contacts, phase and goals as key frames, and what the clip is used for."""
+"""What a sidecar says of a clip: labels, contacts, phase and goals as key frames, and what it is used for."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class GoalKey:
 class Use:
     """What a person wants a clip used for, whatever its labels and measures say.
 
-    Stretches to ``walk`` and to ``run`` by, and in which one ``sit``s down as the label says, whatever the feet
-    do; None where labels and measures decide, () for none of it.  ``stand`` is a frame of a quiet stand with
-    hanging arms.
+    Stretches to ``walk`` and to ``run`` by, and in which one ``sit``s down as the label says, whatever the
+    feet do; None where labels and measures decide, () for none of it.  ``stand`` is a frame of a quiet stand
+    with hanging arms.
     """
 
     walk: tuple[Stretch, ...] | None = None

@@ -70,7 +70,7 @@ def sidecar_of(clip: str | Path) -> Path:
 
 
 def shipped(clip: str | Path) -> Path:
-    """Path of the sidecar that the program brings for a capture: by its name and that of the folder it lies in.
+    """Path of the sidecar that the program brings for a capture: by its name and that of its folder.
 
     There need be none; the capture of that name is the one it speaks of where the number of frames is the
     same.
