@@ -123,8 +123,8 @@ class CaptureFolder:
         if sheet.frames != count:
             raise CaptureError(
                 f"{capture.sidecar.name} speaks of {sheet.frames} frames, {capture.path.name} has {count} "
-                "at 30 a second; delete it, or run `python -m nsm_core annotate --overwrite` on its folder, which "
-                "proposes it anew."
+                "at 30 a second; delete it, or run `python -m nsm_core annotate --overwrite` on its "
+                "folder, which proposes it anew."
             )
         return sheet
 
