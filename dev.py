@@ -32,12 +32,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent
 WINDOWS = os.name == "nt"
 SUITES = ("core_tests", "blender_tests")
-WORKERS = [
-    "-n",
-    str(max(1, min(os.cpu_count() or 1, 8))),
-    "--dist",
-    "loadgroup",
-]  # the groups are the conftest's
+# The groups are the conftest's.
+WORKERS = ["-n", str(max(1, min(os.cpu_count() or 1, 8))), "--dist", "loadgroup"]
 
 
 class Failure(Exception):
@@ -209,9 +205,8 @@ def main_environment(*groups: str) -> Path:
 def run(*command: object) -> int:
     """Run a command in the project folder and return its exit code."""
     environment = {**os.environ, "PYTHONNOUSERSITE": "1", "PYTHONUTF8": "1"}
-    if (
-        "pytest" in command and "-n" in command
-    ):  # a process a core leaves no core for threads that wait for each other
+    # A process a core leaves no core for threads that wait for each other.
+    if "pytest" in command and "-n" in command:
         environment |= {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
     try:
         return subprocess.run([str(part) for part in command], cwd=ROOT, env=environment).returncode
@@ -224,9 +219,8 @@ def run(*command: object) -> int:
 
 def demo(arguments: list[str]) -> int:
     """Run the demo on the bundled weights."""
-    return run(
-        main_environment(), "nsm_blender/demo.py", "--out", "out/demo", *arguments
-    )  # a later --out wins
+    # A later --out wins.
+    return run(main_environment(), "nsm_blender/demo.py", "--out", "out/demo", *arguments)
 
 
 def test(arguments: list[str]) -> int:
@@ -313,9 +307,8 @@ def stage_extension(inside: Path, scratch: Path) -> Path:
     ignore = shutil.ignore_patterns("__pycache__", "*.pyc")
     stage, source = scratch / "stage", scratch / "source"
     shutil.copytree(ROOT / "nsm_blender", stage, ignore=ignore)
-    shutil.copytree(
-        ROOT / "nsm_core", source / "nsm_core", ignore=ignore
-    )  # a copy: setuptools litters where it builds
+    # A copy: setuptools litters where it builds.
+    shutil.copytree(ROOT / "nsm_core", source / "nsm_core", ignore=ignore)
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source / name)
     shutil.copy(ROOT / "LICENSE", stage / "LICENSE")

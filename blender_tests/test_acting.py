@@ -114,9 +114,8 @@ class TestOpen:
         assert leaf.animation_data.action == take.keyed.things[0].action != character.animation_data.action
         frames = range(take.keyed.frame_start, take.keyed.frame_end + 1, 3)
         turned = [math.atan2(m[1, 0], m[0, 0]) for m in (world(leaf, f) for f in frames)]
-        assert turned[0] == pytest.approx(0.0, abs=1e-4) and turned[-1] > math.radians(
-            60
-        )  # it opens towards its +Y
+        # It opens towards its +Y.
+        assert turned[0] == pytest.approx(0.0, abs=1e-4) and turned[-1] > math.radians(60)
         assert np.abs(np.diff(turned)).max() < 0.5  # it swings, it does not jump
         end = world(leaf, take.keyed.frame_end)
         np.testing.assert_allclose(end[:3, 3], 0, atol=1e-4)  # about its hinge

@@ -92,9 +92,8 @@ def test_the_house_has_a_place_for_every_action_and_ways_between_them():
     _, open_, carry, climb, _ = request.goals
     assert set(things) == {"Door", "Box"}
     leaf = open_.prop
-    np.testing.assert_allclose(
-        leaf.pose[:2], bpy.data.objects["Door"].location[:2], atol=1e-4
-    )  # the hinge is found
+    # The hinge is found.
+    np.testing.assert_allclose(leaf.pose[:2], bpy.data.objects["Door"].location[:2], atol=1e-4)
     assert leaf.width == pytest.approx(0.86, abs=0.02) and leaf.handle[2] == pytest.approx(1.02, abs=0.02)
     way = passage(leaf, request.goals[0].position[:2])
     assert way.push and way.heading == pytest.approx(np.pi / 2, abs=1e-5)

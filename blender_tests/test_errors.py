@@ -134,9 +134,8 @@ def test_goal_points_say_what_is_wrong_and_keep_the_rest(settings):
     settings.goals.add().object = wall
     settings.goals[1].action = "sit"
     assert bpy.ops.nsm.goal_points() == {"FINISHED"}
-    assert {"NSM Goal Chair", "NSM Goal Wall"} <= set(
-        bpy.data.objects.keys()
-    )  # where none is found there is one to move
+    # Where none is found there is one to move.
+    assert {"NSM Goal Chair", "NSM Goal Wall"} <= set(bpy.data.objects.keys())
 
 
 def test_missing_foreign_and_truncated_weights(tmp_path):

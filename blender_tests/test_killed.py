@@ -135,9 +135,8 @@ def test_killed_at_any_moment(tmp_path, code, version, moments):
     for ending, share in moments:
         half += kill_while_writing(code, tmp_path, ending, share)  # beside what those before have left
         first, second = version(tmp_path)
-        assert (
-            first >= 0 and abs(first - second) <= 1
-        )  # whole, and of one round or of two that follow each other
+        # Whole, and of one round or of two that follow each other.
+        assert first >= 0 and abs(first - second) <= 1
     assert half >= len(moments) // 2  # else nobody was killed in the middle
     assert all("-new" in name for name in hidden(tmp_path))
     if code is CORE:

@@ -275,9 +275,8 @@ class TestOnTheNetwork:
             take = session.tick(0.2)
         assert running.current() is None
         assert character.animation_data.action == take.keyed.action
-        assert all(
-            np.allclose(np.array(m), np.eye(4), atol=1e-6) for _, m in take.keyed.previous_pose
-        )  # not the preview's
+        # Not the preview's.
+        assert all(np.allclose(np.array(m), np.eye(4), atol=1e-6) for _, m in take.keyed.previous_pose)
 
     def test_sidebar_operator_reviews_its_take(self):
         nsm_blender.register()

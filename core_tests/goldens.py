@@ -72,8 +72,7 @@ POINTS = ("joints", "facing", "network_joints", "network_facing")  # places; com
 
 TOLERANCE = 0.004  # by which a value may be off: metres, or parts of one, with the rounding to UNIT in it
 
-# --- scenes of the takes
-# -----------------------------------------------------------------------------------------
+# --- scenes of the takes ---
 
 
 def _free(action: str, *goal: float, still: tuple = (), hold: float = 0.3) -> TakeRequest:
@@ -129,13 +128,11 @@ SCENES: dict[str, Callable[[], TakeRequest]] = {
 }
 LONGEST = 400  # frames
 
-# --- composed data: the share that is drawn, and a seed whose take is short and that noise does not change
-# ------
+# --- composed data: the share that is drawn, and a seed whose take is short and noise does not change ---
 
 COMPOSED: dict[str, int] = {"walk": 11, "run": 2, "sit": 7, "carry": 2, "open": 12, "climb": 3}
 
-# --- digests
-# -----------------------------------------------------------------------------------------------------
+# --- digests ---
 
 
 def _turned(angles: np.ndarray) -> np.ndarray:
@@ -264,8 +261,7 @@ ROWS = {
     "obstacles": ("x", "y", "heading", "width", "depth", "height"),
 }
 
-# --- stored, compared and written
-# --------------------------------------------------------------------------------
+# --- stored, compared and written ---
 
 
 def path_of(kind: str, name: str) -> Path:

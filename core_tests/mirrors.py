@@ -15,9 +15,7 @@ def _partners(points: np.ndarray) -> np.ndarray:
     return away.argmin(1)
 
 
-ENVIRONMENT_MIRROR = _partners(
-    ENVIRONMENT_POINTS
-)  # environment[ENVIRONMENT_MIRROR] is the reading in the reflected world
-INTERACTION_MIRROR = _partners(
-    UNIT_CELLS
-)  # and occupancy[INTERACTION_MIRROR] that of an object reflected in its own frame
+# environment[ENVIRONMENT_MIRROR] is the reading in the reflected world.
+ENVIRONMENT_MIRROR = _partners(ENVIRONMENT_POINTS)
+# occupancy[INTERACTION_MIRROR] is that of an object reflected in its own frame.
+INTERACTION_MIRROR = _partners(UNIT_CELLS)

@@ -116,10 +116,8 @@ def room(module: str) -> str:
 
 
 EVERYTHING = sorted([*FILES, *(ROOT / "nsm_blender").rglob("*.py")])
-DOORS = (
-    "nsm_core",
-    "nsm_core.__main__",
-)  # what scripts and the command line come in by: they know every room, and no room knows them
+# What scripts and the command line come in by: they know every room, and no room knows them.
+DOORS = ("nsm_core", "nsm_core.__main__")
 ARROWS = [(a, b) for a, b in arrows(EVERYTHING) if a not in DOORS]
 
 

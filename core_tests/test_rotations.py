@@ -180,6 +180,5 @@ def test_products_of_few_and_of_many_agree_and_keep_their_type(rng, dtype):
         assert many.dtype == few.dtype == dtype
         assert np.abs(many - few).max() < 100 * np.finfo(dtype).eps  # of values of a few units
     assert np.allclose(R.cross(v, w), np.cross(v, w), atol=1e-5)
-    assert np.allclose(
-        R.quat_rotate(a[0], v), R.quat_rotate(np.tile(a[0], (N, 1)), v), atol=1e-5
-    )  # one turn of many vectors
+    # One turn of many vectors.
+    assert np.allclose(R.quat_rotate(a[0], v), R.quat_rotate(np.tile(a[0], (N, 1)), v), atol=1e-5)

@@ -15,12 +15,8 @@ model = nsm.load_model()  # the shipped weights
 
 # What stands there: pieces made of cuboids, and cuboids of one's own.  Metres, Z up, heading 0 faces -Y.
 chair = nsm.make_furniture("chair", np.random.default_rng(1), seat_height=0.45)
-wall = (
-    (0.0, 1.0),
-    0.0,
-    [(-2.0, -0.1, 0.0)],
-    [(2.0, 0.1, 2.5)],
-)  # place, heading, low and high corners about the place
+# Place, heading, low and high corners about the place, metres.
+wall = ((0.0, 1.0), 0.0, [(-2.0, -0.1, 0.0)], [(2.0, 0.1, 2.5)])
 solids = nsm.Cuboids([((0.0, 0.0), 0.0, chair.mins, chair.maxs), wall])
 
 # What is wanted: to sit on the chair for a second, then to stand a step away from it.

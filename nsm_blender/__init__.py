@@ -83,9 +83,8 @@ def register() -> None:
     if not hasattr(bpy.types.Armature, "nsm_rig"):
         bpy.types.Armature.nsm_rig = bpy.props.PointerProperty(type=properties.NsmRig)
     watch.install()
-    if (
-        bpy.app.module
-    ):  # the wheel complains of leaks, and can hang, when a program ends with classes registered
+    # The wheel complains of leaks, and can hang, when a program ends with classes registered.
+    if bpy.app.module:
         atexit.unregister(unregister)
         atexit.register(unregister)
 

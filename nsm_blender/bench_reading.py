@@ -4,9 +4,8 @@ copies.
 ``python nsm_blender/bench_reading.py`` under the bpy wheel, or
 ``blender --background --python nsm_blender/bench_reading.py``.  For each scene: seconds until a take could
 begin, the longest time in which the window could not have been drawn, the same for the next take in the same
-scene, milliseconds of one reading of the
-environment sensor, and memory.  Blender's own evaluation of the scene is done before.  Ratios to the room
-hold on other machines.
+scene, milliseconds of one reading of the environment sensor, and memory.  Blender's own evaluation of the
+scene is done before.  Ratios to the room hold on other machines.
 """
 
 from __future__ import annotations
@@ -70,9 +69,8 @@ def _fresh(build: Callable[[], TakeSpec]) -> TakeSpec:
     colliders.forget()
     spec = build()
     bpy.context.view_layer.update()
-    for instance in (
-        bpy.context.evaluated_depsgraph_get().object_instances
-    ):  # some modifiers are evaluated when first looked at
+    # Some modifiers are evaluated when first looked at.
+    for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         if instance.object.type == "MESH":
             len(instance.object.data.vertices)
     return spec
@@ -128,9 +126,8 @@ def _dense_chair() -> TakeSpec:
     chair, character = _chair()
     dense = chair.modifiers.new("Dense", "SUBSURF")
     dense.subdivision_type = "SIMPLE"
-    dense.levels = (
-        int(np.ceil(np.log(1.2e6 / len(chair.data.polygons) / 6) / np.log(4))) + 1
-    )  # three quads of each triangle, then four
+    # Three quads of each triangle, then four.
+    dense.levels = int(np.ceil(np.log(1.2e6 / len(chair.data.polygons) / 6) / np.log(4))) + 1
     return TakeSpec(character, [GoalSpec("sit", chair)])
 
 

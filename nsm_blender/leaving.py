@@ -14,9 +14,8 @@ def leave(code: int) -> None:
     script.
 
     As a package Blender may wait for ever in its C++ destructors, once its thread that closes files late has
-    begun (seen
-    with 4.5.15).  All our files are whole by then, so these steps are left out; only the session's folder is
-    removed.
+    begun (seen with 4.5.15).  All our files are whole by then, so these steps are left out; only the
+    session's folder is removed.
     """
     if bpy.app.binary_path:
         if code:

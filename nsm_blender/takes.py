@@ -70,9 +70,8 @@ class Progress:
     fraction: float
     hips_world: Array | None = None  # (3,) Blender units
     local_rotations: Array | None = None  # (23, 4)
-    moved: list[tuple[bpy.types.Object, Matrix]] = field(
-        default_factory=list
-    )  # objects and their world matrices
+    # Objects and their world matrices.
+    moved: list[tuple[bpy.types.Object, Matrix]] = field(default_factory=list)
     waits: bool = False  # a thread does the work: asking again at once only waits for it
 
 

@@ -1,8 +1,8 @@
 """Neural State Machine core: everything of the product that needs no Blender.
 
 What a script needs is named here and loaded when it is first asked for, so that importing the package costs
-nothing; ``docs/script.py``
-shows it at work.  Whatever else the rooms below hold may change from version to version.
+nothing; ``docs/script.py`` shows it at work.  Whatever else the rooms below hold may change from version to
+version.
 """
 
 from __future__ import annotations

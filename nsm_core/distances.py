@@ -2,9 +2,8 @@
 second.
 
 Everything here is what the network has learned its goals to mean: it is written into weights when they are
-trained, and weights
-trained under other values are told apart (``model.features.meaning``).  What shapes takes alone stands where
-it is used.
+trained, and weights trained under other values are told apart (``model.features.meaning``).  What shapes
+takes alone stands where it is used.
 """
 
 from __future__ import annotations
@@ -24,15 +23,13 @@ SEAT_MEMORY = 0.25  # the seat is sensed until its action label falls to this (p
 # metres.
 WRIST_OFF_SIDE, WRIST_BEHIND, WRIST_BELOW = 0.03, 0.085, 0.1
 BODY_TO_BOX = 0.24
-CRATE_SIDE = (
-    0.2,
-    0.5,
-)  # sides of the boxes that are carried in training data; to deeper ones the network comes too near
-# what the sensor reads in all cells of a box that is carried: hands hold its bounding box, so a basket is a
-# full one
+# Sides of the boxes that are carried in training data; to deeper ones the network comes too near.
+CRATE_SIDE = (0.2, 0.5)
+# What the sensor reads in all cells of a box that is carried: hands hold its bounding box, so a basket is a
+# full one.
 BOX_READS = 1.0
 # Doors: places on the floor seen from the handle and the opening, metres.
-# from the closed leaf to the root of who reaches for its handle: an arm reaches low handles from here
+# From the closed leaf to the root of who reaches for its handle: an arm reaches low handles from here.
 HANDLE_STAND = 0.42
 WRIST_OFF_HANDLE = 0.03  # from where a hand holds it to the wrist
 HANDLE_ASIDE = (

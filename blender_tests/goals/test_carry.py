@@ -161,9 +161,8 @@ def test_the_goal_point_of_a_destination_shows_it_and_wins():
     after = carry(target, to)
     np.testing.assert_allclose(after.position - before.position, (0.2, 0, 0), atol=1e-4)
     other = table((5.0, 3.0), name="Other")
-    assert (
-        np.linalg.norm(carry(target, other).position[:2] - (5, 3)) < 1
-    )  # the point is of the one destination only
+    # The point is of the one destination only.
+    assert np.linalg.norm(carry(target, other).position[:2] - (5, 3)) < 1
 
 
 def test_furniture_of_the_parametric_set_takes_a_box():

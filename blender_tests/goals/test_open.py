@@ -83,9 +83,8 @@ def test_the_handle_is_at_the_free_edge_wherever_the_origin_is():
     np.testing.assert_allclose(prop.pose[:2], (LEAF[0], 0), atol=1e-3)
     np.testing.assert_allclose(prop.grip(0)[:2], (0.06, 0), atol=1e-3)
     leaf.scale.x = 1
-    leaf.data.transform(
-        Matrix.Translation((-LEAF[0] / 2, 0, 0))
-    )  # the origin at the lock, as in a double door modelled in place
+    # The origin at the lock, as in a double door modelled in place.
+    leaf.data.transform(Matrix.Translation((-LEAF[0] / 2, 0, 0)))
     leaf.location.x += LEAF[0] / 2
     np.testing.assert_allclose(opening(leaf).prop.pose[:2], (0, 0), atol=1e-3)
 

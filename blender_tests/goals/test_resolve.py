@@ -156,9 +156,8 @@ def test_walk_goals():
     assert marked.heading == pytest.approx(0.8, abs=1e-6)
     table, piece = furnish("table", "Table", (3.0, 0.0), math.pi / 2)
     before = resolve(GoalSpec("walk", table), scene, WorldFrame(), START)
-    assert (
-        before.position[0] > 3.0 + piece.size[1] / 2 + 0.3
-    )  # its front, -Y turned to +X, with room to stand
+    # Its front, -Y turned to +X, with room to stand.
+    assert before.position[0] > 3.0 + piece.size[1] / 2 + 0.3
     assert abs(wrap_angle(before.heading + math.pi / 2)) < 1e-5
     still = resolve(GoalSpec("idle"), scene, WorldFrame(), (np.array((4.0, 5.0)), 0.7))
     np.testing.assert_allclose(still.position, (4, 5, 0))

@@ -19,9 +19,8 @@ from nsm_core.errors import NsmError, SkeletonError
 
 
 def angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    chord = np.minimum(
-        np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1)
-    )  # exact for small angles, unlike the arc cosine
+    # Exact for small angles, unlike the arc cosine.
+    chord = np.minimum(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
     return 4 * np.arcsin(np.minimum(chord / 2, 1))
 
 

@@ -49,9 +49,8 @@ def thing_of(target, frame=None):
     bpy.context.view_layer.update()
     frame = frame or WorldFrame()
     place = frame.to_core(np.array(target.matrix_world.translation))
-    prop = Prop(
-        target.name, Cuboids(), None, np.append(place + (0.1, -0.2, 0.05), 0.4)
-    )  # its frame is not the object's own
+    # Its frame is not the object's own.
+    prop = Prop(target.name, Cuboids(), None, np.append(place + (0.1, -0.2, 0.05), 0.4))
     return MovedObject.of(target, frame, prop)
 
 

@@ -119,10 +119,8 @@ def views(take: KeyedTake, **how) -> Views:
 
 
 def test_the_camera_avoids_walls(take):
-    for name, low, high in (
-        ("A", (-3, -1.2, 0), (4, -1.0, 3)),
-        ("B", (2.6, -1.2, 0), (2.8, 4, 3)),
-    ):  # walls to -Y and to +X
+    # Walls to -Y and to +X.
+    for name, low, high in (("A", (-3, -1.2, 0), (4, -1.0, 3)), ("B", (2.6, -1.2, 0), (2.8, 4, 3))):
         box(name, low, high, None)
     bpy.context.view_layer.update()
     for seen in (views(take), views(take, frames=[20, 25, 30])):

@@ -320,9 +320,8 @@ def test_while_a_take_runs_every_button_is_off_and_says_why(settings):
     leaf, row = door((2.0, 2.0, 0.0)), settings.goals.add()
     row.object, row.action = leaf, "open"
     buttons = [getattr(bpy.ops.nsm, cls.bl_idname.removeprefix("nsm.")) for cls in operators.CLASSES]
-    assert (
-        sum(button.poll() for button in buttons) == len(buttons) - 2
-    )  # there is no take to accept or reject
+    # There is no take to accept or reject.
+    assert sum(button.poll() for button in buttons) == len(buttons) - 2
     running.begin(bpy.context.scene, settings.character)
     for button in buttons:
         assert not button.poll()

@@ -114,9 +114,8 @@ class TestReadOnce:
         first = finish(prepare(spec, bpy.context.scene))[0]
         read = len(READINGS)
         second = finish(prepare(spec, bpy.context.scene))[0]
-        assert (
-            second.environment is first.environment and len(READINGS) == read == 2
-        )  # chair and crate, scene and goal alike
+        # Chair and crate, scene and goal alike.
+        assert second.environment is first.environment and len(READINGS) == read == 2
 
     def test_a_moved_turned_or_scaled_object_is_not_read_again_but_stands_where_it_is(self):
         made = crate("Crate")

@@ -126,10 +126,8 @@ def test_sitting_as_told_touches_but_does_not_penetrate():
         local[INDEX[name]] = quat_from_rotvec(np.array((-1.4, 0, 0)))
     for name in ("RightKnee", "LeftKnee"):
         local[INDEX[name]] = quat_from_rotvec(np.array((1.4, 0, 0)))
-    for name, turn in (
-        ("RightShoulder", -1.2),
-        ("LeftShoulder", 1.2),
-    ):  # hands down beside the body, over the seat
+    # Hands down beside the body, over the seat.
+    for name, turn in (("RightShoulder", -1.2), ("LeftShoulder", 1.2)):
         local[INDEX[name]] = quat_from_rotvec(np.array((0, turn / 3, 0)))
     local = place_limbs(
         hips, local, (FEET[0][:3], FEET[1][:3]), np.array(((-0.1, -0.42, 0.5), (0.1, -0.42, 0.5)))

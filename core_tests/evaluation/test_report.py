@@ -33,8 +33,7 @@ def model() -> Model:
     return load_model(backend="numpy")
 
 
-# --- judging
-# ---------------------------------------------------------------------------------------------------
+# --- judging ---
 
 
 def test_a_door_counts_as_passed_only_through_its_opening():
@@ -167,8 +166,7 @@ def test_a_blind_network_reads_nothing_of_one_sensor(model):
         assert (given == 0).sum() == INPUT.slices[sensor].stop - INPUT.slices[sensor].start
 
 
-# --- roll-outs on the shipped weights
-# --------------------------------------------------------------------------
+# --- roll-outs on the shipped weights ---
 
 
 def test_figures_of_a_sit_and_of_a_walk_through_a_hole(model):
@@ -218,8 +216,7 @@ def test_the_command_runs_parts_and_writes_what_it_printed(tmp_path, capsys):
         evaluation_report.write({}, tmp_path / "file" / "x.json")
 
 
-# --- the data's own slide
-# --------------------------------------------------------------------------------------
+# --- the data's own slide ---
 
 
 def test_the_slide_of_the_data_is_measured_over_what_is_climbed(tmp_path_factory):

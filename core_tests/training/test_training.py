@@ -206,9 +206,8 @@ def test_without_drift_the_targets_are_those_of_the_data(data):
     assert x.shape == (64, INPUT.size) and g.shape == (64, GATING.size)
     expected = build_targets(state, following, data.arrays["contact"][batches.pool_frames + 1])
     velocity = OUTPUT.slices["joint_velocity"]
-    np.testing.assert_allclose(
-        y[:, velocity], expected[:, velocity], atol=2e-3
-    )  # positions over a frame's time
+    # Positions over a frame's time.
+    np.testing.assert_allclose(y[:, velocity], expected[:, velocity], atol=2e-3)
     y[:, velocity] = expected[:, velocity] = 0
     np.testing.assert_allclose(y, expected, atol=1e-4)
     batches.step_pool(build_targets(state, following, data.arrays["contact"][batches.pool_frames + 1]))
@@ -337,9 +336,8 @@ def test_statistics_and_weights_of_the_loss(data):
             stats[f"{name}_mean"].shape == stats[f"{name}_std"].shape == (width,)
             and (stats[f"{name}_std"] > 0).all()
         )
-    assert (
-        np.ptp(stats["input_std"][INPUT.slices["environment"]]) == 0
-    )  # a cell that was never hit is not blown up
+    # A cell that was never hit is not blown up.
+    assert np.ptp(stats["input_std"][INPUT.slices["environment"]]) == 0
     weights = loss_weights(feet=3.0)
     assert weights.mean() == pytest.approx(1, abs=1e-5)
     position = OUTPUT.get(weights[None], "joint_position")[0]

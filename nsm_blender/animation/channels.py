@@ -50,9 +50,8 @@ _made: list[int | str] = []  # what tells the actions that the add-on has made i
 def new_action(name: str, slot_name: str) -> ActionChannels:
     """Make an empty action with a slot for an object; it is not assigned to anything yet."""
     passing = f"NSM {secrets.token_hex(12)}"
-    _made.append(
-        passing
-    )  # a break may come between any two lines: by then the action has this name, or its number is noted
+    # A break may come between any two lines: by then the action has this name, or its number is noted.
+    _made.append(passing)
     action = bpy.data.actions.new(passing)
     _made.append(identity(action))
     action.name = name

@@ -170,9 +170,8 @@ class Kept:
             _try(animation.restore)
         for action in made_since(self._mark):
             _try(lambda action=action: bpy.data.actions.remove(action))
-        _try(
-            bpy.context.view_layer.update
-        )  # the old actions play once more, before the poses that were not keyed
+        # The old actions play once more, before the poses that were not keyed.
+        _try(bpy.context.view_layer.update)
         _try(lambda: self._state.restore(always=True))
 
 

@@ -54,7 +54,7 @@ def add_frame(
         _block((low, near, 0), (-GAP, far, top), 0),
         _block((WIDTH + GAP, near, 0), (high, far, top), 0),
         _block((low, near, HEIGHT + GAP), (high, far, top), 0),
-        # the stop that the leaf shuts against
+        # The stop that the leaf shuts against.
         _block((-GAP, wall[0] + 0.01, 0), (0.012, -THICKNESS - 0.012, HEIGHT + GAP), 0),
         _block((WIDTH + GAP - 0.02, wall[0] + 0.01, 0), (WIDTH + GAP, -THICKNESS - 0.012, HEIGHT + GAP), 0),
     ]

@@ -50,16 +50,10 @@ class DemoRoom:
     start: tuple[float, float]  # where the character stands, metres
     start_heading: float
     objects: list[str] = field(default_factory=list)
-    view: tuple[float, float, float] = (
-        0.62,
-        -1.0,
-        0.62,
-    )  # from the room towards the camera, past its open sides
-    middle: tuple[float, float, float] = (
-        -0.1,
-        0.1,
-        0.7,
-    )  # what the camera of the whole room looks at, metres
+    # From the room towards the camera, past its open sides.
+    view: tuple[float, float, float] = (0.62, -1.0, 0.62)
+    # What the camera of the whole room looks at, metres.
+    middle: tuple[float, float, float] = (-0.1, 0.1, 0.7)
     distance: float = 8.0  # of that camera, metres
 
 

@@ -21,10 +21,8 @@ from .spec import GoalSpec
 LOWEST, HIGHEST = FLOOR_TOP, 0.65  # metres over the floor that one climbs; what is lower is walked over
 DEEP_ENOUGH = 0.3  # metres of a top to stand on; what is thinner is stepped over
 FROM_EDGE = 0.2  # metres from the middle of the feet to the edges of a top
-FARTHEST_IN, NEAR_MIDDLE = (
-    0.4,
-    0.9,
-)  # metres from the edge over which one comes, and from the other edges, on large tops
+# Metres from the edge over which one comes, and from the other edges, on large tops.
+FARTHEST_IN, NEAR_MIDDLE = 0.4, 0.9
 _SAME = 0.05  # metres between heights of one and the same top
 _ABOVE = 1.7  # metres of air that a person needs
 _ELBOWS = 0.25  # metres to keep from things behind a wall

@@ -80,9 +80,8 @@ def read_board(
     weight = np.where(flat, size, 0)
     faces = _quantiles(corners[..., 1].mean(1), weight, (0.05, 0.95))
     width, height, depth, s = high[0] - low[0], high[2] - max(low[2], 0.0), faces[1] - faces[0], frame.scale
-    filled = (
-        weight.sum() / 4 / max(width * height, 1e-9)
-    )  # of the outline, by either side; ``weight`` is twice the area
+    # Of the outline, by either side; ``weight`` is twice the area.
+    filled = weight.sum() / 4 / max(width * height, 1e-9)
     family = _family(target)
     if width >= NARROWEST and height >= LOWEST:
         _require_one_leaf(target.name, body, corners, normal, size, family)

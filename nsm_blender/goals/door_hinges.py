@@ -27,9 +27,8 @@ def find_pivot(target: bpy.types.Object, board: Board, around: Surroundings) -> 
 
     What is called hinge tells the edge, the surest kind of it first; where that tells nothing, it is the edge
     away from the handle, away from a second leaf, by the object's origin or an empty that it is parented to,
-    or by the frame; else the left
-    one.  The pin is at that edge where a pin or an empty called hinge is, or such an origin; else in the
-    middle of the edge.
+    or by the frame; else the left one.  The pin is at that edge where a pin or an empty called hinge is, or
+    such an origin; else in the middle of the edge.
     """
     frame = around.frame
     kinds = _hinges(target, board, around)

@@ -46,14 +46,10 @@ _FURNITURE = {
         "credenza",
     ),
 }
-_DEEP, _SHUT_IN = (
-    0.75,
-    0.9,
-)  # metres behind a leaf within which a cupboard's back is; so much of its face is before it
-_OVERLAP, _BEHIND = (
-    (0.008, 0.6),
-    (0.6, 0.2),
-)  # of two that slide past one another: share of the width; thicknesses and metres apart
+# Metres behind a leaf within which a cupboard's back is; so much of its face is before it.
+_DEEP, _SHUT_IN = 0.75, 0.9
+# Of two that slide past one another: share of the width; thicknesses and metres apart.
+_OVERLAP, _BEHIND = (0.008, 0.6), (0.6, 0.2)
 _SOLID = 0.25  # metres behind a leaf within which there is no room for anything
 _FLAT = 0.15  # of its length at most, that something which lies is high
 

@@ -19,10 +19,8 @@ from ..world.surroundings import Surroundings
 
 _TOUCH = 0.02  # metres between parts that hold together
 _LARGEST = 3.5  # metres: what is larger is a room, a wall or a stage
-_WITHIN, _OVERHANG = (
-    0.7,
-    0.08,
-)  # share of a part's footprint that lies on its thing, which may stick out so many metres less
+# Share of a part's footprint that lies on its thing, which may stick out so many metres less.
+_WITHIN, _OVERHANG = 0.7, 0.08
 _WIDER = 1.6  # how much wider than a thing is what it stands on
 _CUSHION = 0.15  # metres by which what lies on a seat may raise it; what is higher stands on it
 _MOST = 1500  # corners of a part that are looked at

@@ -14,7 +14,7 @@ POINT_NAME = "NSM Goal"
 POINT_LINK = "nsm_goal_of"  # custom property of a goal point: the object it belongs to
 POINT_ACTION = "nsm_action"
 POINT_TO = "nsm_to"  # of the place where a box is set down: the destination
-# of a hinge point: 1 where the leaf turns counter-clockwise as it opens, seen from above, -1 where clockwise
+# Of a hinge point: 1 where the leaf turns counter-clockwise as it opens, seen from above, -1 where clockwise.
 SWING = "nsm_swing"
 HINGE, HANDLE = "hinge", "handle"
 

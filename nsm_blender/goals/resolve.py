@@ -94,11 +94,10 @@ def show_goal_point(
     """Return the editable goal point of a goal's object, made from the mesh on the first call.
 
     It marks the middle of the hips' place on the seat, the place where a box is set down or one stands, or
-    the ground
-    point, and looks along its -Y.  A door has two: its hinge, which is returned, and its handle.  They are
-    children of the object (a box's of the destination) and go where it goes.  Where no place is found, one is
-    made all the same, to be moved, and ``told`` hears why in a sentence; so it is of a place that is of no
-    use.  Raises as ``resolve`` does where there is nothing that could have a point.
+    the ground point, and looks along its -Y.  A door has two: its hinge, which is returned, and its handle.
+    They are children of the object (a box's of the destination) and go where it goes.  Where no place is
+    found, one is made all the same, to be moved, and ``told`` hears why in a sentence; so it is of a place
+    that is of no use.  Raises as ``resolve`` does where there is nothing that could have a point.
     """
     around = around or Surroundings(scene, frame, moving=moved_by([spec]))
     return make_goal_point(spec, scene, frame, around, *sought(spec, scene, frame, before, around), told)

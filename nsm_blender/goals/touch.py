@@ -22,10 +22,8 @@ from .walk import what_stands_at
 
 LOWEST, HIGHEST = 0.4, 1.75  # metres over the floor that a standing person touches
 SIDES = (0.0, np.pi / 2, -np.pi / 2, np.pi)  # front, left, right and behind, as turns of the object's -Y
-_ON_IT, _STEPS = (
-    0.002,
-    40,
-)  # metres from the surface that count as on it; steps from the box around a mesh to its surface
+# Metres from the surface that count as on it; steps from the box around a mesh to its surface.
+_ON_IT, _STEPS = 0.002, 40
 
 
 def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: Place) -> Goal:

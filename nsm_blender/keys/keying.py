@@ -80,8 +80,7 @@ def key_take(
     scene's rate from ``frame_start`` on.  The armature may stand, face, be scaled (evenly) and be carried as
     it likes: what else moves it goes on, and the motion lands in the world.  Bones keep their rotation modes.
     Raises SkeletonError (bones missing, misplaced or moved by something else) and NsmError (as
-    ``layers.require_keyable``, bad
-    numbers).  Whatever is raised, everything is then as before.
+    ``layers.require_keyable``, bad numbers).  Whatever is raised, everything is then as before.
     """
     return last(key_take_steps(armature, hips_position, local_rotations, frame_start, fps, name, scene))
 

@@ -220,9 +220,8 @@ def key_thing(
         for path, values in (("location", location), (rotation_channel(target.rotation_mode), rotation)):
             for i in range(values.shape[1]):
                 channels.curve(path, i, "Object Transforms", frames, values[:, i])
-        if previous or any(
-            c.data_path == "scale" for c in strip_curves(target)
-        ):  # its size must stay what it was
+        # Its size must stay what it was.
+        if previous or any(c.data_path == "scale" for c in strip_curves(target)):
             for i in range(3):
                 channels.curve("scale", i, "Object Transforms", frames[:1], scale[i : i + 1])
         assign(target, channels.action, channels.slot)

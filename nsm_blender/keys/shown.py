@@ -3,9 +3,8 @@ that was made.
 
 Whatever else plays in a scene, a report must tell of what is seen.  Evaluating costs as much as the scene is
 heavy, so the first frame, the last, those at which goals were judged or things taken, and a dozen between are
-looked at, then ever more
-between these, until all are seen or a tenth of the time that the take itself took (``SHARE``) is spent.
-Between frames looked at, the difference from the motion made is taken as linear.
+looked at, then ever more between these, until all are seen or a tenth of the time that the take itself took
+(``SHARE``) is spent.  Between frames looked at, the difference from the motion made is taken as linear.
 """
 
 from __future__ import annotations

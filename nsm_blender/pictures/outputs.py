@@ -131,9 +131,8 @@ def blend_is_whole(path: Path) -> bool:
         start = file.read(9)
         file.seek(max(0, path.stat().st_size - 32))
         end = file.read()
-    if start.startswith(
-        b"BLENDER"
-    ):  # the last block is ENDB: a head alone, of 32 bytes from 5.0 on, whose files have a digit here
+    # The last block is ENDB: a head alone, of 32 bytes from 5.0 on, whose files have a digit here.
+    if start.startswith(b"BLENDER"):
         return end[0 if start[7:].isdigit() else 8 :].startswith(b"ENDB")
     # Compressed: Zstandard frames with a table of them at the end, which has a magic number of its own.
     return start.startswith(b"\x28\xb5\x2f\xfd") and end.endswith(b"\xb1\xea\x92\x8f")

@@ -37,10 +37,9 @@ def contact_sheet(
     path.
 
     The camera stays with the character and looks from ``direction`` (from the character towards the camera)
-    or, where
-    something stands there, from a side where it is seen.  ``size`` is of a tile, pixels; ``numbers`` writes
-    the time into each.  ``progress`` hears 0..1.
-    The scene's own settings come back.  Raises OutputError when the file cannot be written.
+    or, where something stands there, from a side where it is seen.  ``size`` is of a tile, pixels;
+    ``numbers`` writes the time into each.  ``progress`` hears 0..1.  The scene's own settings come back.
+    Raises OutputError when the file cannot be written.
     """
     scene = scene or bpy.context.scene
     path = require_writable(path, PICTURE, "The picture")

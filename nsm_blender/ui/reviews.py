@@ -22,9 +22,8 @@ def remember(scene: bpy.types.Scene, take: KeyedTake) -> None:
     """Offer a take for review.
 
     The one that it replaces, not accepted yet and as it was made, is removed: rejecting the new one then
-    gives back what was
-    before both.  One that the animator has edited, or from whose end the new one goes on, stays as if
-    accepted.
+    gives back what was before both.  One that the animator has edited, or from whose end the new one goes on,
+    stays as if accepted.
     """
     takes = settings_of(scene).takes
     for index in reversed(range(len(takes))):
@@ -64,9 +63,8 @@ def settle(scene: bpy.types.Scene, record: NsmTake) -> KeyedTake:
     take, takes = _keyed(record), settings_of(scene).takes
     takes.remove(next(i for i, other in enumerate(takes) if other == record))
     settings_of(scene).results.clear()
-    take.things = [
-        thing for thing in take.things if _action_of(thing.object) == thing.action
-    ]  # another one is the animator's
+    # Another one is the animator's.
+    take.things = [thing for thing in take.things if _action_of(thing.object) == thing.action]
     return take
 
 

@@ -40,9 +40,8 @@ class Watch:
         the take can go on.
         """
         scene, character, data = self.scene.block, self.character.block, self.data.block
-        known = [
-            block.here for block in (self.scene, self.character, self.data, *self.goals)
-        ]  # and called what they are now
+        # And called what they are now.
+        known = [block.here for block in (self.scene, self.character, self.data, *self.goals)]
         who = f"The character {self.character.name}"
         if not known[0]:
             return (
@@ -90,7 +89,7 @@ class Watch:
         return ""
 
 
-# why a take was stopped, to be told when the step has been undone: the sidebar's lines are undone with it
+# Why a take was stopped, to be told when the step has been undone: the sidebar's lines are undone with it.
 _words = ""
 
 

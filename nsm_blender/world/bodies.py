@@ -83,9 +83,8 @@ class GoalBody:
         with freely():
             if sum(len(s.triangles) for s in self.solids) == len(self.triangles):
                 return BVHQuery([s.seen_from(pose) for s in self.solids])
-            here = rotate_planar(
-                self.to_core(self.vertices) - pose[:3], np.float64(-pose[3])
-            )  # a part of what was read
+            # A part of what was read.
+            here = rotate_planar(self.to_core(self.vertices) - pose[:3], np.float64(-pose[3]))
             return BVHQuery.from_triangles(here.astype(np.float32), self.triangles)
 
     def joined(self, parts: list[Solid]) -> GoalBody:
@@ -157,9 +156,8 @@ def main_turn(points: Array) -> float:
     flat = points[:: max(1, len(points) // 20000), :2]
 
     def areas(angles: Array) -> Array:
-        along = (
-            np.stack((np.cos(angles), np.sin(angles)), 1) @ flat.T
-        )  # a row an angle: many times faster to go through
+        # A row an angle: many times faster to go through.
+        along = np.stack((np.cos(angles), np.sin(angles)), 1) @ flat.T
         across = np.stack((-np.sin(angles), np.cos(angles)), 1) @ flat.T
         return np.ptp(along, axis=1) * np.ptp(across, axis=1)
 

@@ -253,9 +253,8 @@ class BVHQuery:
         """
         code, of = np.zeros(len(points), dtype=np.int8), np.full(len(points), -1)
         solids = np.flatnonzero(((self._low <= points.max(0)) & (self._high >= points.min(0))).all(1))
-        if (
-            len(solids) * len(points) > _PAIRS and len(points) > 64
-        ):  # part the points until each part meets few solids
+        # Part the points until each part meets few solids.
+        if len(solids) * len(points) > _PAIRS and len(points) > 64:
             order = np.argsort(points[:, int(np.ptp(points, axis=0).argmax())])
             for half in np.array_split(order, 2):
                 code[half], of[half] = self._codes(points[half])
@@ -328,9 +327,8 @@ def _judged(chunk: _Chunk, point: Sequence[float], place: Sequence[float], dista
     closed part.
 
     Next to a sharp edge or corner a point may lie behind the plane of one of its faces and yet be outside;
-    the face that it is
-    farthest over or under tells.  Where two say as much, as the two leaves of a fold without thickness do, it
-    is outside.
+    the face that it is farthest over or under tells.  Where two say as much, as the two leaves of a fold
+    without thickness do, it is outside.
     """
     most, least, within = 0.0, 0.0, max(1e-5, 1e-4 * distance)
     for _, normal, face, _ in chunk.tree.find_nearest_range(place, within):

@@ -140,7 +140,7 @@ class Seen:
     said: bool | None
 
 
-# on an object: True where characters collide with it whatever it looks like, False where not
+# On an object: True where characters collide with it whatever it looks like, False where not.
 COLLIDER_PROPERTY = "nsm_collider"
 
 
@@ -181,9 +181,8 @@ class Snapshot:
         """Copy what comes after the first ``done`` instances; how many are done now, None when all are."""
         instances, stopped = iter(depsgraph.object_instances), None
         deque(islice(instances, done), maxlen=0)
-        until = (
-            time.perf_counter() + _SLICE
-        )  # going through thousands takes some of these milliseconds itself: begun once there
+        # Going through thousands takes some of these milliseconds itself: begun once there.
+        until = time.perf_counter() + _SLICE
         for index, instance in enumerate(instances, done + 1):
             shown = instance.object
             if shown.type == "MESH":  # curves, texts and metaballs come a second time, as the mesh they make
@@ -234,9 +233,8 @@ class Snapshot:
             known[pair] = None if known[key][0].empty else _looks(maker.original, shown, *known[key])
         if known[pair] is not None:
             owner, data, solid, said = known[pair]
-            place = np.array([x for row in matrix for x in row]).reshape(
-                4, 4
-            )  # of the matrix as it is numpy makes it 14 times slower
+            # Of the matrix as it is numpy makes it 14 times slower.
+            place = np.array([x for row in matrix for x in row]).reshape(4, 4)
             self.seen.append(Seen(owner, data, place, instance, solid, said))
 
     def of(self, owners: Iterable[str]) -> list[Seen]:

@@ -139,9 +139,8 @@ def _boxes(
     low, high = (np.array([getattr(r, side) for r in readings]) for side in ("low", "high"))
     turns, sizes = turns.astype(np.float64), sizes[:, None]
     middle = sizes * (turns @ ((low + high) / 2)[..., None])[..., 0] + origins
-    reach = (
-        sizes[..., None] * np.abs(turns) * ((high - low) / 2)[:, None]
-    )  # of each of its axes along those of the world
+    # Of each of its axes along those of the world.
+    reach = sizes[..., None] * np.abs(turns) * ((high - low) / 2)[:, None]
     half = reach.sum(-1)
     # Something touches its end of each axis, at worst where the other two lead lowest.
     tops = middle[:, 2] + (2 * reach[:, 2].max(-1) - half[:, 2])

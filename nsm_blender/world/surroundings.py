@@ -125,9 +125,8 @@ class Surroundings:
         """A goal object's mesh, upright; see ``GoalBody.of``."""
         key = target.name_full, snug
         if key not in self._bodies:
-            known = (
-                self.snapshot if self.snapshot.of(o.name_full for o in family_of(target)) else None
-            )  # it may be newer
+            # It may be newer.
+            known = self.snapshot if self.snapshot.of(o.name_full for o in family_of(target)) else None
             self._bodies[key] = GoalBody.of(target, self.frame, snug, known)
         return copy(self._bodies[key])
 

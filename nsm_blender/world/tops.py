@@ -124,8 +124,8 @@ def places_near_edge(
     """Yield the places of a ``width`` by ``depth`` thing behind the near edge.
 
     Each is the x of its middle, the y of its near face, the gap between the edge and this face, and the top's
-    width on the
-    narrower side of it; metres, in the level's axes.  The gap is at least ``margin`` and at most ``reach``.
+    width on the narrower side of it; metres, in the level's axes.  The gap is at least ``margin`` and at most
+    ``reach``.
     """
     nx, ny = int(np.ceil(width / CELL)) + 1, int(np.ceil(depth / CELL)) + 1
     if level.top.shape[0] < nx or level.top.shape[1] < ny:
@@ -170,9 +170,8 @@ def _samples(corners: Array, low: Array, high: Array) -> Array:
     """Points (N, 3) on triangles (F, 3, 3) between two corners (2,) of the floor, dense enough for every cell
     of the map.
     """
-    squeeze = np.array(
-        (1, 1, 0.3)
-    )  # steep faces need few samples: cut them by a length that counts height less
+    # Steep faces need few samples: cut them by a length that counts height less.
+    squeeze = np.array((1, 1, 0.3))
     points = _cut(corners * squeeze, np.append(low, -np.inf), np.append(high, np.inf)) / squeeze
     return points[((points[:, :2] >= low) & (points[:, :2] <= high)).all(1)]
 
@@ -181,11 +180,8 @@ def _cut(corners: Array, low: Array, high: Array) -> Array:
     """Corners (N, 3) of triangles (F, 3, 3) cut to the size of cells, of those near the box from ``low`` to
     ``high`` (3,).
     """
-    for longest in (
-        np.inf,
-        2.0,
-        0.3,
-    ):  # walls and floors are cut coarsely first, and only what is near finely
+    # Walls and floors are cut coarsely first, and only what is near finely.
+    for longest in (np.inf, 2.0, 0.3):
         corners = cut_triangles(corners, longest)
         corners = corners[((corners.max(1) >= low) & (corners.min(1) <= high)).all(1)]
     return cut_triangles(corners, 0.85 * CELL).reshape(-1, 3)

@@ -2,8 +2,8 @@
 section 5.2).
 
 A process of its own composes takes that the stored data does not hold, and shows each a second time on other
-objects of the
-pool.  They pass through a ring of slots in memory, from which batches are drawn as from the stored takes.
+objects of the pool.  They pass through a ring of slots in memory, from which batches are drawn as from the
+stored takes.
 """
 
 from __future__ import annotations

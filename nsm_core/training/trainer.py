@@ -180,9 +180,8 @@ class Trainer:
         x, g, y = (np.concatenate([part[k] for part in parts]) for k in range(3))
         inputs, y = self._normalised(x, g, y)
         frame = self.config.frame + self.config.goal
-        inputs.features[:n, :frame] += s.noise * torch.randn(n, frame).to(
-            self.device
-        )  # drawn on the processor: alike on every device
+        # Drawn on the processor: alike on every device.
+        inputs.features[:n, :frame] += s.noise * torch.randn(n, frame).to(self.device)
         with torch.autocast(self.device.type, torch.bfloat16):
             out, memory, _ = net(inputs, self._recalled())
         self._memory = {k: v.detach().float() for k, v in memory.items()}  # gradients go back one frame

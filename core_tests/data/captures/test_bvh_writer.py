@@ -15,11 +15,8 @@ def test_round_trip(tmp_path):
     rng = np.random.default_rng(0)
     rotations = quat_normalize(rng.normal(size=(40, 23, 4)).astype(np.float32))
     half = np.sqrt(0.5)
-    rotations[0], rotations[1], rotations[2] = (
-        (1, 0, 0, 0),
-        (half, 0, half, 0),
-        (half, 0, 0, -half),
-    )  # rest and two poles
+    # Rest and two poles.
+    rotations[0], rotations[1], rotations[2] = ((1, 0, 0, 0), (half, 0, half, 0), (half, 0, 0, -half))
     hips = rng.normal(size=(40, 3)).astype(np.float32)
     bvh_writer.write(tmp_path / "take.bvh", hips, rotations)
     clip = reader.read(tmp_path / "take.bvh")

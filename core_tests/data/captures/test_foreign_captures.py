@@ -387,9 +387,8 @@ def test_who_lies_stays_lying(tmp_path, kind, axes):
     )
     shift = found[:, 0] - wanted[:, 0]
     np.testing.assert_allclose(found - shift[:, None], wanted, atol=0.03)
-    assert np.abs(shift[:, 2]).max() < (
-        0.06 if kind != "standing" else 0.12
-    )  # standing soles are brought to the floor
+    # Standing soles are brought to the floor.
+    assert np.abs(shift[:, 2]).max() < (0.06 if kind != "standing" else 0.12)
 
 
 @pytest.mark.parametrize("start", [(0.0, 0.0), (0.3, -0.4)])

@@ -147,9 +147,8 @@ def edited(studio: Path, tmp_path: Path, change) -> Path:
 def test_a_sit_that_is_taken_out_is_not_composed(studio, tmp_path):
     folder = edited(studio, tmp_path, lambda s: s.with_section("actions.sit", []))
     assert load_sits(CaptureFolder(folder)) == []
-    assert (
-        min(c.hips_position[:, 2].min() for c in load_walks(CaptureFolder(folder))) > 0.8
-    )  # and is no idling either
+    # It is no idling either.
+    assert min(c.hips_position[:, 2].min() for c in load_walks(CaptureFolder(folder))) > 0.8
     composer = Composer(load(str(folder)), {"sit": 0.5, "walk": 0.5})
     takes = [t for t in map(composer.compose, range(6)) if t is not None]
     assert takes and all(c.action != "sit" for t in takes for c in t.commands)

@@ -65,9 +65,8 @@ def test_seats_stand_under_the_hips_and_goals_at_them(takes):
             resting = a + 3 + np.flatnonzero(off < 0.005)
             assert off.max() < 0.15 and len(resting) > 30
             turned = np.abs(wrap_angle(root[resting, 2] - goal.heading))
-            assert (
-                turned.mean() < 0.02 and np.median(turned) < 0.005
-            )  # a turn to a table begins and ends slowly
+            # A turn to a table begins and ends slowly.
+            assert turned.mean() < 0.02 and np.median(turned) < 0.005
             seat = placed.furniture.seat
             assert goal.position[2] == pytest.approx(seat.height + HIP_OVER_SEAT, abs=0.015)
             on_seat = placed.position + rotate_planar(seat.point[:2], np.float64(placed.heading))

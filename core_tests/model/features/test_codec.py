@@ -65,9 +65,8 @@ def sensed(take: ComposedTake, which: int, state: State) -> SensorReading:
 def same_state(a: State, b: State, tolerance: float) -> None:
     for name in ("joint_position", "joint_forward", "joint_up", "style_past", "style_future"):
         np.testing.assert_allclose(getattr(a, name), getattr(b, name), atol=tolerance, err_msg=name)
-    np.testing.assert_allclose(
-        a.joint_velocity, b.joint_velocity, atol=60 * tolerance
-    )  # positions over a frame's time
+    # Positions over a frame's time.
+    np.testing.assert_allclose(a.joint_velocity, b.joint_velocity, atol=60 * tolerance)
     for name in ("root_past", "root_future"):
         x, y = getattr(a, name), getattr(b, name)
         np.testing.assert_allclose(x[..., :2], y[..., :2], atol=tolerance, err_msg=name)

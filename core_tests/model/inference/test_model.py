@@ -15,10 +15,9 @@ from nsm_core.model.inference.weights_file import load_weights
 from nsm_core.model.networks.nsm_numpy import NEGLIGIBLE
 
 # A sum of n products in single precision rounds by about sqrt(n) units in the last place, in an order that
-# processor and
-# library choose: 1e-5 of the largest value for the 4,018 inputs (four times what was met, and more).  What
-# the gating network adds up goes through an exponential, which makes of the rounding of its sums a share of
-# the coefficients; the sums grow as the gating features do, and the bound with them.
+# processor and library choose: 1e-5 of the largest value for the 4,018 inputs (four times what was met, and
+# more).  What the gating network adds up goes through an exponential, which makes of the rounding of its sums
+# a share of the coefficients; the sums grow as the gating features do, and the bound with them.
 ROUNDING = 1e-5
 
 

@@ -174,15 +174,11 @@ def test_elbows_go_round_the_corners_of_a_wide_crate():
     deep = []
     for _ in range(40):
         hips, local = standing()
-        for arm, sign in zip(
-            ARMS, (-1.0, 1.0), strict=True
-        ):  # hanging: elbows stay low when wrists are raised
+        # Hanging: elbows stay low when wrists are raised.
+        for arm, sign in zip(ARMS, (-1.0, 1.0), strict=True):
             local[arm[0]] = quat_from_rotvec(np.array((0, sign * 1.35, 0)))
-        further = box.to_world(box.grasps(0.0)) - (
-            0,
-            0.04,
-            0,
-        )  # than one holds it, so that arms must go round
+        # Further than one holds it, so that arms must go round.
+        further = box.to_world(box.grasps(0.0)) - (0, 0.04, 0)
         pose = Pose(hips, place_limbs(hips, local, ARMS, further), np.zeros((2, 3)))
         wrists = pose.arms()[1]
         elbows.apply(pose, box, True)

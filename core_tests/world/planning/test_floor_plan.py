@@ -76,9 +76,8 @@ def test_thin_table_top_is_an_obstacle_and_a_lamp_is_not():
 
 
 def test_door_in_a_wall_is_found():
-    wall = Cuboids(
-        [box((0, -2.5), (0.1, 4.0), 2.5), box((0, 2.4), (0.1, 4.0), 2.5)]
-    )  # 90 cm between -0.5 and 0.4
+    # 90 cm between -0.5 and 0.4.
+    wall = Cuboids([box((0, -2.5), (0.1, 4.0), 2.5), box((0, 2.4), (0.1, 4.0), 2.5)])
     plan = FloorPlan(wall, ROOM)
     path = plan.find((-2, 2), (2, 2))
     at_wall = path[np.abs(path[:, 0]) < 0.1]

@@ -63,9 +63,8 @@ def loft(
     """Skin cross-sections along an axis, with domed ends.
 
     Each section is (s, cu, cv, a, below, above), metres: at ``s`` along the third of ``axes`` (rows U, V, S)
-    an oval
-    around (cu, cv) that reaches ``a`` to both sides in U, ``below`` towards -V and ``above`` towards +V.
-    ``caps`` are the heights of the end domes; ``roundness`` the superellipse exponents of the -V and +V
+    an oval around (cu, cv) that reaches ``a`` to both sides in U, ``below`` towards -V and ``above`` towards
+    +V.  ``caps`` are the heights of the end domes; ``roundness`` the superellipse exponents of the -V and +V
     halves (2 is an ellipse, more is squarer); ``spacing`` the ring distance and ``ring`` the vertices around.
     """
     table = np.array(sections, dtype=np.float64)

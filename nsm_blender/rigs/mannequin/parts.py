@@ -238,7 +238,7 @@ def _leg(joints: Array) -> list[LoftPart]:
 def _foot(joints: Array) -> list[LoftPart]:
     ankle = joints[INDEX["LeftAnkle"]]
     axes = np.array(((1, 0, 0), (0, 0, 1), (0, -1, 0)), float)  # U is X, V is Z, S runs from heel to toe
-    # s, side offset, half width, height of the upper
+    # Rows: s, side offset, half width, height of the upper.
     outline = np.array(
         (
             (-0.062, 0.000, 0.030, 0.062),

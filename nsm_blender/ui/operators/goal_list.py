@@ -173,9 +173,8 @@ class NSM_OT_door_swing(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         with sentences(self):
             spec = spec_of_row(_active_goal(context))
-            hinge = goal_point_of(
-                context.scene, spec.object, HINGE
-            )  # the scene is read for a door without one alone
+            # The scene is read for a door without one alone.
+            hinge = goal_point_of(context.scene, spec.object, HINGE)
             if hinge is None:
                 frame, start = start_of(settings_of(context.scene).character, context.scene)
                 hinge = show_goal_point(spec, context.scene, frame, start)

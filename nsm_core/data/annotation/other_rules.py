@@ -23,10 +23,8 @@ _AIRBORNE = (
 )
 _SLOWER = 1.9  # m/s: below it no step leaves the floor, and turns do not lean
 _LEAPT = 1.0  # metres of the hips over the ground that neither walks nor runs reach
-_CROUCHED, _TILT = (
-    (0.8, 0.65),
-    np.radians((35, 55)),
-)  # metres of the hips over the ground, lean of the trunk; slower and faster
+# Metres of the hips over the ground, lean of the trunk; slower and faster.
+_CROUCHED, _TILT = (0.8, 0.65), np.radians((35, 55))
 _APART = round(0.7 * FPS)  # frames between two such moments that belong to them
 
 

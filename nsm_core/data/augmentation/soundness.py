@@ -10,14 +10,10 @@ from nsm_core.conventions import FPS
 from nsm_core.rotations import Array
 from nsm_core.world.geometry.distance import Cuboids
 
-DEEPER, ASTRAY = (
-    0.02,
-    0.015,
-)  # metres: of the body in things by more than before; of hips and feet from their places
-FASTER, SLACK = (
-    1.3,
-    (0.3, 12.0),
-)  # speed and acceleration of joints may grow by this factor, or to this (m/s, m/s^2) more
+# Metres: of the body in things by more than before; of hips and feet from their places.
+DEEPER, ASTRAY = 0.02, 0.015
+# Speed and acceleration of joints may grow by this factor, or to this (m/s, m/s^2) more.
+FASTER, SLACK = 1.3, (0.3, 12.0)
 
 
 def depth_in_solids(body: tuple[Array, Array], solid: Cuboids) -> float:

@@ -11,7 +11,7 @@ from nsm_core.conventions import FPS
 from nsm_core.errors import CaptureError
 from nsm_core.rotations import Array, quat_mul, quat_rotate
 
-# frames times joints that are held at once: half an hour at 120 Hz of a body without fingers, 3 GB at most
+# Frames times joints that are held at once: half an hour at 120 Hz of a body without fingers, 3 GB at most.
 MOST_CELLS = 6_000_000
 
 

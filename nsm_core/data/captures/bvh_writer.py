@@ -29,9 +29,8 @@ def write(path: str | Path, hips_position: Array, local_rotations: Array, fps: f
 
     The file is in centimetres, Y up, facing +Z.  The order of a joint's channels is the first of its usual
     ones that the motion keeps away from the pole (the hips' begins with the heading), and its angles go on
-    beyond 180 degrees, so that no channel
-    jumps.  Raises OutputError where the file cannot be written or the motion has no frames or values that are
-    not numbers.
+    beyond 180 degrees, so that no channel jumps.  Raises OutputError where the file cannot be written or the
+    motion has no frames or values that are not numbers.
     """
     path = Path(path)
     finite = np.isfinite(hips_position).all() and np.isfinite(local_rotations).all()
@@ -74,10 +73,8 @@ def _y_up(v: Array) -> Array:
 def _joint(index: int, depth: int, orders: list[str]) -> list[str]:
     """Lines of the hierarchy from one joint down."""
     tab, inner = "\t" * depth, "\t" * (depth + 1)
-    name, offset = (
-        JOINTS[index],
-        OFFSETS[index] if index else np.zeros(3),
-    )  # the root's place is in its channels
+    # The root's place is in its channels.
+    name, offset = JOINTS[index], OFFSETS[index] if index else np.zeros(3)
     place = _numbers(_y_up(np.asarray(offset)) * _CENTIMETRES)
     lines = [f"{tab}{'JOINT' if index else 'ROOT'} {name}", f"{tab}{{", f"{inner}OFFSET {place}"]
     rotations = " ".join(f"{axis}rotation" for axis in orders[index])

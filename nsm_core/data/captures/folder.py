@@ -67,9 +67,8 @@ class CaptureFolder:
         for file in files:
             for body in range(1, self._bodies(file, named[file])):
                 path = file.with_name(f"{file.stem}.{body + 1}{file.suffix}")
-                found.setdefault(
-                    path, self._capture(path, file, body, named[file])
-                )  # a file of that name is one itself
+                # A file of that name is one itself.
+                found.setdefault(path, self._capture(path, file, body, named[file]))
         self.captures: tuple[Capture, ...] = tuple(found[path] for path in sorted(found))
 
     def __str__(self) -> str:

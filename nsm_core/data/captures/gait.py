@@ -16,10 +16,8 @@ _STRIDES = (0.5, 3.0)  # legs' lengths of strides that are walked
 _AHEAD = 0.85  # share of a stride that leads where the body faces, before and after
 _LEAST_STRIDES = 3
 _RISE = 0.1  # of a stride's length: more is climbed
-_USUAL, _PLAUSIBLE = (
-    0.75,
-    (0.43, 2.6),
-)  # of the pace that the strides ask for: captured walks have 0.5 to 1, runs in turns up to 2.5
+# Of the pace that the strides ask for: captured walks have 0.5 to 1, runs in turns up to 2.5.
+_USUAL, _PLAUSIBLE = 0.75, (0.43, 2.6)
 _RATES = (24, 25, 30, 50, 60, 100, 120, 200, 240)
 
 

@@ -254,9 +254,8 @@ def _without_affixes(names: Names) -> list[str]:
     "mixamorig", "_JNT".
     """
     plain = [n[:_MOST_LETTERS].rsplit(":", 1)[-1].rsplit("|", 1)[-1] for n in names]
-    ended = [
-        n.endswith("_End") for n in names
-    ]  # the reader's own names of end sites, which have their joint's suffix inside
+    # The reader's own names of end sites, which have their joint's suffix inside.
+    ended = [n.endswith("_End") for n in names]
     bare = [n[:-4] if e else n for n, e in zip(plain, ended, strict=True)]
     starts: dict[str, int] = {}
     ends: dict[str, int] = {}

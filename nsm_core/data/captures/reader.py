@@ -21,7 +21,7 @@ from .joint_map import SIDES, Mapping
 from .joint_names import bodies, guess_mapping
 
 __all__ = ["Bvh", "parse", "read", "read_all"]
-# metres that an offset may differ from the 23-joint skeleton's for the file to count as being on it
+# Metres that an offset may differ from the 23-joint skeleton's for the file to count as being on it.
 _OWN_TOLERANCE = 0.015
 
 
@@ -30,10 +30,9 @@ def read(path: str | Path, centimetres: bool = True, mapping: Mapping | None = N
     of the clip tell.
 
     A file on the 23-joint skeleton (its names, its offsets, Y up, facing +Z) is taken as it is, in
-    centimetres or else in
-    metres.  Every other hierarchy is retargeted by ``mapping``, or by one guessed from the names of its
-    joints.  Raises CaptureError with the line where the file breaks off or holds no numbers, and
-    SkeletonError where joints stand for none of the 23.
+    centimetres or else in metres.  Every other hierarchy is retargeted by ``mapping``, or by one guessed from
+    the names of its joints.  Raises CaptureError with the line where the file breaks off or holds no numbers,
+    and SkeletonError where joints stand for none of the 23.
     """
     return read_all(path, centimetres, mapping)[0]
 

@@ -44,10 +44,9 @@ def world_up(source: Bvh, joints: dict[str, int]) -> Array:
     """The axis (3,) of a file that points up.
 
     By the first frame where that is a T-pose; else by the offsets where these stand, so that who lies or
-    crawls stays lying; else by
-    where the head is over the ankles.  Where offsets and motion disagree, the file may have a root that turns
-    offsets upright: then the ankles walk near zero of the axis of the motion, and the hips do not keep a
-    height of the axis of the offsets.
+    crawls stays lying; else by where the head is over the ankles.  Where offsets and motion disagree, the
+    file may have a root that turns offsets upright: then the ankles walk near zero of the axis of the motion,
+    and the hips do not keep a height of the axis of the offsets.
     """
     positions, _ = source[:: max(1, len(source) // _LOOKS)].world()
     moving = _tall(positions, joints)
@@ -83,9 +82,8 @@ def _stands_along(moving: Array, standing: Array, positions: Array, joints: dict
     """Whether a motion (T, N, 3) stands along ``moving`` on a floor at zero, and does not lie over one along
     ``standing``.
     """
-    if (
-        (moving == standing).all() or moving.min() < 0 or not moving[1:].any()
-    ):  # no file has its up at -Y, -Z or along X
+    # No file has its up at -Y, -Z or along X.
+    if (moving == standing).all() or moving.min() < 0 or not moving[1:].any():
         return False
     leg = sum(
         float(np.median(np.linalg.norm(positions[:, joints[s + a]] - positions[:, joints[s + b]], axis=-1)))

@@ -3,8 +3,7 @@ scene.
 
 The captures hold actions without an approach and walks without a goal.  A course is drawn to a place where
 nothing stands, captured frames walk it (``search``), the action is stitched to its end and its objects are
-put where the body
-needs them.  Everything else is furnished around the path that was walked.
+put where the body needs them.  Everything else is furnished around the path that was walked.
 """
 
 from __future__ import annotations

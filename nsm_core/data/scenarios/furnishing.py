@@ -18,10 +18,8 @@ if TYPE_CHECKING:
 
 OBSTACLES = ("table", "desk", "cabinet", "box", "chair", "armchair", "sofa", "wall", "stool", "table")
 WAY_ROOM = 0.36  # metres that the walked path keeps from furniture
-HOLES, THROUGH = (
-    0.3,
-    0.34,
-)  # share of takes with a wall that is walked through; metres the path keeps from its opening's sides
+# Share of takes with a wall that is walked through; metres the path keeps from its opening's sides.
+HOLES, THROUGH = 0.3, 0.34
 
 
 def furnish(take: ComposedTake, roots: Array, session: Session, rng: np.random.Generator) -> None:

@@ -30,15 +30,12 @@ SHORTEST, LONGEST = 60, 12 * FPS  # frames of a level piece; of longer ones a st
 _LEAST_STRETCH = 4 * FPS
 _SPAN = 15  # frames that a gait lasts at least to be asked for
 _MOSTLY = 0.2  # share of running frames from which on a clip is a run
-_SENT, _FURTHEST = (
-    0.5,
-    4.0,
-)  # share of the walks to a stand that are asked for by their end, and metres of the longest
+# Share of the walks to a stand that are asked for by their end, and metres of the longest.
+_SENT, _FURTHEST = 0.5, 4.0
 _GAITS = ("idle", "walk", "run")
 
 
-# --- level clips
-# -----------------------------------------------------------------------------------------------------
+# --- level clips ---
 
 
 def walk(session: Session) -> bool:
@@ -118,15 +115,13 @@ def _ask(session: Session, spans: list[tuple[int, int, int]]) -> None:
         elif session.commands and session.commands[-1].position is not None:
             continue  # sent here already
         slow = np.linalg.norm(np.diff(roots[first:last], axis=0), axis=1)
-        rest = first + (
-            int(slow.argmin()) if len(slow) else 0
-        )  # a clip may begin with a single frame of standing
+        # A clip may begin with a single frame of standing.
+        rest = first + (int(slow.argmin()) if len(slow) else 0)
         place = np.append(roots[rest], 0).astype(np.float32)
         session.commands.append(TimedCommand(frame, "idle", place, tape.headings[rest]))
 
 
-# --- actions
-# ---------------------------------------------------------------------------------------------------------
+# --- actions ---
 
 
 def sit(session: Session) -> bool:

@@ -49,12 +49,10 @@ def foot_sliding(
     """Mean horizontal speed, cm/s, of ankles and toes that are low (papers/000 section 7.1).
 
     A joint is low where it is less than 2.5 cm above its height over the floor with a flat sole (ankle 8.5
-    cm, toe 2.5 cm) in
-    both frames of a step.  ``while_moving`` counts only frames in which the hips move faster than 0.3 m/s.  0
-    without such frames.  A toe that swings through 2 cm over the floor counts in full, so captured walks lie
-    at 5 to 30 cm/s; ``weighted`` lets a
-    joint count by 2 - 2^(height / 2.5 cm), as later works do, which leaves mostly what truly stands.
-    ``ground`` as in ``over_ground``.
+    cm, toe 2.5 cm) in both frames of a step.  ``while_moving`` counts only frames in which the hips move
+    faster than 0.3 m/s.  0 without such frames.  A toe that swings through 2 cm over the floor counts in
+    full, so captured walks lie at 5 to 30 cm/s; ``weighted`` lets a joint count by 2 - 2^(height / 2.5 cm),
+    as later works do, which leaves mostly what truly stands.  ``ground`` as in ``over_ground``.
     """
     if len(positions) < 2:
         return 0.0

@@ -43,9 +43,8 @@ def prop_depths(
     in each frame.
 
     What holds it does not count, where it holds: of a leaf, hands within 15 cm of its handle; of a box, that
-    of a hand and its
-    forearm within 15 cm of where that wrist holds it, in frames in which the wrist is there.  They are judged
-    by their distance to the grip.
+    of a hand and its forearm within 15 cm of where that wrist holds it, in frames in which the wrist is
+    there.  They are judged by their distance to the grip.
     """
     body = Body.of(hips_position, local_rotations, offsets)
     local = rotate_planar(body.centres - poses[:, None, :3], -poses[:, None, 3])
@@ -124,18 +123,16 @@ def box_report(
     poses = np.asarray(poses, dtype=np.float64)
     moving, hands = moving_frames(poses), wrists(hips_position, local_rotations)
     local = rotate_planar(hands - poses[:, None, :3], -poses[:, None, 3])
-    away = np.stack(
-        [np.linalg.norm(local - box.grasps(q * np.pi / 2), axis=-1) for q in range(4)]
-    )  # (4, T, 2)
+    # (4, T, 2): by side of the box, frame and hand.
+    away = np.stack([np.linalg.norm(local - box.grasps(q * np.pi / 2), axis=-1) for q in range(4)])
     gap = away[int(away[:, moving].mean(axis=(1, 2)).argmin())] if moving.any() else away.min(0)
     held = moving & (gap.max(1) < 0.15)
     step = np.diff(poses[:, :3], axis=0)
     line = hands[:, 1] - hands[:, 0]
     tilt = np.degrees(np.abs(np.arctan2(line[:, 2], np.linalg.norm(line[:, :2], axis=-1))))
     turn = wrap_angle(poses[-1, 3] - goal[3])
-    quarter = abs(
-        (np.degrees(turn) + 45) % 90 - 45
-    )  # which of its sides faces the carrier is the carrier's choice
+    # Which of its sides faces the carrier is the carrier's choice.
+    quarter = abs((np.degrees(turn) + 45) % 90 - 45)
     return {
         "box_moved": float(moving.any()),
         "box_error_cm": float(100 * np.linalg.norm(poses[-1, :3] - goal[:3])),

@@ -138,8 +138,7 @@ def pyplot() -> Any:
     return plt
 
 
-# --- inputs
-# ----------------------------------------------------------------------------------------------------
+# --- inputs ---
 
 
 def checked(positions: Array) -> Array:

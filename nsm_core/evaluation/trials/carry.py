@@ -107,9 +107,8 @@ def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = 
         name, source, destination = SETTINGS[n % len(SETTINGS)]
         rng = np.random.default_rng((SEED, 1, n))
         crate = make_crate(rng, pool)
-        turn = float(
-            rng.uniform(-np.pi, np.pi)
-        )  # where one who lifts the box looks when it stands on a table
+        # Where one who lifts the box looks when it stands on a table.
+        turn = float(rng.uniform(-np.pi, np.pi))
         top, still = support(rng, source, crate, np.zeros(2), turn, pool)
         box = np.array((0, 0, top + crate.size[2] / 2, turn))
         # The destination lies behind the one who lifts, so that the way is a turn with the box and free of
@@ -136,7 +135,7 @@ def box_at(crate: Furniture, pose: Array) -> Box:
 def request(trial: CarryTrial, hold: float = 1.0, **more: Any) -> TakeRequest:
     """Set up one trial's take."""
     goal = Goal("carry", "Box", trial.goal[:3], trial.facing, hold, prop=box_at(trial.crate, trial.box))
-    return TakeRequest(trial.start, trial.heading, [goal], furniture.cuboids(trial.still), **more)  # type: ignore[arg-type]
+    return TakeRequest(trial.start, trial.heading, [goal], furniture.cuboids(trial.still), **more)
 
 
 def run_trial(model: Model, trial: CarryTrial, **more: Any) -> Trying[tuple[TakeResult, Report]]:

@@ -36,10 +36,8 @@ SETTINGS = (
     ("low wall of 0.25 m", "low_wall", {"height": 0.25, "depth": 0.1}),
     ("low wall of 0.45 m", "low_wall", {"height": 0.45, "depth": 0.2}),
 )
-NEAR, UPRIGHT = (
-    0.35,
-    0.75,
-)  # metres: root from its place, and hips over the ground, that count as standing there
+# Metres: root from its place, and hips over the ground, that count as standing there.
+NEAR, UPRIGHT = 0.35, 0.75
 FEET = 0.06  # metres that the higher foot may be off the ground it stands on
 # Centimetres that the joints of the feet, and the body at all, may be inside the piece: who walks through it
 # does not climb.
@@ -101,7 +99,7 @@ def request(trial: ClimbTrial, hold: float = 1.0, **more: Any) -> TakeRequest:
     """Set up one trial's take."""
     query = furniture.cuboids([(trial.piece, np.zeros(2), trial.turn)])
     goal = climb_goal(trial.piece, np.zeros(2), trial.turn, trial.start, hold)
-    return TakeRequest(trial.start, trial.heading, [goal], query, **more)  # type: ignore[arg-type]
+    return TakeRequest(trial.start, trial.heading, [goal], query, **more)
 
 
 def run_trial(model: Model, trial: ClimbTrial, **more: Any) -> Trying[tuple[TakeResult, Report]]:

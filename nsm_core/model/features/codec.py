@@ -114,8 +114,7 @@ def build_targets(state: State, following: State, contacts: Array) -> Array:
 
     Everything is in the root frame of ``state``, but for the goal-centric trajectory, which is in the frame
     of the goal at the pivot, and the future joint positions, which are those of ``following`` seen from the
-    root one second
-    ahead of ``state``.  ``contacts`` (B, 5) belong to ``following``.
+    root one second ahead of ``state``.  ``contacts`` (B, 5) belong to ``following``.
     """
     root = state.root
     ahead = following.root_keys()[:, PIVOT:]

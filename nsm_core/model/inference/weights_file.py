@@ -28,9 +28,8 @@ from nsm_core.model.networks.registry import kind_of
 from nsm_core.rotations import Array
 from nsm_core.validate import is_number, listed, number, shown, table, text
 
-Layout = Mapping[
-    str, Mapping[str, Sequence[int]]
-]  # vector ("input", "output", ...) -> its blocks in order -> their shapes
+# Vector ("input", "output", ...) -> its blocks in order -> their shapes.
+Layout = Mapping[str, Mapping[str, Sequence[int]]]
 
 FORMAT = "nsm-weights"
 VERSION = 1
@@ -115,10 +114,9 @@ def load_weights(path: str | Path, layout: Layout | None = None) -> Weights:
     """Read a weights file; all arrays come back as float32, finite, and deviations above zero.
 
     With ``layout``, the file's feature layout must equal it, and its features must mean what they mean here,
-    if it tells what
-    they do.  Nothing is allocated that the file does not hold.  Raises WeightsError if the file is missing,
-    truncated, damaged, foreign, of a newer format, of an unknown network, of another layout or of features of
-    another meaning.
+    if it tells what they do.  Nothing is allocated that the file does not hold.  Raises WeightsError if the
+    file is missing, truncated, damaged, foreign, of a newer format, of an unknown network, of another layout
+    or of features of another meaning.
     """
     path = Path(path)
     entries = _read(path)

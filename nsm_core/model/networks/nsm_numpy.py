@@ -98,10 +98,8 @@ def _mix_one(weight: Array, h: Array, coefficients: Array) -> Array:
     """Blend the experts' products (K, out, in) for one character: only experts that count are read."""
     c, v = coefficients[0], h[0]
     active = np.flatnonzero(c > NEGLIGIBLE)
-    if len(active) in (
-        0,
-        len(c),
-    ):  # none counts where the coefficients are not numbers: let that show in the result
+    # None counts where the coefficients are not numbers: let that show in the result.
+    if len(active) in (0, len(c)):
         products = (weight.reshape(-1, weight.shape[2]) @ v).reshape(len(c), -1)
         return (c @ products)[None]
     return sum(c[k] * (weight[k] @ v) for k in active)[None]

@@ -80,9 +80,8 @@ def _main_direction(samples: Array) -> float:
     """
     flat = samples[:: max(1, len(samples) // 20000), :2]
     angles = np.deg2rad(np.arange(-45, 45))
-    along = (
-        np.stack((np.cos(angles), np.sin(angles)), 1) @ flat.T
-    )  # a row an angle: many times faster to go through
+    # A row an angle: many times faster to go through.
+    along = np.stack((np.cos(angles), np.sin(angles)), 1) @ flat.T
     across = np.stack((-np.sin(angles), np.cos(angles)), 1) @ flat.T
     area = np.ptp(along, axis=1) * np.ptp(across, axis=1)
     best = int(area.argmin())

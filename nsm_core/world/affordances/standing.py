@@ -22,10 +22,8 @@ BEHIND_WALL = 0.6  # metres behind a low wall where one stands who has climbed o
 BENDING = (
     0.7  # metres over the floor of the wrists below which one bends over a box, and into what is over it
 )
-GIVE, LEAST_ROOM = (
-    0.02,
-    0.05,
-)  # metres by which a place may touch other things; over a box that is moved under something, in or out
+# Metres by which a place may touch other things; over a box that is moved under something, in or out.
+GIVE, LEAST_ROOM = 0.02, 0.05
 HANDS = 0.01  # metres from the wrists that hold a box to what stands beside it
 FLOOR = 0.12  # metres under a box from which on toes go under what it stands on
 ROOM = 0.2  # metres of room that a standing place should have
@@ -33,16 +31,10 @@ FACINGS = (0.0, np.pi / 2, np.pi, -np.pi / 2)
 _ASIDE = (-0.15, 0.0, 0.15)  # metres to both sides in which an edge stops a body
 _HEIGHTS = np.arange(0.2, 1.45, 0.1)
 LOOK = 0.8  # metres from a box in which its edge is looked for
-_LANE, _GRID, _MEETS = (
-    0.015,
-    0.06,
-    0.003,
-)  # metres between places of a box on its way, and on its face; that count as meeting something
-_STEP, _TOUCH, _FREE = (
-    0.04,
-    0.05,
-    0.2,
-)  # metres between samples, that count as touching, and of free floor before an edge
+# Metres between places of a box on its way, and on its face; that count as meeting something.
+_LANE, _GRID, _MEETS = 0.015, 0.06, 0.003
+# Metres between samples, that count as touching, and of free floor before an edge.
+_STEP, _TOUCH, _FREE = 0.04, 0.05, 0.2
 
 
 class TooFar(GoalError):
@@ -75,10 +67,8 @@ def edge_before(box: Box, facing: float, centre: Array, heading: float, solids: 
     own = np.stack(np.meshgrid(back + box.across(facing)[1] / 2, _ASIDE, heights, indexing="ij"), -1).reshape(
         -1, 3
     )
-    points = rotate_planar(own[:, [1, 0, 2]], np.float64(heading)) + (
-        *centre[:2],
-        0.0,
-    )  # heading 0 faces -Y: +Y is behind
+    # Heading 0 faces -Y: +Y is behind.
+    points = rotate_planar(own[:, [1, 0, 2]], np.float64(heading)) + (*centre[:2], 0.0)
     room = (
         solids.signed_distance(points.astype(np.float32), 2 * _TOUCH)
         .reshape(len(back), -1)

@@ -129,8 +129,8 @@ def parted(matrices: Array) -> tuple[Array, Array, Array]:
 
     A point p goes to ``turn @ (size * stretch @ p) + translation``.  The turn's Z is the axis of the
     stretched mesh that points up or down, so that it stands upright as far as that can be; a mirror image and
-    all unevenness is in the stretch, whose
-    determinant is 1 or -1.  Copies of a mesh that are turned, moved and evenly scaled so have one stretch.
+    all unevenness is in the stretch, whose determinant is 1 or -1.  Copies of a mesh that are turned, moved
+    and evenly scaled so have one stretch.
     """
     linear = np.asarray(matrices, dtype=np.float64)[:, :3, :3]
     u, s, vt = np.linalg.svd(linear)

@@ -109,9 +109,8 @@ def _mark(
     plain = steepness > 0  # without an area there is no plane
     slope = -normal[:, (u, v)] / np.where(plain, steepness * np.sign(normal[:, w]), 1)[:, None]
     reach = np.where(plain, half * (1 + np.abs(slope).sum(1)) + 1e-9, np.inf)
-    level = plain & (
-        np.abs(normal[:, (u, v)]).max(1) <= 1e-12 * steepness
-    )  # along the grid: no more to be looked at
+    # Along the grid: no more to be looked at.
+    level = plain & (np.abs(normal[:, (u, v)]).max(1) <= 1e-12 * steepness)
     size = high - low + 1
     for face, step in expanded(size[:, u] * size[:, v]):
         a, b = low[face, u] + step // size[face, v] + 0.5, low[face, v] + step % size[face, v] + 0.5

@@ -12,21 +12,14 @@ from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.props import Box
 
 LIFT = 0.06  # metres by which a box passes over what it is set on
-GAP, SLOPE, SIGHT = (
-    0.08,
-    0.8,
-    0.7,
-)  # from things at which it has the height to pass; metres of height per metre further off; seen from
+# From things at which it has the height to pass; metres of height per metre further off; seen from.
+GAP, SLOPE, SIGHT = 0.08, 0.8, 0.7
 SINK = 0.12  # metres from over its place within which it comes down
 NEAR = 1.3  # metres from its place from which on it takes the height
 ROOFED = 0.45  # metres over a box below which it is moved in from the front
 OUT, AWAY = 0.04, 0.9  # metres over its place, or beside it at most, from which on it has left it
-LAG, CATCH_UP = (
-    0.2,
-    0.015,
-    # metres that a box stays behind the hands at most rather than go into something; that it catches up in a
-    # frame
-)
+# Metres that a box stays behind the hands at most rather than go into something, and catches up in a frame.
+LAG, CATCH_UP = 0.2, 0.015
 INSIDE = 0.003  # metres that count as inside
 _GRID = 0.06  # metres between places on the sides of a box
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _ESCAPE = 1.2  # metres around a start or goal that is hemmed in, within which the way may squeeze through
 _BRUSH = 0.03  # metres of room that squeezing through needs
-# metres to get off a thing that one stands or sits on; further from deeper ones that a way starts on:
+# Metres to get off a thing that one stands or sits on; further from deeper ones that a way starts on.
 _LEAVE = 0.7
 _BEYOND = (0.3, 1.0)  # metres past the nearest free floor, tried one after the other
 _FARTHEST = 1000.0  # metres between the ends of a way
@@ -228,9 +228,8 @@ class FloorPlan(ClearanceMap):
         out, here = [way[0]], 0
         while here < len(way) - 1:
             there, far = here + 1, len(way) - 1
-            while (
-                far > there
-            ):  # the farthest point in sight; sight is not monotone, so look from the far end in halves
+            # The farthest point in sight; sight is not monotone, so look from the far end in halves.
+            while far > there:
                 if self.line_is_free(way[here], way[far], float(room[here : far + 1].min()) - 1e-3):
                     there = far
                     break

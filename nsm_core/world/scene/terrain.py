@@ -17,8 +17,7 @@ from nsm_core.world.sensors.interaction import InteractionVolume
 
 CELL = 0.02  # metres between the places that are probed
 # What ends lower over the floor, metres, is ground that one walks over: rugs, mats, thresholds, kerbs; what
-# is higher stands in
-# the way or is climbed.  No body is looked for below it (``clearance_map.HEIGHTS``).
+# is higher stands in the way or is climbed.  No body is looked for below it (``clearance_map.HEIGHTS``).
 FLOOR_TOP = 0.12
 _TOUCH, _STEPS = 0.002, 80  # metres over a surface that count as on it; steps of a probe at most
 _HIGHEST = 0.8  # metres: what is higher is no ground
@@ -237,9 +236,8 @@ def edge_before(volume: InteractionVolume, place: Array, heading: float) -> floa
     first, last = float(ends.min(0).max()), float(ends.max(0).min())
     if first <= last and last > 0:
         return last
-    return max(
-        0.0, float(np.abs(back) @ half - start @ back)
-    )  # it lies beside: as far as the footprint reaches that way
+    # It lies beside: as far as the footprint reaches that way.
+    return max(0.0, float(np.abs(back) @ half - start @ back))
 
 
 __all__ = ["FLOOR_TOP", "Floor", "HeightMap", "Terrain", "around", "edge_before", "merged"]

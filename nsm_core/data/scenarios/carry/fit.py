@@ -22,16 +22,12 @@ from .pick_up import Bend
 if TYPE_CHECKING:
     from .carried import CarryEpisode
 
-HOLDING_HEIGHT, HOLDING_AHEAD = (
-    1.0,
-    0.05,
-)  # metres: wrists over the floor, box beyond where it stood when it was lifted
+# Metres: wrists over the floor, box beyond where it stood when it was lifted.
+HOLDING_HEIGHT, HOLDING_AHEAD = 1.0, 0.05
 _BENT = 0.9 * ARM_LENGTH  # how far arms stretch at most while walking
 _CLEARANCE = 0.05  # metres that a box is lifted over what it rested on
-_BOB, _MOST_BOB = (
-    0.6,
-    0.04,
-)  # share of the pelvis' movement up and down that a box follows, and metres at most
+# Share of the pelvis' movement up and down that a box follows, and metres at most.
+_BOB, _MOST_BOB = 0.6, 0.04
 _HANGING = 0.1  # metres that wrists of hanging arms keep off the near face
 _LEAD, _OFF = 20, 17  # frames for the hands to reach a box, and to come off it
 _SHOULDERS = [arm[0] for arm in ARMS]

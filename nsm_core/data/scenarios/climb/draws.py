@@ -26,14 +26,10 @@ class ClimbDraws:
     from_sides: float = (
         0.3  # metres that the way keeps from the sides of the piece, anywhere else along its width
     )
-    behind_wall: tuple[float, float] = (
-        0.2,
-        0.95,
-    )  # metres behind a low wall where one stands, as the feet allow
-    into_stride: tuple[float, float] = (
-        0.0,
-        0.5,
-    )  # where the edge lies between the feet: 0 at the one on the floor
+    # Metres behind a low wall where one stands, as the feet allow.
+    behind_wall: tuple[float, float] = (0.2, 0.95)
+    # Where the edge lies between the feet: 0 at the one on the floor.
+    into_stride: tuple[float, float] = (0.0, 0.5)
     slowness: tuple[float, float] = (0.9, 1.15)  # about how slowly a height is climbed
     stands: tuple[float, float] = (0.3, 2.0)  # seconds on top
     leaves: int = 6  # ways down that are tried

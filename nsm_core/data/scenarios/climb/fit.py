@@ -21,10 +21,8 @@ from .warp import Ascent, climb
 
 MARGIN = 90  # frames before and after an episode in which feet still come back to their own places
 CLEAR, DEEPEST = 0.007, 0.03  # metres that legs may be in the block: with no change made for it, and at all
-LOWER, LOWERINGS = (
-    0.92,
-    4,
-)  # share of its height to which a block that is in the way is lowered, and how often
+# Share of its height to which a block that is in the way is lowered, and how often.
+LOWER, LOWERINGS = 0.92, 4
 # What is tried of a manner, one after the other, until the legs are clear.
 CHOICES = (
     ("before", (OFF_EDGE, 0.12, 0.2)),

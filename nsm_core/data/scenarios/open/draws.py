@@ -22,10 +22,8 @@ class OpenDraws:
     grip_frames: tuple[int, int] = (2, 5)  # from the grip to the press, and
     press_frames: tuple[int, int] = (1, 3)  # from the press to the first step
     pushes: float = 0.55  # share of doors that swing away
-    waits_back: tuple[float, float] = (
-        0.3,
-        0.9,
-    )  # seconds for which one stands back once a leaf is pulled open
+    # Seconds for which one stands back once a leaf is pulled open.
+    waits_back: tuple[float, float] = (0.3, 0.9)
     further_back: tuple[float, float] = (-0.04, 0.08)  # beyond PULL_BACK
     back_speed: tuple[float, float] = (0.45, 0.75)
     through_speed: tuple[float, float] = (0.6, 0.9)
@@ -33,15 +31,12 @@ class OpenDraws:
     stands_beyond: tuple[float, float] = (0.3, 1.2)
     led_on: float = 0.4  # share of passages that do not end standing
     led_on_after: tuple[int, int] = (5, 25)  # frames after the leaf is passed
-    doors: int = 18  # that are tried about one walk, and
-    # how many of them are of the same size, lest low handles and narrow doors, which fit fewer walks, get
-    # rare
+    doors: int = 18  # that are tried about one walk
+    # Of the same size, lest low handles and narrow doors, which fit fewer walks, get rare.
     insists: int = 12
     width: tuple[float, float] = (0.75, 1.0)
-    handle_height: tuple[float, float] = (
-        0.9,
-        1.1,
-    )  # lower ones of meshes are raised to the least, where one reaches them upright
+    # Lower ones of meshes are raised to the least, where one reaches them upright.
+    handle_height: tuple[float, float] = (0.9, 1.1)
     wall: tuple[float, float] = (0.8, 1.6)  # on either side
     off_square: float = 0.03  # spread of the door's heading about the body's
     off_place: float = 0.025  # spread of the body about where one stands to take the handle, each way

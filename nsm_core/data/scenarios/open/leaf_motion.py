@@ -17,10 +17,8 @@ from nsm_core.world.scene.props import Leaf
 from .draws import OPENS
 
 ANGLES = np.radians(np.arange(0, 111.0, 2))  # angles of the leaf that are weighed against one another
-REACH, FURTHEST = (
-    0.62,
-    0.7,
-)  # metres from shoulder to wrist: of an arm alone, and of one that the trunk's lean helps
+# Metres from shoulder to wrist: of an arm alone, and of one that the trunk's lean helps.
+REACH, FURTHEST = 0.62, 0.7
 HASTES = (1.0, 1.35, 1.8)  # how much of a shove a leaf is given so that it keeps ahead of the body
 FOLDED = 0.33  # metres from shoulder to wrist under which an arm gets in its own way
 CLEAR = 0.02  # metres that the body keeps off the leaf

@@ -16,7 +16,7 @@ class SitDraws:
     """
 
     kinds: tuple[str, ...] = ("chair", "chair", "armchair", "stool", "bench", "sofa")
-    # share of the seats that stand partly under a table and are taken from the side; fewer of them work out
+    # Share of the seats that stand partly under a table and are taken from the side; fewer of them work out.
     sideways: float = 0.2
     kinds_at_table: tuple[str, ...] = ("chair", "chair", "stool")
     tries: int = 6  # places and ways for one seat
@@ -28,10 +28,8 @@ class SitDraws:
     off_the_front: float = 1.0  # to either side
     from_behind: float = 0.3  # share: the way is long and often fails
     off_the_back: float = 1.2
-    further_on: tuple[float, float] = (
-        -0.06,
-        0.05,
-    )  # metres ahead of where the captured hips come down that they are put
+    # Metres ahead of where the captured hips come down that they are put.
+    further_on: tuple[float, float] = (-0.06, 0.05)
     off_place: float = 0.01  # spread of the seat about where the hips are, each way
     down_rate: tuple[float, float] = (0.85, 1.25)  # how fast captured frames are played
     up_rate: tuple[float, float] = (0.85, 1.2)

@@ -29,10 +29,8 @@ RESTLESS = 0.12  # share of its sway that a seated body keeps
 _EARLY, _LATE = 5, 6  # frames before and after the seat is reached between which the rest is found
 _LEANS = np.radians(np.arange(0, 29, 4.0))
 _SPINE = [INDEX[name] for name in ("Chest2", "Chest3", "Chest4", "Neck")]
-_ARM, _FADE = (
-    0.22,
-    20,
-)  # metres from a joint of the arm to a solid that the arm may touch; frames in which what moved it fades
+# Metres from a joint of the arm to a solid that the arm may touch; frames in which what moved it fades.
+_ARM, _FADE = 0.22, 20
 _LEGS = tuple(leg[:3] for leg in FEET)
 
 

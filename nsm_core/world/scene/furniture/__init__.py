@@ -57,10 +57,9 @@ def make(kind: str, rng: np.random.Generator, **overrides: object) -> Furniture:
     ``overrides`` in metres: width, depth, height or seat_height, back_height, thickness, arm_width,
     arm_height, arm_start (share of the depth), plate; and legs ("posts", "pedestal", "sides", "solid"),
     back_style ("panel", "frame", "ladder"), arm_style ("block", "rail"), arms, back, drawer_side, steps (of a
-    flight); and
-    opening_width, opening_height, along (0..1: where along a wall its opening is).  On a seat, width and
-    depth are those of the free surface.  Raises GeometryError on an unknown kind or measure, or on measures
-    that do not fit together.
+    flight); and opening_width, opening_height, along (0..1: where along a wall its opening is).  On a seat,
+    width and depth are those of the free surface.  Raises GeometryError on an unknown kind or measure, or on
+    measures that do not fit together.
     """
     if kind not in MAKERS:
         raise GeometryError(f"There is no furniture of the kind {kind!r}; choose one of {', '.join(KINDS)}.")
