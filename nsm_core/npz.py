@@ -7,7 +7,7 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -110,7 +110,7 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, kinds: Mapping[str, 
             raise DamagedArrays(f"its entry {name} declares {size} bytes of values and holds {max(held, 0)}")
         data = bytearray(size)  # of our own, so that what comes of it may be written to
         # The end of the entry is where its checksum is held against it.
-        if file.readinto(data) != size or file.read(1):  # type: ignore[attr-defined]
+        if cast(zipfile.ZipExtFile, file).readinto(data) != size or file.read(1):
             raise DamagedArrays("it is truncated or damaged")
     return np.frombuffer(data, entry.dtype).reshape(entry.shape, order="F" if entry.fortran else "C")
 

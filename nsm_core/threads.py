@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -20,7 +20,7 @@ _PREFIXES = ("scipy_openblas", "openblas")
 
 
 @functools.cache
-def _openblas() -> tuple[object, object] | None:
+def _openblas() -> tuple[Callable[[], int], Callable[[int], None]] | None:
     """Getter and setter of the thread count of the OpenBLAS that numpy brought along; None with another
     library.
     """
@@ -47,9 +47,9 @@ def one_thread() -> Iterator[None]:
         yield
         return
     get, put = functions
-    before = get()  # type: ignore[operator]
-    put(1)  # type: ignore[operator]
+    before = get()
+    put(1)
     try:
         yield
     finally:
-        put(before)  # type: ignore[operator]
+        put(before)

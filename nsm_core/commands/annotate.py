@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -86,7 +85,7 @@ def main(arguments: list[str]) -> int:
         annotations = [arrays_of(sheet) for _, _, sheet, _, _ in done]
         measured = measure([clip for _, clip, *_ in done], annotations, minutes=options.minutes)
         print(compare(annotations, [m["phase"] for m in measured]))
-    seconds: Counter[str] = Counter()
+    seconds = dict.fromkeys(STYLES, 0.0)
     for (path, clip, sheet, remarks, kept), phases in zip(done, measured, strict=True):
         by_rule = sheet
         sheet = with_phase(sheet, {k: keys_of_phase(v) for k, v in phases.items()}, kept)

@@ -40,7 +40,7 @@ def main(arguments: list[str]) -> int:
         clip, path = done.clip, a.out / f"{done.clip.name}.bvh"
         bvh_writer.write(path, clip.hips_position, clip.local_rotations)
         solid = cuboids([(done.piece, done.pose[:3], float(done.pose[3]))])
-        seat = f"seat {done.piece.seat.height:.2f} m high"
+        seat = f"seat {done.piece.require_seat().height:.2f} m high"
         contact_sheet(
             clip.world()[0],
             path.with_suffix(".png"),

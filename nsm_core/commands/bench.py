@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -110,7 +111,7 @@ def report_frame(ours: Model, theirs: Model | None, frames: int) -> None:
     """One character, one frame: stages and ratios."""
     inputs, memory = random_inputs(ours.config, 1), ours.start()
     total = median_ms(lambda: ours.step(inputs, memory), frames)
-    stages = {}
+    stages: dict[str, float] = {}
     if isinstance(ours, NumpyNsm):
         coefficients, encoded = ours.gate(inputs.gating), ours.encode(inputs.features)
         stages = {
@@ -184,7 +185,7 @@ def report_batches(models: list[Model], count: int) -> None:
     print("\ncharacters per second " + "".join(f"{m.backend:>10s}" for m in models))
     for size in BATCHES:
         inputs, memory = random_inputs(models[0].config, size), models[0].start(size)
-        rates = [size / median_ms(lambda m=m, x=inputs, h=memory: m.step(x, h), count) * 1e3 for m in models]
+        rates = [size / median_ms(partial(m.step, inputs, memory), count) * 1e3 for m in models]
         print(f"  {size:4d} at once        " + "".join(f"{rate:10.0f}" for rate in rates))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
@@ -162,8 +163,8 @@ def export(
     minutes: float,
     seed: int = 0,
     workers: int = 2,
-    progress: object = None,
-    tell: object = None,
+    progress: Callable[[int, int], None] | None = None,
+    tell: Callable[[str], None] | None = None,
     meshes: str | None = None,
     stitch: bool = True,
 ) -> Path:
@@ -180,8 +181,9 @@ def export(
         raise CaptureError(f"{captures} is no folder; name the one with the captures.")
     index = CaptureFolder(captures)
     load(index)  # a damaged capture is told here, not as a broken pool of workers
-    for note in index.notes() if callable(tell) else ():
-        tell(note)
+    if tell is not None:
+        for note in index.notes():
+            tell(note)
     cache = str(out / "objects.npz")
     pool_of(meshes, cache)  # converted once, before the workers ask for it
     wanted, frames, objects = int(minutes * 1800), 0, 0
@@ -207,7 +209,7 @@ def export(
                     for k in OBJECT_FIELDS:
                         files[k].write(np.ascontiguousarray(arrays[k], dtype=np.float32).tobytes())
                 batch += 16
-                if callable(progress):
+                if progress is not None:
                     progress(frames, wanted)
     finally:
         for f in files.values():

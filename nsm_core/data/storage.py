@@ -87,7 +87,7 @@ def require_meaning(folder: str | Path) -> Meaning | None:
 
 def empty_arrays(frames: int, objects: int) -> dict[str, Array]:
     """Zeros for so many frames and objects."""
-    arrays = {k: np.zeros((frames, *shape), dtype) for k, (shape, dtype) in FIELDS.items()}
+    arrays: dict[str, Array] = {k: np.zeros((frames, *shape), dtype) for k, (shape, dtype) in FIELDS.items()}
     return {
         **arrays,
         "object_cells": np.zeros((objects, CELLS, 3), np.float32),
@@ -164,9 +164,8 @@ class Dataset:
         start, end = a["start"][frames], a["end"][frames]
         past = np.maximum(frames[:, None] + np.arange(-WINDOW, 1), start[:, None])
         future = np.minimum(frames[:, None] + np.arange(1, KEYS // 2 + 1) * KEY_STEP, end[:, None] - 1)
-        before = (
-            np.arange(-WINDOW, 1)[None] + frames[:, None] - past
-        )  # frames reached out of the take, counted at idle speed
+        # Frames reached out of the take, counted at idle speed.
+        before = np.arange(-WINDOW, 1)[None] + frames[:, None] - past
         return State(
             a["joint_position"][frames],
             a["joint_forward"][frames],

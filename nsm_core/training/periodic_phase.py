@@ -149,7 +149,8 @@ def phases(model: PeriodicAutoencoder, motion: Array) -> tuple[Array, Array, Arr
     ]
     away = np.arange(1, half + 1)[:, None]
     phase = np.concatenate((phase[:1] - away[::-1] * near[0], phase, phase[-1:] + away * near[1]))
-    return phase, *(np.pad(v, ((half, half), (0, 0)), mode="edge") for v in (frequency, amplitude))
+    ends = ((half, half), (0, 0))
+    return phase, np.pad(frequency, ends, mode="edge"), np.pad(amplitude, ends, mode="edge")
 
 
 def unwrapped(phase: Array, frequency: Array, amplitude: Array, floor: float) -> Array:
@@ -179,7 +180,7 @@ def measure(
     found = [[phases(model, m) for m in pair] for pair in motions]
     floor = 0.3 * float(np.median(np.concatenate([a.max(1) for pair in found for *_, a in pair])))
     result = [
-        {name: unwrapped(*f, floor) for name, f in zip(("phase", "phase_mirrored"), pair, strict=True)}
+        dict(zip(("phase", "phase_mirrored"), (unwrapped(p, f, a, floor) for p, f, a in pair), strict=True))
         for pair in found
     ]
     gaps = []
@@ -196,7 +197,9 @@ def compare(annotations: list[Annotation], measured: list[Array]) -> str:
     """One line: cycles a minute on walks and runs, correlation of speeds, and how far apart the two phases
     are.
     """
-    rule_rate, own_rate, apart = {WALK: [], RUN: []}, {WALK: [], RUN: []}, []
+    rule_rate: dict[int, list[Array]] = {WALK: [], RUN: []}
+    own_rate: dict[int, list[Array]] = {WALK: [], RUN: []}
+    apart: list[Array] = []
     for annotation, phase in zip(annotations, measured, strict=True):
         rates = (
             [_smooth(np.gradient(p)) * FPS * 60 for p in (annotation.phase, phase)]
@@ -215,17 +218,21 @@ def compare(annotations: list[Annotation], measured: list[Array]) -> str:
         if rule_rate[label]:
             rule, own = np.concatenate(rule_rate[label]), np.concatenate(own_rate[label])
             parts.append(f"{name} {own.mean():.1f} cycles a minute (rule {rule.mean():.1f})")
-    both = [
+    rule_frames, own_frames = (
         np.concatenate([v for label in (WALK, RUN) for v in rates[label]] or [np.zeros(2)])
         for rates in (rule_rate, own_rate)
-    ]
-    clips = [[np.mean(v) for label in (WALK, RUN) for v in rates[label]] for rates in (rule_rate, own_rate)]
-    if len(clips[0]) > 2:
+    )
+    rule_clips, own_clips = (
+        np.array([np.mean(v) for label in (WALK, RUN) for v in rates[label]])
+        for rates in (rule_rate, own_rate)
+    )
+    if len(rule_clips) > 2:
         parts.append(
-            f"correlation of phase speed {np.corrcoef(*both)[0, 1]:.2f} by frame, "
-            f"{np.corrcoef(*clips)[0, 1]:.2f} by clip"
+            f"correlation of phase speed {np.corrcoef(rule_frames, own_frames)[0, 1]:.2f} by frame, "
+            f"{np.corrcoef(rule_clips, own_clips)[0, 1]:.2f} by clip"
         )
-        parts.append(f"clips differ by {np.median(np.abs(np.subtract(*clips))):.1f} cycles a minute (median)")
+        apart_by = np.median(np.abs(rule_clips - own_clips))
+        parts.append(f"clips differ by {apart_by:.1f} cycles a minute (median)")
     if apart:
         parts.append(
             f"on walks the phases are {np.concatenate(apart).mean():.3f} cycles apart on average (0.25 is "

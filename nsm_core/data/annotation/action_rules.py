@@ -121,8 +121,8 @@ def _paces(speed: Array, planted: Array) -> dict[str, list[Key]]:
 def _balance(motion: MeasuredMotion) -> Array:
     """How far (T,), metres, the centre of mass lies behind the hindmost heel."""
     p = motion.positions
-    centre = sum(share * ((1 - at) * p[:, INDEX[a]] + at * p[:, INDEX[b]]) for a, b, at, share in _MASSES)
-    centre = centre / sum(m[-1] for m in _MASSES)
+    parts = (share * ((1 - at) * p[:, INDEX[a]] + at * p[:, INDEX[b]]) for a, b, at, share in _MASSES)
+    centre = sum(parts, np.zeros_like(p[:, 0])) / sum(m[-1] for m in _MASSES)
     ankles = [foot[2] for foot in FEET]
     heels = p[:, ankles] + quat_rotate(
         motion.rotations[:, ankles], np.broadcast_to(HEEL_FROM_ANKLE, (len(p), 2, 3))

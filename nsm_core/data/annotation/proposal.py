@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,7 +68,7 @@ def _other(name: str) -> str:
 def arrays_of(sheet: Sheet) -> Annotation:
     """Per-frame arrays of key frames."""
     count, frames = sheet.frames, np.arange(sheet.frames)
-    style = np.stack([_lines(sheet.actions.get(name, []), frames) for name in STYLES], axis=1)
+    style = np.stack([straight_lines(sheet.actions.get(name, []), frames) for name in STYLES], axis=1)
     gait = style[:, _GAIT]
     total = gait.sum(1, keepdims=True)
     gait = np.where(total > 1e-3, gait / np.maximum(total, 1e-3), np.array((1.0, 0, 0)))
@@ -84,8 +85,12 @@ def arrays_of(sheet: Sheet) -> Annotation:
     )
 
 
-def _lines(keys: list[Key], frames: Array) -> Array:
-    return np.interp(frames, *zip(*keys, strict=True)) if keys else np.zeros(len(frames))
+def straight_lines(keys: list[Key], frames: Array) -> Array:
+    """Values (T,) of action keys: straight lines between them, 0 where there are none."""
+    if not keys:
+        return np.zeros(len(frames))
+    at, values = zip(*keys, strict=True)
+    return np.interp(frames, at, values)
 
 
 def steps(keys: list[Key], frames: Array) -> Array:
@@ -114,10 +119,11 @@ def propose(clip: Clip, kept: Sheet | None = None) -> tuple[Sheet, dict[int, str
     on = {name: _step_keys(contacts[:, k]) if contacts[:, k].any() else [] for k, name in enumerate(CONTACTS)}
     use = kept.use if kept is not None else Use()
     sheet = Sheet(clip.name, len(clip), actions, on, [], [], [], use=use)
-    edited = kept.edited() if kept is not None else []
+    before = kept if kept is not None else sheet
+    edited = before.edited()
     proposal = {name: fingerprint(sheet.section(name)) for name in SECTIONS[:-3]}
     for name in edited:
-        sheet = sheet.with_section(name, kept.section(name))
+        sheet = sheet.with_section(name, before.section(name))
     spans = _spans(sheet, spans, edited)
     arrays = arrays_of(sheet)
     moving = arrays.style[:, [WALK, RUN, CLIMB]].sum(1) > 0.3
@@ -129,7 +135,7 @@ def propose(clip: Clip, kept: Sheet | None = None) -> tuple[Sheet, dict[int, str
     ]
     goals, remarks = propose_goals(motion, spans)
     feet = arrays.contact[:, FOOT_CONTACTS]
-    found = {
+    found: dict[str, Sequence[object]] = {
         "phase": rule_keys(feet[:, 1], moving, transitions),
         "phase_mirrored": rule_keys(feet[:, 0], moving, transitions),
         "goals": goals,
@@ -139,7 +145,7 @@ def propose(clip: Clip, kept: Sheet | None = None) -> tuple[Sheet, dict[int, str
         if name not in edited:
             sheet = sheet.with_section(name, content)
     # What a person wrote keeps the mark of the old proposal, so that it is still known as theirs next time.
-    marks = {n: (kept.proposal.get(n, "none") if n in edited else mark) for n, mark in proposal.items()}
+    marks = {n: (before.proposal.get(n, "none") if n in edited else mark) for n, mark in proposal.items()}
     return replace(sheet, proposal=marks), {} if "goals" in edited else remarks
 
 
@@ -148,7 +154,7 @@ def _spans(sheet: Sheet, spans: list[Span], edited: list[str]) -> list[Span]:
     mine = {name.split(".")[1] for name in edited if name.startswith("actions.")}
     found = [s for s in spans if s.action not in mine]
     for action in mine & {"sit", "carry", "open", "climb"}:
-        value = _lines(sheet.actions[action], np.arange(sheet.frames))
+        value = straight_lines(sheet.actions[action], np.arange(sheet.frames))
         edges = np.diff(np.concatenate(((0,), (value > 0.01).astype(int), (0,))))
         for a, b in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True):
             full = np.flatnonzero(value[a:b] > 0.99) + a
@@ -165,12 +171,12 @@ def propose_goals(motion: MeasuredMotion, spans: list[Span]) -> tuple[list[GoalK
     remarks: dict[int, str] = {}
     for span in (s for s in spans if s.action == "sit"):
         middle = (span.full + span.leave) // 2
-        place = tuple(round(float(v), 3) + 0.0 for v in motion.positions[middle, HIPS])
+        x, y, z = (round(float(v), 3) + 0.0 for v in motion.positions[middle, HIPS])
         facing = round(float((np.degrees(motion.heading[middle]) + 180) % 360 - 180), 1) + 0.0
         if goals and goals[-1].frame >= span.start:
             goals.pop()  # asked to sit again at once
         remarks[len(goals)] = "to sit with the hips there"
-        goals.append(GoalKey(span.start, "sit", place, facing))
+        goals.append(GoalKey(span.start, "sit", (x, y, z), facing))
         if span.leave < len(motion) - 2:
             remarks[len(goals)] = "to rise"
             goals.append(GoalKey(span.leave, "idle"))

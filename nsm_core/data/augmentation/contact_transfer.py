@@ -19,7 +19,6 @@ from nsm_core.body.ik.root_reach import within_reach
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import ANKLE_HEIGHT, ARMS, FEET, HIP_OVER_SEAT, HIPS, forward_kinematics, root_of
 from nsm_core.conventions import FOOT_CONTACTS, FPS, HAND_CONTACTS, HIP_CONTACT
-from nsm_core.errors import GeometryError
 from nsm_core.rotations import Array, heading_quat, quat_mul, rotate_planar, wrap_angle
 from nsm_core.signals import intervals
 from nsm_core.world.affordances.arm_rests import arm_rests
@@ -28,16 +27,13 @@ from nsm_core.world.scene.furniture import Furniture, top_of
 
 # In the order of the contacts: hips, right and left wrist, right and left ankle.
 KEY_JOINTS = (HIPS, ARMS[0][2], ARMS[1][2], FEET[0][2], FEET[1][2])
-_BELOW = np.array(
-    (HIP_OVER_SEAT, 0, 0, ANKLE_HEIGHT, ANKLE_HEIGHT)
-)  # metres from the joint down to the skin that touches
+# Metres from the joint down to the skin that touches.
+_BELOW = np.array((HIP_OVER_SEAT, 0, 0, ANKLE_HEIGHT, ANKLE_HEIGHT))
 NEAR = np.array((0.16, 0.12, 0.12, 0.07, 0.07))  # metres from the surface that still count as touching it
 _SMOOTH = round(0.1 * FPS)  # frames to either side over which corrections are smoothed while touching
 _BLEND = FPS  # frames over which corrections fade where nothing is touched
-_OVERHANG, _LOWEST_TOP = (
-    0.06,
-    0.05,
-)  # metres that an ankle may stand over an edge; height of what is no floor any more
+# Metres that an ankle may stand over an edge; height of what is no floor any more.
+_OVERHANG, _LOWEST_TOP = 0.06, 0.05
 _UPRIGHT = 0.96  # of the greatest height of the hips, over which nobody has begun to sit down
 _FOOT_ROOM = 0.08  # metres that a foot keeps from the edges of what it stands on
 _SHIFTS = np.concatenate((np.arange(1, _SMOOTH + 1), -np.arange(1, _SMOOTH + 1)))
@@ -75,12 +71,11 @@ def fit_template(hips: Array, rotations: Array, frame: int, piece: Furniture) ->
 
     ``hips`` (T, 3) world, ``rotations`` (T, J, 4).  Raises GeometryError on a piece without a seat.
     """
-    if piece.seat is None:
-        raise GeometryError(f"Nobody sits on a {piece.kind}; choose a template with a seat.")
     height = float(hips[frame, 2]) - HIP_OVER_SEAT
-    piece = scaled(piece, (1, 1, height / piece.seat.height))
-    heading = float(root_of(forward_kinematics(hips[frame], rotations[frame])[0])[1]) - piece.seat.heading
-    place = hips[frame, :2] - rotate_planar(piece.seat.point[:2].astype(np.float64), np.float64(heading))
+    piece = scaled(piece, (1, 1, height / piece.require_seat().height))
+    seat = piece.require_seat()
+    heading = float(root_of(forward_kinematics(hips[frame], rotations[frame])[0])[1]) - seat.heading
+    place = hips[frame, :2] - rotate_planar(seat.point[:2].astype(np.float64), np.float64(heading))
     return piece, np.array((*place, 0.0, heading))
 
 
@@ -225,9 +220,7 @@ def _on_other(k: int, points: Array, template: Furniture, other: Furniture) -> A
     joint nothing.
     """
     if k == HIP_CONTACT and template.seat is not None:
-        if other.seat is None:
-            raise GeometryError(f"Nobody sits on a {other.kind}; draw a piece with a seat.")
-        a, b = template.seat, other.seat
+        a, b = template.seat, other.require_seat()
         # Shares of the seat: in the sitter's frame, which aligned seats share.
         share = rotate_planar(points[:, :2] - a.point[:2], np.full(len(points), -a.heading)) / (
             a.width,

@@ -40,6 +40,8 @@ def switch_box(
     """
     index, count = take.commands[number].thing, len(take)
     thing = take.things[index]
+    if thing.held is None:
+        return None
     held = np.flatnonzero(thing.held)
     e = embed(take.hips, take.rotations, take.contacts, thing.furniture, thing.poses)
     if not len(held) or not e.touch[held][:, HAND_CONTACTS].all():
@@ -47,7 +49,7 @@ def switch_box(
     frames = slice(max(int(held[0]) - _AROUND, 0), min(int(held[-1]) + _AROUND + 1, count))
     quarter = np.pi / 2
     face = float(np.round((take.commands[number].heading - thing.poses[0, 3]) / quarter) * quarter)
-    old = _Hold(take, index, thing, face, frames)
+    old = _Hold(take, index, face, frames, thing.held)
     for seed, share in zip(seeds, shares, strict=True):
         piece = _resized(switch(pool, "crate", int(seed)), thing.furniture, share)
         box, before = carried_box(piece), carried_box(thing.furniture)
@@ -75,8 +77,9 @@ def _resized(piece: Furniture, old: Furniture, share: float) -> Furniture:
 class _Hold:
     """What a body may do while it carries another box, measured while it carries its own."""
 
-    def __init__(self, take: ComposedTake, index: int, thing: Thing, face: float, frames: slice) -> None:
-        self.take, self.thing, self.face, self.frames = take, thing, face, frames
+    def __init__(self, take: ComposedTake, index: int, face: float, frames: slice, held: Array) -> None:
+        self.take, self.thing, self.face, self.frames = take, take.things[index], face, frames
+        self.held = held[frames]
         still = [(o.furniture, o.position, o.heading) for o in take.obstacles]
         things = [t for n, t in enumerate(take.things) if n != index]
         middle = (frames.start + frames.stop) // 2
@@ -84,9 +87,9 @@ class _Hold:
         self.rest = cuboids(
             still + [(t.furniture, p[:3], float(p[3])) for t, p in zip(things, poses, strict=True)]
         )
-        self.before = self._measured(take.hips[frames], take.rotations[frames], thing)
+        self.before = self._measured(take.hips[frames], take.rotations[frames], self.thing)
 
-    def _measured(self, hips: Array, rotations: Array, thing: Thing) -> tuple[Array, ...]:
+    def _measured(self, hips: Array, rotations: Array, thing: Thing) -> tuple[Array, Array, float, float]:
         """Joints; depths of the body in the box and of body and box in what is about them; how far wrists
         slip, metres.
         """
@@ -97,19 +100,18 @@ class _Hold:
             centres - poses[::2, None, :3], np.broadcast_to(-poses[::2, None, 3], centres.shape[:2])
         )
         inside = depth_in_solids((seen, radii), cuboids([(thing.furniture, np.zeros(3), 0.0)]))
-        ends = np.stack((thing.furniture.mins.min(0), thing.furniture.maxs.max(0))).astype(np.float64)
-        grid = np.stack(np.meshgrid(*np.linspace(*ends, 4).T, indexing="ij"), axis=-1).reshape(1, -1, 3)
+        low, high = np.stack((thing.furniture.mins.min(0), thing.furniture.maxs.max(0))).astype(np.float64)
+        grid = np.stack(np.meshgrid(*np.linspace(low, high, 4).T, indexing="ij"), axis=-1).reshape(1, -1, 3)
         swept = rotate_planar(
             np.repeat(grid, len(poses[::4]), axis=0), np.repeat(poses[::4, None, 3], grid.shape[1], axis=1)
         )
         meets = depth_in_solids((swept + poses[::4, None, :3], np.zeros(grid.shape[1])), self.rest)
         box: Box = carried_box(thing.furniture)
-        held = thing.held[self.frames]
         grasps = rotate_planar(
             np.repeat(box.learned_grasps(self.face)[None], len(poses), axis=0),
             np.repeat(poses[:, None, 3], 2, axis=1),
         )
-        slips = np.linalg.norm(joints[:, _WRISTS] - grasps - poses[:, None, :3], axis=-1)[held].max()
+        slips = np.linalg.norm(joints[:, _WRISTS] - grasps - poses[:, None, :3], axis=-1)[self.held].max()
         return joints, np.array((inside, depth_in_solids((centres, radii), self.rest))), meets, slips
 
     def allows(self, hips: Array, rotations: Array, other: Thing) -> bool:

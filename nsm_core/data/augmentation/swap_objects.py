@@ -2,8 +2,7 @@
 whole take.
 
 What somebody sits on, climbs or carries is replaced by others of their kind at random scale, and the motion
-is transferred
-onto them.  What does not come out as sound as it was keeps its object.
+is transferred onto them.  What does not come out as sound as it was keeps its object.
 """
 
 from __future__ import annotations
@@ -79,7 +78,7 @@ def _switch_one(take: ComposedTake, number: int, pool: Pool, seeds: Array) -> Co
         piece = _nearer(switch(pool, thing.furniture.kind, int(seed)), thing.furniture, share)
         seat = piece.seat
         if seat is not None and (
-            seat.arms != thing.furniture.seat.arms or not SEATS[0] <= seat.height <= SEATS[1]
+            seat.arms != thing.furniture.require_seat().arms or not SEATS[0] <= seat.height <= SEATS[1]
         ):
             continue
         other = Thing(piece, _stand(thing, piece))
@@ -100,9 +99,8 @@ def _nearer(piece: Furniture, old: Furniture, share: float) -> Furniture:
     Feet before and behind an object leave its depth little room: it comes near sooner.
     """
     if piece.seat is not None:
-        factors = np.array(
-            (1, 1, (old.seat.height + share * (piece.seat.height - old.seat.height)) / piece.seat.height)
-        )
+        new, before = piece.seat.height, old.require_seat().height
+        factors: Array = np.array((1, 1, (before + share * (new - before)) / new))
     else:
         factors = (old.size + np.array((share, share**3, share)) * (piece.size - old.size)) / piece.size
     return scaled(piece, factors)
@@ -114,7 +112,9 @@ def _stand(thing: Thing, piece: Furniture) -> Array:
     """
     pose = align(thing.furniture, thing.poses, piece)
     if piece.seat is not None:
-        edge, before = (float(f.seat.point[1] - f.mins[:, 1].min()) for f in (piece, thing.furniture))
+        edge, before = (
+            float(f.require_seat().point[1] - f.mins[:, 1].min()) for f in (piece, thing.furniture)
+        )
         pose[:2] -= np.clip(edge - before, 0, MOST_BACK) * heading_to_direction(
             np.float64(pose[3] + piece.seat.heading)
         )
@@ -274,15 +274,17 @@ class _Span:
 
     def _goal(self, command: TimedCommand, hips: Array, other: Thing) -> Array:
         """Where the command now asks the body to be, (3,): moved as the hips are while they are there."""
+        asked = command.position
+        assert asked is not None  # who uses an object is sent to a place
         if command.action == "sit":
-            there = self.e.touch[:, HIP_CONTACT]
+            there: Array | slice = self.e.touch[:, HIP_CONTACT]
         else:
             used = np.flatnonzero(self.active)
-            nearest = used[np.linalg.norm(self.take.hips[used, :2] - command.position[:2], axis=1).argmin()]
+            nearest = used[np.linalg.norm(self.take.hips[used, :2] - asked[:2], axis=1).argmin()]
             there = slice(nearest, nearest + 1)
-        goal = command.position + (hips[there] - self.take.hips[there]).mean(axis=0)
+        goal = asked + (hips[there] - self.take.hips[there]).mean(axis=0)
         if command.action != "sit":
-            goal[2] = other.furniture.maxs[:, 2].max() if command.position[2] > 0 else 0.0
+            goal[2] = other.furniture.maxs[:, 2].max() if asked[2] > 0 else 0.0
         return goal.astype(np.float32)
 
 

@@ -46,7 +46,7 @@ def switch_seat(sit: SitDown, pool: Pool, kind: str, seed: int) -> Switched:
     """
     piece = switch(pool, kind, seed)
     rests = all(
-        rest is not None and np.linalg.norm(rest[:2] - piece.seat.point[:2]) < REACH
+        rest is not None and np.linalg.norm(rest[:2] - piece.require_seat().point[:2]) < REACH
         for rest in arm_rests(piece)
     )
     template = make("armchair" if rests else "stool", np.random.default_rng(0))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -175,7 +174,11 @@ def from_motion(frames: Frames, joints: dict[str, int], spine: list[int]) -> dic
 
 
 def _foot_from_motion(
-    frames: Frames, joints: dict[str, int], side: str, constants: dict[str, Any], inside: Callable[..., Array]
+    frames: Frames,
+    joints: dict[str, int],
+    side: str,
+    constants: dict[str | int, Array],
+    inside: Callable[[int, Array], Array],
 ) -> None:
     """Add the constants of an ankle and a toe: along the foot, level across as the shin is."""
     ankle = joints[side + "Ankle"]

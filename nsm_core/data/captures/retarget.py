@@ -30,10 +30,8 @@ if TYPE_CHECKING:
 _LEG = float(-OFFSETS[list(FEET[0][1:3]), 2].sum())
 _STILL = 0.25  # metres a second under which a foot counts as standing
 _MAX_SOLE_TURN = np.radians(25)
-_UPRIGHT, _STANDING = (
-    0.5,
-    0.7,
-)  # rise of the trunk per length, or of the hips over the feet per leg, of who is up
+# Rise of the trunk per length, or of the hips over the feet per leg, of who is up.
+_UPRIGHT, _STANDING = 0.5, 0.7
 _SELDOM = 0.05  # share of frames below which nobody is
 _BED = (-0.1, 1.5)  # metres over a floor that the lowest joint of who lies is found at
 _FLESH = 0.05  # metres between a joint and what it lies on
@@ -240,8 +238,8 @@ def _world_rotations(
             quat_slerp(chain[low], chain[low + 1], np.full(count, at - low))
         )
     if "Neck" not in done:
-        ends = (quat_from_matrix(world[:, INDEX[n]]) for n in ("Chest4", "Head"))
-        world[:, INDEX["Neck"]] = quat_to_matrix(quat_slerp(*ends, np.full(count, 0.5)))
+        chest, head = (quat_from_matrix(world[:, INDEX[n]]) for n in ("Chest4", "Head"))
+        world[:, INDEX["Neck"]] = quat_to_matrix(quat_slerp(chest, head, np.full(count, 0.5)))
     for side in SIDES:
         for name, parent in (("Collar", "Chest4"), ("Toe", side + "Ankle")):
             if side + name not in done:
@@ -275,9 +273,8 @@ def _floor_tilt(ankles: Array, toes: Array, soles: Array) -> Array:
     if len(where) < 5 or np.ptp(where, axis=0).max() < 2.5:
         return np.zeros(2)
     centre, height = np.array(where) - np.mean(where, axis=0), np.array(height) - np.mean(height)
-    slope = np.linalg.solve(
-        centre.T @ centre + np.eye(2), centre.T @ height
-    )  # damped across the way that is walked
+    # Damped across the way that is walked.
+    slope = np.linalg.solve(centre.T @ centre + np.eye(2), centre.T @ height)
     level = np.linalg.norm(slope) < 0.02 and (height - centre @ slope).std() < 0.012
     return slope if level else np.zeros(2)
 

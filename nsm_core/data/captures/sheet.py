@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -93,7 +94,7 @@ SECTIONS = (
 )
 
 
-def fingerprint(content: object) -> str:
+def fingerprint(content: Iterable[object]) -> str:
     """Eight letters that change when the content of a section does; formatting and comments do not count."""
-    plain = [vars(g) if isinstance(g, GoalKey) else g for g in content]  # type: ignore[attr-defined]
+    plain = [vars(g) if isinstance(g, GoalKey) else g for g in content]
     return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:8]

@@ -11,6 +11,7 @@ import os
 import re
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -167,7 +168,7 @@ def read(path: str | Path) -> Sheet:
         CaptureError,
         ("clip", "frames", "use", "actions", "contacts", "phase", "phase_mirrored", "goals", "proposal"),
     )
-    present = {k for k in ("phase", "phase_mirrored", "goals") if k in found}
+    present: set[str] = {k for k in ("phase", "phase_mirrored", "goals") if k in found}
     groups: dict[str, dict[str, list[Key]]] = {}
     for group, names in (("actions", LABELS), ("contacts", CONTACTS)):
         parts = table(found.get(group, {}), f"{path.name}, [{group}]", CaptureError)
@@ -180,7 +181,9 @@ def read(path: str | Path) -> Sheet:
             part: _keys(parts.get(part, {}), f"{path.name}, [{group}.{part}]", frames) for part in names
         }
         present |= {f"{group}.{part}" for part in parts}
-    phases = {k: _keys(found.get(k, {}), f"{path.name}, [{k}]", frames) for k in ("phase", "phase_mirrored")}
+    phase, mirrored = (
+        _keys(found.get(k, {}), f"{path.name}, [{k}]", frames) for k in ("phase", "phase_mirrored")
+    )
     listed_goals = listed(found.get("goals", []), f"{path.name}, [[goals]]", CaptureError)
     goals = sorted(
         (_goal(g, f"{path.name}, goal {n + 1}", frames) for n, g in enumerate(listed_goals)),
@@ -194,7 +197,16 @@ def read(path: str | Path) -> Sheet:
     clip = text(found.get("clip", path.name), f"{path.name}: clip", CaptureError)
     use = _use(found.get("use", {}), f"{path.name}, [use]", frames)
     return Sheet(
-        clip, frames, **groups, **phases, goals=goals, proposal=proposal, present=frozenset(present), use=use
+        clip,
+        frames,
+        groups["actions"],
+        groups["contacts"],
+        phase,
+        mirrored,
+        goals,
+        proposal,
+        frozenset(present),
+        use,
     )
 
 
@@ -261,7 +273,7 @@ def _goal(found: object, where: str, frames: int) -> GoalKey:
     )
     if kind not in _GOAL_KEYS:
         raise CaptureError(f"{where}: kind must be static or dynamic, not {shown(kind)}.")
-    place = found.get("place")
+    place: Any = found.get("place")
     if kind == "static" and not (
         isinstance(place, list) and len(place) == 3 and all(is_number(v, -MOST_FAR, MOST_FAR) for v in place)
     ):
@@ -283,4 +295,5 @@ def _goal(found: object, where: str, frames: int) -> GoalKey:
             ahead=number(found.get("ahead", 1.0), f"{where}: ahead", CaptureError, 0, MOST_AHEAD),
         )
     facing = number(found.get("facing", 0.0), f"{where}: facing", CaptureError, -MOST_TURN, MOST_TURN)
-    return GoalKey(frame, action, tuple(float(v) for v in place), facing)
+    x, y, z = (float(v) for v in place)
+    return GoalKey(frame, action, (x, y, z), facing)

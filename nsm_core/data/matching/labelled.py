@@ -13,7 +13,7 @@ from nsm_core.body.contacts import TOES
 from nsm_core.body.skeleton import HIPS
 from nsm_core.conventions import CONTACTS, FOOT_CONTACTS, FPS, HAND_CONTACTS
 from nsm_core.data.annotation.phases import phase_of_keys
-from nsm_core.data.annotation.proposal import steps
+from nsm_core.data.annotation.proposal import steps, straight_lines
 from nsm_core.data.captures.folder import Labelled
 from nsm_core.data.captures.sheet import Stretch
 from nsm_core.data.captures.sidecar import SUFFIX
@@ -39,7 +39,7 @@ def lines(labelled: Labelled, name: str) -> Array:
     another.
     """
     keys, frames = labelled.sheet.actions.get(name, []), np.arange(labelled.sheet.frames)
-    return np.interp(frames, *zip(*keys, strict=True)) if keys else np.zeros(len(frames))
+    return straight_lines(keys, frames)
 
 
 def as_told(labelled: Labelled) -> Labelled:

@@ -19,10 +19,8 @@ from nsm_core.signals import align_quaternions, gaussian_smooth, intervals
 from .labelled import as_told, grasps, sit_downs, walks_and_runs
 from .segment import Segment, SitDown
 
-_QUIET, _HANGING = (
-    0.12,
-    0.2,
-)  # m/s of any joint in a quiet stand; metres between hips and hanging wrists, in height
+# m/s of any joint in a quiet stand; metres between hips and hanging wrists, in height.
+_QUIET, _HANGING = 0.12, 0.2
 
 
 def _pieces(folder: CaptureFolder) -> list[Labelled]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from nsm_core.body.skeleton import HIPS
@@ -27,7 +29,12 @@ class Tape:
         return len(self.frames)
 
     def lay(
-        self, frames: Array, roots: Array, headings: Array, seams: tuple[int, ...] = (), seam: bool = True
+        self,
+        frames: Iterable[float],
+        roots: Iterable[Array],
+        headings: Iterable[float],
+        seams: tuple[int, ...] = (),
+        seam: bool = True,
     ) -> None:
         """Lay library ``frames`` (n,) with their ``roots`` (n, 2) and ``headings`` (n,) on; ``seams`` count
         from the first of them.

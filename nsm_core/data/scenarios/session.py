@@ -26,9 +26,8 @@ class Episode(Protocol):
     tape and gives commands; None where the draw did not work out (the session then takes everything back).
     """
 
-    places: list[
-        tuple[Array, float]
-    ]  # planar places (2,) and radii, metres, that later ways and objects keep off
+    # Planar places (2,) and radii, metres, that later ways and objects keep off.
+    places: list[tuple[Array, float]]
 
     def clear(self, session: Session) -> bool:
         """Whether the way walked so far, all of ``session.tape``, keeps off the episode's objects."""
@@ -61,13 +60,12 @@ class Session:
         """A piece of furniture of a kind from the pool."""
         return self.pool.draw(kind, self.rng)
 
-    # --- commands and the way back
-    # ---------------------------------------------------------------------------------
+    # --- commands and the way back ---
 
-    def command(self, action: str, lead: int = 0, **kw: object) -> int:
+    def command(self, action: str, lead: int = 0, position: Array | None = None, heading: float = 0.0) -> int:
         """Ask for ``action`` from ``lead`` frames before the tape's end on; returns the command's number."""
         frame = max(len(self.tape) - lead, self.commands[-1].frame + 1 if self.commands else 0)
-        self.commands.append(TimedCommand(frame, action, **kw))  # type: ignore[arg-type]
+        self.commands.append(TimedCommand(frame, action, position, heading))
         return len(self.commands) - 1
 
     def stand_here(self, mark: int) -> None:
@@ -110,8 +108,7 @@ class Session:
         """Whether the way walked so far keeps off every episode's objects."""
         return all(e.clear(self) for e in self.episodes)
 
-    # --- ways
-    # --------------------------------------------------------------------------------------------------------
+    # --- ways ---
 
     def free_place(self, low: float, high: float, clearance: float, radius: float = 1.5) -> Array | None:
         """A place (2,) between ``low`` and ``high`` metres from here, off the way walked and off the

@@ -143,11 +143,11 @@ def phase_of(
     """Unwrapped phase (T,) in cycles (section 5.1).
 
     A cycle ends at every left landing while walking and at the ends of acyclic transitions; in between the
-    idle
-    phase runs at about 1 Hz.  ``contacts`` (T, 2) right and left foot, ``walking`` (T,) label.  Where a
+    idle phase runs at about 1 Hz.  ``contacts`` (T, 2) right and left foot, ``walking`` (T,) label.  Where a
     sidecar has ``told`` the phase (T,), NaN elsewhere, that is it, and the rule fills what is left.
     """
-    known = np.zeros(count, bool) if told is None else np.isfinite(told)
+    told = np.full(count, np.nan) if told is None else told
+    known = np.isfinite(told)
     near = np.convolve(known, np.ones(2 * _SHORTEST_CYCLE - 1), mode="same") > 0.5
     left = contacts[:, 1].astype(int)
     landings = [int(f) + 1 for f in np.flatnonzero(np.diff(left) > 0) if walking[f + 1] > 0.3]
@@ -158,7 +158,7 @@ def phase_of(
         if merged and k - merged[-1] < _SHORTEST_CYCLE:
             continue
         merged.append(k)
-    anchors = [(k, 0.0) for k in merged] + [(int(k), float(told[k] % 1)) for k in np.flatnonzero(known)]  # type: ignore[index]
+    anchors = [(k, 0.0) for k in merged] + [(int(k), float(told[k] % 1)) for k in np.flatnonzero(known)]
     at, phase = [-FPS], [0.0]
     for frame, value in [*sorted(anchors), (count + FPS, 0.0)]:
         # From value to value, and as many whole cycles more as the time between them holds.

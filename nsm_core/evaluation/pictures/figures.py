@@ -140,8 +140,8 @@ def contact_sheet(
         shade = "#fbfaf7" if (i + i // per_row) % 2 else "#f1efe9"
         window = Rectangle(tuple(corner), cell[0], cell[1] - label, facecolor=shade, zorder=0)
         ax.add_patch(window)
-        name = corner + np.array((cell[0] / 2, cell[1] - label / 2))
-        ax.text(*name, f"{f}   {f / fps:.2f} s", ha="center", va="center", fontsize=7, color="#555")
+        x, y = corner + np.array((cell[0] / 2, cell[1] - label / 2))
+        ax.text(x, y, f"{f}   {f / fps:.2f} s", ha="center", va="center", fontsize=7, color="#555")
 
         def lines(
             segments: list[Array],

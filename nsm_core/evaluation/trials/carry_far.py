@@ -5,6 +5,7 @@ crate of the largest size.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -73,9 +74,8 @@ def support(
             rng, height, float(crate.size[0]) + 0.35, depth + edge + 0.1, float(crate.size[2]) + 0.12
         )
     else:
-        deep = max(
-            0.35 if kind == "shelf" else 0.7, depth + 2 * edge + 0.1
-        )  # so that the other side is no nearer
+        # So that the other side is no nearer.
+        deep = max(0.35 if kind == "shelf" else 0.7, depth + 2 * edge + 0.1)
         piece = furniture.make(kind, rng, width=float(rng.uniform(0.9, 1.4)), depth=deep, height=height)
     inner = np.array((0.0, float(piece.mins[:, 1].min()) + edge + depth / 2))
     turn = facing + np.pi
@@ -106,7 +106,7 @@ def trials(starts: int = 1, settings: Sequence[int] = range(len(SETTINGS))) -> l
     return result
 
 
-def run_trial(model: Model, trial: CarryTrial, **more: object) -> Trying[tuple[TakeResult, Report]]:
+def run_trial(model: Model, trial: CarryTrial, **more: Any) -> Trying[tuple[TakeResult, Report]]:
     """Roll one trial out; returns the take and its figures, those of ``carrying`` and whether it was
     ``sound``.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -53,7 +54,7 @@ def trials(starts: int = 10, pool: Pool | None = None) -> list[InterruptTrial]:
     return result
 
 
-def request(trial: InterruptTrial, **more: object) -> TakeRequest:
+def request(trial: InterruptTrial, **more: Any) -> TakeRequest:
     """Set up the take with both goals, the second after the first; in a room in which both can be reached."""
     first, second = trial.name.split(" to ")
 
@@ -61,12 +62,12 @@ def request(trial: InterruptTrial, **more: object) -> TakeRequest:
         room = make_room(rng)
         start = random_place(room, rng, room.query, 2.0)
         goals = [goal_of(room, first, rng, hold=LATEST / FPS), goal_of(room, second, rng)]
-        return TakeRequest(start, float(rng.uniform(-np.pi, np.pi)), goals, room.query, **more)  # type: ignore[arg-type]
+        return TakeRequest(start, float(rng.uniform(-np.pi, np.pi)), goals, room.query, **more)
 
     return reachable(make, (SEED, 11, trial.setting, trial.seed))
 
 
-def run_trial(model: Model, trial: InterruptTrial, **more: object) -> Trying[tuple[TakeResult, Report]]:
+def run_trial(model: Model, trial: InterruptTrial, **more: Any) -> Trying[tuple[TakeResult, Report]]:
     """Roll one trial out; without a way to interrupt a take, the goals follow one another and ``no_hook``
     says so.
     """

@@ -48,8 +48,7 @@ class WalkTrial:
     action: str = "walk"
 
 
-# --- ways
-# ------------------------------------------------------------------------------------------------------
+# --- ways ---
 
 
 def trials(starts: int = 10, pool: Pool | None = None) -> list[WalkTrial]:
@@ -112,7 +111,7 @@ def request(trial: WalkTrial, hold: float = 1.0, **more: Any) -> TakeRequest:
     way = trial.goal - trial.start
     facing = float(np.arctan2(way[0], -way[1]))
     goal = Goal(trial.action, trial.name, np.append(trial.goal, 0.0), facing, hold)
-    return TakeRequest(trial.start, trial.heading, [goal], furniture.cuboids(trial.still), **more)  # type: ignore[arg-type]
+    return TakeRequest(trial.start, trial.heading, [goal], furniture.cuboids(trial.still), **more)
 
 
 def run_trial(model: Model, trial: WalkTrial, **more: Any) -> Trying[tuple[TakeResult, Report]]:
@@ -160,8 +159,7 @@ def rows(s: Report) -> list[tuple[str, str, str, str]]:
     ]
 
 
-# --- response
-# --------------------------------------------------------------------------------------------------
+# --- response ---
 
 
 @dataclass(frozen=True)
@@ -188,9 +186,7 @@ def orders(starts: int = 10, pool: Pool | None = None) -> list[Order]:
         for n in range(starts):
             rng = np.random.default_rng((SEED, 9, n))
             kind = SEATS[n % len(SEATS)]
-            piece = (
-                pool.draw(kind, rng) if pool is not None and pool.of_kind(kind) else furniture.make(kind, rng)
-            )
+            piece, _ = rollout.piece_of(pool, kind, rng)
             room = float(np.linalg.norm(piece.size[:2])) / 2 + 0.5
             while True:
                 at = rng.uniform(0.9, 3.0) * heading_to_direction(np.array(rng.uniform(-np.pi, np.pi)))
@@ -213,7 +209,7 @@ def run_order(model: Model, order: Order, **more: Any) -> Trying[tuple[TakeResul
     if before == "idle":
         # Four directions: where one is sent, seen from where one faces.
         goal = Goal(action, "place", np.append(8 * ahead, 0), order.heading, 0.0)
-        runner = TakeRunner(model, TakeRequest(np.zeros(2), 0.0, [goal], Cuboids(), contact_ik=False, **more))  # type: ignore[arg-type]
+        runner = TakeRunner(model, TakeRequest(np.zeros(2), 0.0, [goal], Cuboids(), contact_ik=False, **more))
         label, begun = (WALK if action == "walk" else RUN), None
         while (yield runner) and runner.frames < _PATIENCE * FPS:
             if runner.director.index == 0 and runner.state.style_past[0, -1, label] > EXECUTED:
@@ -224,7 +220,7 @@ def run_order(model: Model, order: Order, **more: Any) -> Trying[tuple[TakeResul
     query = furniture.cuboids([(order.piece, np.zeros(2), 0.0)])
     start = order.start - LEAD[before] * ahead
     onward = Goal(before, "place", np.append(order.start + 3.5 * ahead, 0), order.heading, 0.0)
-    runner = TakeRunner(model, TakeRequest(start, order.heading, [onward], query, contact_ik=False, **more))  # type: ignore[arg-type]
+    runner = TakeRunner(model, TakeRequest(start, order.heading, [onward], query, contact_ik=False, **more))
     while (yield runner) and runner.frames < _PATIENCE * FPS:
         if float((runner.state.root[0, :2] - start) @ ahead) >= LEAD[before]:
             break

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,10 +33,8 @@ SETTINGS = (
     ("pull, hinge right", False, True),
 )
 WALL = 3.5  # metres of wall on either side, so that there is no way around
-IN_TIME, BEYOND = (
-    20.0,
-    0.3,
-)  # seconds in which, and metres beyond the wall's middle from which, the door counts as passed
+# Seconds in which, and metres beyond the wall's middle from which, the door counts as passed.
+IN_TIME, BEYOND = 20.0, 0.3
 DEEPEST = 5.0  # cm
 
 
@@ -71,8 +69,10 @@ def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = 
         solid = rollout.clear_of(furniture.cuboids([(door.wall, pose[:3], pose[3])]), [leaf])
         middle = leaf.to_world((door.width / 2, 0.0, 0.0))[:2]
 
-        def free(place: Array, leaf: Leaf = leaf, solid: object = solid, side: float = side) -> bool:
-            return bool(side * leaf.to_local(np.append(place, 0.0))[1] > 0.4) and solid(place)  # type: ignore[operator]
+        def free(
+            place: Array, leaf: Leaf = leaf, solid: Callable[[Array], bool] = solid, side: float = side
+        ) -> bool:
+            return bool(side * leaf.to_local(np.append(place, 0.0))[1] > 0.4) and solid(place)
 
         for _ in range(starts):
             start, heading = rollout.start_about(rng, middle, free)
@@ -86,7 +86,7 @@ def request(trial: DoorTrial, hold: float = 1.0, **more: Any) -> TakeRequest:
     way = passage(leaf, trial.start)
     goal = Goal("open", "Door", np.append(way.middle, 0.0), way.heading, hold, prop=leaf)
     still = furniture.cuboids([(trial.door.wall, trial.pose[:3], float(trial.pose[3]))])
-    return TakeRequest(trial.start, trial.heading, [goal], still, **more)  # type: ignore[arg-type]
+    return TakeRequest(trial.start, trial.heading, [goal], still, **more)
 
 
 def passed_at(root: Array, way: Passage, width: float, beyond: float = BEYOND) -> float:

@@ -12,8 +12,11 @@ from nsm_core.errors import GoalError
 from nsm_core.evaluation.measures.motion import travel_report
 from nsm_core.evaluation.measures.objects import all_depths, deep_frames, slide_by_action
 from nsm_core.rotations import Array, heading_to_direction
+from nsm_core.world.assets.pool import Pool
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan
+from nsm_core.world.scene import furniture
+from nsm_core.world.scene.furniture import Furniture
 from nsm_core.world.scene.props import Prop
 
 SEED = 990_000  # of all trials; training draws its furniture and starts from other streams
@@ -38,6 +41,15 @@ def start_about(
         if free(start):
             return start, heading
     raise GoalError("There is no free place to start from about the object; make the scene less crowded.")
+
+
+def piece_of(pool: Pool | None, kind: str, rng: np.random.Generator) -> tuple[Furniture, bool]:
+    """A piece of a kind from a pool of meshes, or a parametric one where it has none; and whether the pool
+    has some.
+    """
+    if pool is not None and pool.of_kind(kind):
+        return pool.draw(kind, rng), True
+    return furniture.make(kind, rng), False
 
 
 def clear_of(still: DistanceQuery, props: Sequence[Prop] = (), room: float = ROOM) -> Callable[[Array], bool]:

@@ -81,8 +81,7 @@ def make_room(rng: np.random.Generator, pool: Pool | None = None) -> Room:
 
 def _put_seat(room: Room, rng: np.random.Generator, pool: Pool | None, place: Array, inward: float) -> None:
     kind = str(rng.choice(SEATS))
-    known = pool is not None and bool(pool.of_kind(kind))
-    piece = pool.draw(kind, rng) if known else furniture.make(kind, rng)  # type: ignore[union-attr]
+    piece, known = rollout.piece_of(pool, kind, rng)
     room.seat = (piece, place, inward, known)
     room.still.append((piece, place, inward))
 
@@ -220,7 +219,7 @@ def reachable(
     """The first of the takes that ``make`` draws in which a way leads to every goal; GoalError where none of
     ``tries`` is one.
     """
-    problem: GoalError | None = None
+    problem = GoalError("No take was drawn; allow at least one try.")
     for attempt in range(tries):
         try:
             asked = make(np.random.default_rng((*seed, attempt)))
@@ -233,7 +232,7 @@ def reachable(
             return asked
         except GoalError as error:
             problem = error
-    raise problem  # type: ignore[misc]
+    raise problem
 
 
 __all__ = ["OFFERS", "Room", "goal_of", "make_room", "random_goals", "random_place", "reachable"]

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -26,10 +27,8 @@ from .together import Trying, rolled
 
 SEATS = ("chair", "armchair", "stool", "bench", "sofa", "chair")
 AT_TABLE = ("chair", "stool")
-TO_EDGE = (
-    0.26,
-    0.36,
-)  # metres from the seated hips to the edge of the table that the seat stands partly under
+# Metres from the seated hips to the edge of the table that the seat stands partly under.
+TO_EDGE = (0.26, 0.36)
 
 
 @dataclass(frozen=True)
@@ -72,8 +71,7 @@ def trials(
     for n in range(settings):
         rng = np.random.default_rng(SEED + n)
         kind = SEATS[n % len(SEATS)]
-        known = pool is not None and bool(pool.of_kind(kind))
-        piece = pool.draw(kind, rng) if known else furniture.make(kind, rng)  # type: ignore[union-attr]
+        piece, known = rollout.piece_of(pool, kind, rng)
         lo, hi = piece.mins[:, :2].min(0) - 0.4, piece.maxs[:, :2].max(0) + 0.4
         while len(result) < (n + 1) * starts:
             angle, distance = rng.uniform(-np.pi, np.pi), rng.uniform(0.9, furthest)
@@ -94,8 +92,7 @@ def trials_at_tables(
     for n in range(settings):
         rng = np.random.default_rng((SEED, 5, n))
         kind = AT_TABLE[n % len(AT_TABLE)]
-        known = pool is not None and bool(pool.of_kind(kind))
-        piece = pool.draw(kind, rng) if known else furniture.make(kind, rng)  # type: ignore[union-attr]
+        piece, known = rollout.piece_of(pool, kind, rng)
         others = (table_over(piece, rng),)
         free = rollout.clear_of(furniture.cuboids([(piece, np.zeros(2), 0.0), *others]))
         for _ in range(starts):
@@ -108,7 +105,7 @@ def table_over(
     piece: furniture.Furniture, rng: np.random.Generator
 ) -> tuple[furniture.Furniture, Array, float]:
     """A table that a seat stands partly under, and its place (2,) and heading in the seat's frame."""
-    assert piece.seat is not None
+    seat = piece.require_seat()
     table = furniture.make(
         "table",
         rng,
@@ -117,8 +114,8 @@ def table_over(
         height=rng.uniform(0.72, 0.78),
         legs="posts",
     )
-    edge = piece.seat.point[1] - rng.uniform(*TO_EDGE) - float(table.size[1]) / 2
-    return table, np.array((piece.seat.point[0], edge)), 0.0
+    edge = seat.point[1] - rng.uniform(*TO_EDGE) - float(table.size[1]) / 2
+    return table, np.array((seat.point[0], edge)), 0.0
 
 
 def sit_goal(
@@ -141,7 +138,7 @@ def request(
     contact_ik: bool = True,
     place: Array | None = None,
     turn: float = 0.0,
-    **more: object,
+    **more: Any,
 ) -> TakeRequest:
     """Set up one trial's take, the whole scene moved to ``place`` (2,) and turned by ``turn`` radians."""
     place = np.zeros(2) if place is None else place
@@ -158,12 +155,12 @@ def request(
         if trial.leaves
         else [goal]
     )
-    return TakeRequest(start, trial.heading + turn, goals, query, contact_ik=contact_ik, **more)  # type: ignore[arg-type]
+    return TakeRequest(start, trial.heading + turn, goals, query, contact_ik=contact_ik, **more)
 
 
-def run_trial(model: Model, trial: SitTrial, **more: object) -> Trying[tuple[TakeResult, Report]]:
+def run_trial(model: Model, trial: SitTrial, **more: Any) -> Trying[tuple[TakeResult, Report]]:
     """Roll one trial out; returns the take and its figures."""
-    asked = request(trial, **more)  # type: ignore[arg-type]
+    asked = request(trial, **more)
     take = yield from rolled(model, asked)
     report, depths = rollout.judge(asked, take)
     if trial.leaves:

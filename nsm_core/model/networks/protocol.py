@@ -12,9 +12,8 @@ from nsm_core.rotations import Array
 
 from .config import Memory, NetworkConfig
 
-Info = dict[
-    str, Array
-]  # what a step tells of itself, by name, (B, size) each, as ``NetworkConfig.info_sizes`` says
+# What a step tells of itself, by name, (B, size) each, as ``NetworkConfig.info_sizes`` says.
+Info = dict[str, Array]
 
 
 @dataclass(frozen=True)
@@ -46,8 +45,12 @@ class Model(Protocol):
     """
 
     backend: str  # "numpy" or "torch"
-    config: NetworkConfig
     metadata: dict[str, Any]  # of the weights file: stance, actions, credits
+
+    @property
+    def config(self) -> NetworkConfig:
+        """Sizes, of the network's own class."""
+        ...
 
     def start(self, batch: int = 1) -> Memory:
         """Memory of ``batch`` characters before their first frame; empty for a network without memory."""

@@ -123,4 +123,7 @@ def opening_of(piece: Furniture) -> tuple[float, float, float] | None:
     runs = np.flatnonzero(np.diff(np.concatenate(([0], free.astype(int), [0]))))
     found = [(edges[a], edges[b], low[a:b].min()) for a, b in zip(runs[::2], runs[1::2], strict=True)]
     fitting = [f for f in found if OPENING[0] <= f[1] - f[0] <= OPENING[1] and np.isfinite(f[2])]
-    return tuple(float(v) for v in max(fitting, key=lambda f: f[1] - f[0])) if fitting else None
+    if not fitting:
+        return None
+    left, right, height = max(fitting, key=lambda f: f[1] - f[0])
+    return float(left), float(right), float(height)

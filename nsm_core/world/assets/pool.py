@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nsm_core.distances import CRATE_SIDE
 from nsm_core.errors import GeometryError, OutputError
@@ -212,21 +213,17 @@ class Pool:
 
 def random_scale(piece: Furniture, rng: np.random.Generator) -> Array:
     """Draw factors (3,) along x, y and z of a piece by its kind; a seat keeps a height people sit at."""
-    ranges = [tuple(map(float, r)) for r in SCALES.get(piece.kind, ((1, 1),) * 3)]
+    ranges = [(float(low), float(high)) for low, high in SCALES.get(piece.kind, ((1, 1),) * 3)]
     if piece.seat is not None:
         low, high = (limit / piece.seat.height for limit in SEAT_RANGE)
         a, b = ranges[2]
-        ranges[2] = (
-            (max(a, low), min(b, high))
-            if max(a, low) <= min(b, high)
-            else (low, low)
-            if low > b
-            else (high, high)
-        )
-    return np.array([rng.uniform(*r) for r in ranges])
+        ranges[2] = (max(a, low), min(b, high))
+        if ranges[2][0] > ranges[2][1]:  # no scale of the kind does: the nearest that gives a seat
+            ranges[2] = (low, low) if low > b else (high, high)
+    return np.array([rng.uniform(low, high) for low, high in ranges])
 
 
-def scaled(piece: Furniture, factors: Array, kind: str | None = None) -> Furniture:
+def scaled(piece: Furniture, factors: ArrayLike, kind: str | None = None) -> Furniture:
     """Return a piece scaled by ``factors`` (3,) about its origin, seat (which faces -Y) and opening
     included.
     """
@@ -348,7 +345,7 @@ def _cached(path: Path, stamp: str) -> Pool | None:
             for (name, held), m in zip(f["doors"], f["measures"], strict=True)
         ]
         ends = np.cumsum(f["counts"])
-        pool = Pool(rejected=[tuple(map(str, r)) for r in f["rejected"]], doors=doors)
+        pool = Pool(rejected=[(str(n), str(c), str(why)) for n, c, why in f["rejected"]], doors=doors)
         rows = zip(
             f["entries"],
             f["held"],
@@ -358,12 +355,13 @@ def _cached(path: Path, stamp: str) -> Pool | None:
             strict=True,
         )
         for (name, group, kind), held, boxes, s, opening in rows if len(ends) else ():
-            seat = (
-                None
-                if np.isnan(s[0])
-                else Seat(s[:3].astype(np.float32), 0.0, *map(float, s[3:6]), bool(s[6]), bool(s[7]))
-            )
-            gap = None if np.isnan(opening[0]) else tuple(map(float, opening))
+            seat, gap = None, None
+            if not np.isnan(s[0]):
+                height, width, depth = (float(v) for v in s[3:6])
+                seat = Seat(s[:3].astype(np.float32), 0.0, height, width, depth, bool(s[6]), bool(s[7]))
+            if not np.isnan(opening[0]):
+                left, right, top = (float(v) for v in opening)
+                gap = (left, right, top)
             piece = Furniture(
                 str(kind), *box_mesh(boxes[:, :3], boxes[:, 3:]), boxes[:, :3], boxes[:, 3:], seat, gap
             )

@@ -154,12 +154,13 @@ def _box_distance(points: Array, centres: Array, halves: Array) -> Array:
     step = max(1, _PAIRS_AT_ONCE // len(centres))
     for start in range(0, len(points), step):
         p = points[start : start + step]
-        square, inside = np.zeros((len(p), len(centres)), np.float32), None
+        square = np.zeros((len(p), len(centres)), np.float32)
+        inside = np.full_like(square, -np.inf)
         for axis in range(3):
             q = p[:, axis, None] - centres[:, axis]
             np.abs(q, out=q)
             q -= halves[:, axis]
-            inside = q.copy() if inside is None else np.maximum(inside, q, out=inside)
+            np.maximum(inside, q, out=inside)
             np.maximum(q, 0, out=q)
             q *= q
             square += q

@@ -57,9 +57,8 @@ def make_door(rng: np.random.Generator, **overrides: float) -> Door:
 
     ``overrides`` in metres: width and height of the leaf, panel (its thickness), grips (between the places to
     hold), handle_height, handle_edge (from the free edge), lever (its length), depth of the wall, near and
-    far (lengths of wall at the
-    hinge and at the free edge), over (wall above the leaf).  Raises GeometryError on an unknown or impossible
-    measure.
+    far (lengths of wall at the hinge and at the free edge), over (wall above the leaf).  Raises GeometryError
+    on an unknown or impossible measure.
     """
     o = dict(overrides)
     m = pick(
@@ -81,8 +80,9 @@ def make_door(rng: np.random.Generator, **overrides: float) -> Door:
         raise GeometryError(f"A door has no measure {', '.join(sorted(o))}; leave it out.")
     w, h, t, g = m["width"], m["height"], m["panel"] / 2, m["grips"] / 2
     x, z = w - m["handle_edge"], m["handle_height"]
+    near, far = sorted((t, g))
     levers = [
-        (x - m["lever"], x + 0.015, *sorted((side * t, side * g)), z - 0.015, z + 0.015) for side in (-1, 1)
+        (x - m["lever"], x + 0.015, a, b, z - 0.015, z + 0.015) for a, b in ((-far, -near), (near, far))
     ]
     piece = build("leaf", [(0, w, -t, t, 0.0, h), *levers], centred=False)
     # The leaf turns about the middle of its edge: the post stands back, so that it can open wider than

@@ -33,10 +33,8 @@ from .leaf_motion import Doorway, Turning, turn
 from .ways import joints_from, step_back, straight_on
 
 NAME = "open"
-KEEP_OFF, SQUEEZE = (
-    0.32,
-    0.2,
-)  # metres that roots keep off the wall and the leaf on the way, and in the doorway
+# Metres that roots keep off the wall and the leaf on the way, and in the doorway.
+KEEP_OFF, SQUEEZE = 0.32, 0.2
 OTHERS_OFF = 0.8  # metres between the wall and the middle of what other actions are done with
 RETURN = 16  # frames in which a hand comes back
 DEEPEST, ASTRAY = 0.02, 0.01  # metres: of the body in leaf or wall, and of the wrist from the handle it holds
@@ -80,13 +78,10 @@ class OpenEpisode:
             others and (self._off_wall(self.doorway.local(np.array(others))) < OTHERS_OFF).any()
         ):
             return False
-        assert self.plan is not None
-        shut, wide = at[: self.start], at[self.passed :]
+        shut, wide, left = at[: self.start], at[self.passed :], self._signed(self.turning.angles[-1])
         return not (
             (_off_leaf(shut, 0.0, self.door.width) < KEEP_OFF).any()
-            or (
-                _off_leaf(wide, self._signed(self.plan.angles[-1]), self.door.width) < margin[self.passed :]
-            ).any()
+            or (_off_leaf(wide, left, self.door.width) < margin[self.passed :]).any()
         )
 
     def _off_wall(self, at: Array) -> Array:
@@ -104,7 +99,7 @@ class OpenEpisode:
         if not len(beyond):
             return False
         self.passed = self.start + int(beyond[0])
-        x0, x1, _ = self.door.wall.opening
+        x0, x1, _ = self.door.wall.require_opening()
         y = self.door.wall.maxs[0, 1] + 0.05
         across = at[np.abs(at[..., 1]) < y][:, 0]
         if across.min() < x0 + 0.04 or across.max() > x1 - 0.04:
@@ -113,19 +108,23 @@ class OpenEpisode:
         self.plan = turn(self.doorway, joints, pressed, panel, backed, rng)
         return self.plan is not None
 
+    @property
+    def turning(self) -> Turning:
+        """How the leaf turns, once ``opens`` has planned it."""
+        assert self.plan is not None
+        return self.plan
+
     def _signed(self, angle: float) -> float:
         return angle if self.way.push else -angle
 
     @property
     def released(self) -> int:
         """The frame in which the hand lets go."""
-        assert self.plan is not None
-        return self.start + self.plan.released
+        return self.start + self.turning.released
 
     def angles(self, count: int) -> Array:
         """How far the leaf is open in each of ``count`` frames of the take."""
-        assert self.plan is not None
-        a = self.plan.angles
+        a = self.turning.angles
         return np.concatenate((np.zeros(self.start), a, np.full(max(count - self.start - len(a), 0), a[-1])))[
             :count
         ]
@@ -288,7 +287,7 @@ def lay(session: Session) -> OpenEpisode | None:
         )
         if not episode.opens(joints, pressed - start, backed - start, rng):
             continue
-        if push or episode.plan.angles[opened] > OPENED:
+        if push or episode.turning.angles[opened] > OPENED:
             episode.backed, episode.back, episode.beyond = (
                 backed,
                 tape.roots[backed - 1].copy(),

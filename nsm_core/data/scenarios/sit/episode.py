@@ -34,10 +34,8 @@ from .turn import swivel, turn_about_hips
 NAME = "sit"
 TUCKS = (0.0, 0.12, 0.24)  # shares by which feet may be drawn in while one turns on the seat
 SLIDES = (0.0, 0.05, 0.09)  # metres by which one may slide back on the seat in that turn
-IN_TABLE, BRUSH = (
-    0.028,
-    -0.012,
-)  # metres that the body may go into the table; of leg joints to the seat's surface
+# Metres that the body may go into the table; of leg joints to the seat's surface.
+IN_TABLE, BRUSH = 0.028, -0.012
 _WALKERS = [
     INDEX[side + name] for side in ("Right", "Left") for name in ("Hip", "Knee", "Ankle", "Toe", "Wrist")
 ]
@@ -77,11 +75,10 @@ class SitEpisode:
     back: int = 0  # frames in which one turns back before rising
     still: int = 0  # from here to ``leaving`` one rests
     goal: Array = field(default_factory=lambda: np.zeros(3))
-    aim: Array = field(
-        default_factory=lambda: np.zeros(4)
-    )  # where the goal lies from the hips and their heading, see ``Segment``
+    # Where the goal lies from the hips and their heading, see ``Segment``.
+    aim: Array = field(default_factory=lambda: np.zeros(4))
     facing: float = 0.0
-    solid: Cuboids | None = None  # the seat in the world
+    solid: Cuboids = field(default_factory=Cuboids)  # the seat in the world
 
     def clear(self, session: Session) -> bool:
         """Whether nobody walks through the seat: roots stay off its boxes but for the sit itself."""
@@ -136,13 +133,10 @@ class SitEpisode:
         motion.commands[self.mark] = TimedCommand(frame, "sit", goal, heading, len(motion.things))
         thing = self._stand(goal, heading, motion.rng.normal(0, SITS.off_place, 2))
         motion.things.append(thing)
-        self.goal, self.facing, self.solid = (
-            goal,
-            heading,
-            furniture.cuboids([(self.piece, thing.poses[:3], float(thing.poses[3]))]),
-        )
+        self.goal, self.facing = goal, heading
+        self.solid = furniture.cuboids([(self.piece, thing.poses[:3], float(thing.poses[3]))])
         lean_off(motion, slice(self.start, self.risen), self.solid)
-        if self.piece.seat.arms:
+        if self.piece.require_seat().arms:
             span = slice(self.start, self.risen)
             motion.rotations = hands_on_arm_rests(
                 motion.hips, motion.rotations, weight, span, self.piece, goal, heading
@@ -166,7 +160,7 @@ class SitEpisode:
         """Where the seat will stand, before anything is fitted, under a body whose ``root`` (2,) faces
         ``heading``.
         """
-        seat = self.piece.seat
+        seat = self.piece.require_seat()
         self.heading = heading + self.aim[3] - seat.heading
         self.position = (
             root + self._aimed(heading)[:2] - rotate_planar(seat.point[:2], np.float64(self.heading))
@@ -176,10 +170,9 @@ class SitEpisode:
         """The seat under hips at ``goal`` (3,) that face ``heading``, ``off`` (2,) metres from where they
         should be on it.
         """
-        turned = heading - self.piece.seat.heading
-        return Thing.standing(
-            self.piece, goal[:2] - rotate_planar(self.piece.seat.point[:2] + off, turned), turned
-        )
+        seat = self.piece.require_seat()
+        turned = heading - seat.heading
+        return Thing.standing(self.piece, goal[:2] - rotate_planar(seat.point[:2] + off, turned), turned)
 
     def _heading(self, motion: Motion, frames: slice) -> float:
         headings = root_of(forward_kinematics(motion.hips[frames], motion.rotations[frames])[0])[1]
@@ -218,7 +211,7 @@ class SitEpisode:
             seen = slice(self.reached - 10, self.rise + 10, 3)
             return float(thin_depths(motion.hips[seen], motion.rotations[seen], furniture.cuboids(at)).mean())
 
-        turn(min(product(TUCKS, SLIDES if self.piece.seat.back else (0.0,)), key=turn))
+        turn(min(product(TUCKS, SLIDES if self.piece.require_seat().back else (0.0,)), key=turn))
         motion.phase_keys += [there[0], sum(there), last, self.leaving]
         return slice(sum(there) + 2, last)
 
@@ -247,7 +240,7 @@ class SitEpisode:
         positions, world = forward_kinematics(motion.hips, motion.rotations)
         ankles = [leg[2] for leg in FEET]
         seated = motion.hips[self.still : self.leaving].mean(axis=0)
-        rise_by = self.piece.seat.height + HIP_OVER_SEAT - seated[2] - float(self.aim[2])
+        rise_by = self.piece.require_seat().height + HIP_OVER_SEAT - seated[2] - float(self.aim[2])
         forward = heading_to_direction(np.array(motion.headings[self.leaving - 1]))
         shift = np.append(forward * motion.rng.uniform(*SITS.further_on), rise_by).astype(np.float32)
         span = slice(self.start, self.risen)

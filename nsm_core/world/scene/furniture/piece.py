@@ -70,6 +70,18 @@ class Furniture:
         """Size (3,) of the bounding box, metres."""
         return self.maxs.max(0) - self.mins.min(0)
 
+    def require_seat(self) -> Seat:
+        """The seat; GeometryError where nobody can sit."""
+        if self.seat is None:
+            raise GeometryError(f"Nobody sits on a {self.kind}; choose a piece with a seat.")
+        return self.seat
+
+    def require_opening(self) -> tuple[float, float, float]:
+        """The gap through which a person walks; GeometryError where there is none."""
+        if self.opening is None:
+            raise GeometryError(f"Nobody walks through a {self.kind}; choose a piece with an opening.")
+        return self.opening
+
 
 _LEVEL = 0.015  # metres by which boxes of one level surface may differ
 

@@ -25,12 +25,12 @@ def desk(rng: np.random.Generator, o: dict[str, Any]) -> Furniture:
     w, d, h = m["width"], m["depth"], m["height"]
     x, y, top = w / 2, d / 2, h - 0.03
     side = -1 if choose(rng, o, "drawer_side", ("left", "right")) == "right" else 1
-    chest = sorted((side * x, side * (x - m["drawers"])))
-    plate = sorted((-side * x, -side * (x - 0.04)))
+    chest_from, chest_to = sorted((side * x, side * (x - m["drawers"])))
+    plate_from, plate_to = sorted((-side * x, -side * (x - 0.04)))
     boxes = [
         (-x, x, -y, y, top, h),
-        (*chest, -y, y, 0, top),
-        (*plate, -y, y, 0, top),
+        (chest_from, chest_to, -y, y, 0, top),
+        (plate_from, plate_to, -y, y, 0, top),
         (-x, x, y - 0.02, y, 0.25, top),
     ]
     return build("desk", boxes)
