@@ -111,11 +111,8 @@ def load_sits(folder: CaptureFolder) -> list[SitDown]:
     return [replace(sit, clip=rest_hands_on_thighs(sit.clip, arms)) for sit in sits]
 
 
-_LEVEL, _LEAST, _DRIFT = (
-    0.02,
-    0.25,
-    0.07,
-)  # metres: upright again, least drop of the chest, most drift of a standing foot
+# Metres: upright again, least drop of the chest, most drift of a standing foot.
+_LEVEL, _LEAST, _DRIFT = 0.02, 0.25, 0.07
 _CHEST = INDEX["Chest4"]
 
 
