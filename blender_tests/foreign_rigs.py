@@ -100,3 +100,26 @@ def foreign_rig(
                 aside.tail, aside.parent = aside.head + (bone.tail - bone.head) / 2, bone
     bpy.ops.object.mode_set(mode="OBJECT")
     return armature
+
+
+def add_deform_bones(rig: bpy.types.Object, deform: Mapping[str, str], switch: str) -> None:
+    """Give a rig of controls bones that deform: control -> deform bone, each copying its control as far as
+    the custom property ``switch`` of the bone root says, which is at 0.
+    """
+    bpy.context.view_layer.objects.active = rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    for control, name in deform.items():
+        bone, over = rig.data.edit_bones.new(name), rig.data.edit_bones[control]
+        bone.head, bone.tail, bone.roll = over.head, over.tail, over.roll + 0.7
+        bone.parent = rig.data.edit_bones["root"]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    rig.pose.bones["root"][switch] = 0.0
+    for control, name in deform.items():
+        constraint = rig.pose.bones[name].constraints.new("CHILD_OF")
+        constraint.target, constraint.subtarget = rig, control
+        constraint.inverse_matrix = rig.data.bones[control].matrix_local.inverted()
+        curve = constraint.driver_add("influence")
+        variable = curve.driver.variables.new()
+        variable.type = "SINGLE_PROP"
+        variable.targets[0].id, variable.targets[0].data_path = rig, f'pose.bones["root"]["{switch}"]'
+        curve.driver.type = "AVERAGE"

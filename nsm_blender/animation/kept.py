@@ -77,6 +77,9 @@ class SceneState:
             [(bone.name, transform_of(bone)) for bone in armature.pose.bones] if armature is not None else []
         )
 
+        bones = armature.pose.bones if armature is not None and armature.pose is not None else ()
+        self._numbers = [(bone.name, _numbers_of(bone)) for bone in bones if len(bone.keys())]
+
     def restore(self, always: bool = False) -> None:
         """Put frame, pose and places back exactly; what no longer exists, or can no longer be written, is
         passed over.
@@ -88,6 +91,8 @@ class SceneState:
         with suppress(*LOST):
             for bone, transform in self._bones():
                 _set(bone, transform)
+            for name, numbers in self._numbers:
+                _set_numbers(self.armature.pose.bones[name], numbers)
         for moving, place in self.places:
             _set(moving, place)
         with suppress(*LOST):
@@ -197,6 +202,18 @@ def _with_bones(
     if target.type == "ARMATURE" and target.pose is not None:
         for bone in target.pose.bones:
             yield bone.name, bone
+
+
+def _numbers_of(bone: bpy.types.PoseBone) -> dict[str, int | float]:
+    """The custom properties of a bone that are numbers: switches of its rig."""
+    return {key: value for key, value in bone.items() if isinstance(value, (int, float))}
+
+
+def _set_numbers(bone: bpy.types.PoseBone, numbers: dict[str, int | float]) -> None:
+    for key, value in numbers.items():
+        if key in bone and bone[key] != value:
+            bone[key] = value
+            bone.id_data.update_tag()
 
 
 def _set(moving: bpy.types.Object | bpy.types.PoseBone, transform: dict[str, Any]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -44,7 +44,8 @@ class KeyedTake:
     previous_action: bpy.types.Action | None
     previous_slot: Any | None
     previous_fake_user: bool
-    previous_pose: list[tuple[str, Any]]  # bone name, matrix_basis before the take
+    # Bone name, matrix_basis before the take; or, where it has switches that are keyed, their values by name.
+    previous_pose: list[tuple[str, Any]]
     things: list[KeyedThing] = field(default_factory=list)
 
 
@@ -111,7 +112,8 @@ def key_take_steps(
     data = armature.animation_data
     previous = data.action if data else None
     previous_slot = getattr(data, "action_slot", None) if previous else None
-    previous_pose = [(bone.name, bone.matrix_basis.copy()) for bone in armature.pose.bones]
+    previous_pose: list[tuple[str, Any]] = [(b.name, b.matrix_basis.copy()) for b in armature.pose.bones]
+    previous_pose += switches_of(armature)
     with restored_on_failure(Kept(scene, [armature])):
         fake_user = bool(previous and previous.use_fake_user)
         if previous:
@@ -184,8 +186,12 @@ def discard_take(take: KeyedTake) -> None:
     if take.action.users == 0 or take.action.users == int(take.action.use_fake_user):
         bpy.data.actions.remove(take.action)
     for name, matrix in take.previous_pose:
-        if name in take.armature.pose.bones:
-            take.armature.pose.bones[name].matrix_basis = matrix
+        bone = take.armature.pose.bones.get(name)
+        if bone is not None and isinstance(matrix, dict):
+            set_switches(bone, matrix)
+        elif bone is not None:
+            bone.matrix_basis = matrix
+    take.armature.update_tag()
     bpy.context.view_layer.update()
 
 
@@ -221,6 +227,22 @@ def _loose_joints(armature: bpy.types.Object, placement: Placement) -> list[int]
     """Joints whose bones do not turn with the bone that carries them."""
     rig, bones = placement.keyed, armature.data.bones
     return [j for j in rig.mapped if j not in rig.apart and not bones[rig.bones[j]].use_inherit_rotation]
+
+
+def switches_of(armature: bpy.types.Object) -> list[tuple[str, dict[str, float]]]:
+    """Values of the custom properties that are keyed with a take, by bone."""
+    bones = armature.pose.bones
+    return [
+        (name, {key: bones[name][key] for key in values if key in bones[name]})
+        for name, values in bone_map_of(armature).properties.items()
+    ]
+
+
+def set_switches(bone: bpy.types.PoseBone, values: Mapping[str, float]) -> None:
+    """Set custom properties that a bone has, each in the kind of number that it is."""
+    for key, value in values.items():
+        if key in bone:
+            bone[key] = type(bone[key])(value)
 
 
 def _key_switches(channels: ActionChannels, armature: bpy.types.Object, frames: Array) -> None:

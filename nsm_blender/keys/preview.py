@@ -12,7 +12,8 @@ from nsm_core.rotations import Array, quat_normalize
 
 from ..animation.kept import SceneState
 from ..rigs.armature import Placement
-from .keying import bone_channels, mounts_of
+from ..rigs.bone_map import bone_map_of
+from .keying import bone_channels, mounts_of, set_switches
 
 __all__ = ["Preview", "SceneState"]
 
@@ -22,7 +23,7 @@ class Preview:
 
     def __init__(self, armature: bpy.types.Object) -> None:
         self.armature, self.placement = armature, Placement.of(armature)
-        self.mounts = mounts_of(armature, self.placement)
+        self.mounts, self.switches = mounts_of(armature, self.placement), bone_map_of(armature).properties
 
     def show(
         self, hips_world: Array, local_rotations: Array, moved: Iterable[tuple[bpy.types.Object, Matrix]] = ()
@@ -37,5 +38,7 @@ class Preview:
             place = Matrix.Translation(Vector(places[j][0])) if j in places else Matrix()
             bone = self.armature.pose.bones[self.placement.keyed.bones[j]]
             bone.matrix_basis = place @ Quaternion(basis[0, j]).to_matrix().to_4x4()
+        for name, values in self.switches.items():
+            set_switches(self.armature.pose.bones[name], values)
         for moving, world in moved:
             moving.matrix_world = world

@@ -1,0 +1,75 @@
+"""A rig of controls: they get the keys, with the switches that have the body obey them; what deforms is
+looked at.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+from foreign_rigs import MIXAMO, add_deform_bones, foreign_rig
+from motions import wandering_take
+from test_rig_skeleton import worst_angle
+
+import nsm_blender
+from nsm_blender.keys.keying import discard_take, key_take, read_back
+from nsm_blender.keys.preview import Preview, SceneState
+from nsm_blender.rigs.armature import Placement
+from nsm_blender.rigs.bone_map import BoneMap, bone_map_of, store_map
+
+DEFORM = {joint: f"DEF-{bone}" for joint, bone in MIXAMO.items()}
+
+
+@pytest.fixture
+def rig():
+    nsm_blender.register()
+    made = foreign_rig(MIXAMO)
+    add_deform_bones(made, {MIXAMO[joint]: bone for joint, bone in DEFORM.items()}, "FK")
+    store_map(made.data, BoneMap(MIXAMO, DEFORM, {"root": {"FK": 1.0}}, "controls"))
+    bpy.context.scene.render.fps = 30
+    yield made
+    nsm_blender.unregister()
+
+
+def switch(rig: bpy.types.Object) -> float:
+    return rig.pose.bones["root"]["FK"]
+
+
+def test_the_deform_bones_obey_and_a_rejected_take_gives_the_switch_back(rig):
+    assert bone_map_of(rig).shown == DEFORM
+    hips, local = wandering_take(6)
+    take = key_take(rig, hips * Placement.of(rig).scale, local)
+    heads = {}
+    for frame in range(1, 7):
+        bpy.context.scene.frame_set(frame)
+        for joint, bone in DEFORM.items():
+            heads.setdefault(joint, []).append(tuple(rig.matrix_world @ rig.pose.bones[bone].head))
+    assert worst_angle({joint: np.array(each) for joint, each in heads.items()}, hips, local) < 0.1
+    assert read_back(rig, range(1, 7))[0] == pytest.approx(hips * Placement.of(rig).scale, abs=1e-3)
+    assert switch(rig) == 1
+    discard_take(take)
+    assert switch(rig) == 0
+
+
+def test_a_preview_moves_the_deform_bones_and_leaves_no_trace(rig):
+    hips, local = wandering_take(6)
+    state = SceneState(bpy.context.scene, rig)
+    before = rig.pose.bones["DEF-LeftHand"].head.copy()
+    Preview(rig).show(hips[5], local[5])
+    bpy.context.view_layer.update()
+    assert switch(rig) == 1 and (rig.pose.bones["DEF-LeftHand"].head - before).length > 0.1
+    state.restore(always=True)
+    assert switch(rig) == 0 and (rig.pose.bones["DEF-LeftHand"].head - before).length < 1e-5
+
+
+def test_a_take_that_fails_gives_the_switch_back(rig, monkeypatch):
+    hips, local = wandering_take(6)
+
+    def broken(*_):
+        raise RuntimeError("out of order")
+
+    monkeypatch.setattr("nsm_blender.keys.keying._touch", broken)
+    with pytest.raises(RuntimeError, match="out of order"):
+        key_take(rig, hips, local)
+    bpy.context.scene.frame_set(3)
+    assert switch(rig) == 0 and not bpy.data.actions
