@@ -44,12 +44,15 @@ def own_offsets() -> np.ndarray:
     return offsets
 
 
-def rest_places(offsets: np.ndarray, arms: float = 0.0, elbows: float = 0.0) -> np.ndarray:
-    """Joints (23, 3) of a rest pose, arms lowered and elbows bent forward by radians."""
+def rest_places(
+    offsets: np.ndarray, arms: float = 0.0, elbows: float = 0.0, slouch: float = 0.0
+) -> np.ndarray:
+    """Joints (23, 3) of a rest pose, arms lowered, elbows bent forward and the trunk bowed by radians."""
     local = np.tile((1.0, 0.0, 0.0, 0.0), (J, 1))
     for side, sign in (("Left", 1.0), ("Right", -1.0)):
         local[INDEX[side + "Shoulder"]] = quat_from_axis_angle(np.array((0, 1.0, 0)), sign * arms)
         local[INDEX[side + "Elbow"]] = quat_from_axis_angle(np.array((0, 0, 1.0)), -sign * elbows)
+    local[INDEX["Chest"]] = quat_from_axis_angle(np.array((1.0, 0, 0)), slouch)
     return forward_kinematics(offsets[0], local, offsets)[0]
 
 
@@ -61,12 +64,13 @@ def foreign_rig(
     unit: float = 1.0,
     tails: str = "child",
     extra: bool = True,
+    slouch: float = 0.0,
 ) -> bpy.types.Object:
     """An armature whose bones are called ``names`` (joint -> bone; other joints have none), with random
     rolls, ``unit`` metres a unit of its bones; ``extra`` adds a root, twist bones and fingers.  ``tails`` is
     "child" or "up".
     """
-    places = rest_places(own_offsets(), arms, elbows) / unit
+    places = rest_places(own_offsets(), arms, elbows, slouch) / unit
     data = bpy.data.armatures.new("Rig")
     armature = bpy.data.objects.new("Rig", data)
     bpy.context.scene.collection.objects.link(armature)

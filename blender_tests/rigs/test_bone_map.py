@@ -163,6 +163,18 @@ def test_a_list_is_saved_and_loaded_as_a_file(registered, tmp_path):
     assert rig.data.nsm_rig.score == pytest.approx(kept.score, abs=0.05)
 
 
+def test_a_list_in_the_users_folder_is_tried_on_every_character(registered, tmp_path, monkeypatch):
+    monkeypatch.setattr("nsm_blender.rigs.presets.user_folder", lambda: tmp_path)
+    names = {joint: f"b{number}" for number, joint in enumerate(MIXAMO)}
+    rig = foreign_rig(names)
+    assert found_map(rig.data).family == "its shape"
+    save_preset(tmp_path / "studio.toml", BoneMap(names))
+    found = found_map(rig.data)
+    assert dict(found.joints) == names and found.family == "preset studio"
+    (tmp_path / "studio.toml").write_text("no preset at all")
+    assert found_map(rig.data).family == "its shape"
+
+
 def test_controls_and_switches_survive_a_file(tmp_path):
     preset = load_preset(nsm_blender.__path__[0] + "/rigs/presets/rigify_generated.toml")
     bones = {names[0] for names in (*preset.joints.values(), *preset.shown.values())} | set(preset.properties)

@@ -73,3 +73,34 @@ def test_a_take_that_fails_gives_the_switch_back(rig, monkeypatch):
         key_take(rig, hips, local)
     bpy.context.scene.frame_set(3)
     assert switch(rig) == 0 and not bpy.data.actions
+
+
+@pytest.fixture
+def rigify():
+    try:
+        enabled = bpy.ops.preferences.addon_enable(module="rigify") == {"FINISHED"}
+    except RuntimeError:
+        enabled = False
+    if not enabled:
+        pytest.skip("this Blender has no Rigify")
+    yield
+    bpy.ops.preferences.addon_disable(module="rigify")
+
+
+def test_a_metarig_and_the_rig_that_rigify_generates_from_it(rigify):
+    bpy.ops.object.armature_basic_human_metarig_add()
+    metarig = bpy.context.object
+    bpy.ops.pose.rigify_generate()
+    generated = next(o for o in bpy.data.objects if o.type == "ARMATURE" and o != metarig)
+    bpy.context.scene.render.fps = 30
+    hips, local = wandering_take(4)
+    for made, family in ((metarig, "rigify"), (generated, "preset rigify_generated")):
+        found = bone_map_of(made)
+        assert found.family == family and found.score > 0.9 and not found.remarks
+        key_take(made, hips * Placement.of(made).scale, local)
+        heads = {joint: [] for joint in found.joints}
+        for frame in range(1, 5):
+            bpy.context.scene.frame_set(frame)
+            for joint in found.joints:
+                heads[joint].append(tuple(made.matrix_world @ made.pose.bones[found.seen(joint)].head))
+        assert worst_angle({joint: np.array(each) for joint, each in heads.items()}, hips, local) < 0.1

@@ -11,7 +11,7 @@ from test_bone_map import SMALL
 
 from nsm_blender.keys.keying import key_take, read_back
 from nsm_blender.rigs.armature import Placement
-from nsm_core.body.skeleton import INDEX, OFFSETS, forward_kinematics
+from nsm_core.body.skeleton import INDEX, OFFSETS, J, forward_kinematics
 from nsm_core.rotations import quat_rotate
 
 LIMBS = [
@@ -108,3 +108,16 @@ def test_a_rig_that_stands_elsewhere_and_faces_another_way_is_keyed_in_the_world
     assert worst_angle(heads, hips, local) < 0.1
     middle = (heads["LeftHip"] + heads["RightHip"]) / 2
     assert np.linalg.norm(middle - hips, axis=1).max() < 0.06
+
+
+def test_a_rig_that_slouches_at_rest_stands_upright_with_the_performance():
+    rig = foreign_rig(MIXAMO, slouch=0.5)
+    still = np.tile((1.0, 0.0, 0.0, 0.0), (2, J, 1))
+    bpy.context.scene.render.fps = 30
+    key_take(rig, np.tile((0.0, 0.0, 1.0), (2, 1)), still)
+    bpy.context.scene.frame_set(1)
+    bones = rig.pose.bones
+    trunk = np.array(bones["Spine2"].head - (bones["LeftUpLeg"].head + bones["RightUpLeg"].head) / 2)
+    assert np.degrees(np.arctan2(-trunk[1], trunk[2])) == pytest.approx(0, abs=6)
+    arm = np.array(bones["LeftForeArm"].head - bones["LeftArm"].head)
+    assert arm / np.linalg.norm(arm) == pytest.approx((1, 0, 0), abs=1e-3)

@@ -41,7 +41,11 @@ class Layout:
     def _part(self, **_):
         return Layout(self.seen)
 
-    row = column = box = _part
+    row = column = box = split = _part
+
+    def prop_search(self, data, name, found_in, among, **_):
+        assert name in data.bl_rna.properties and among in found_in.bl_rna.properties
+        self.seen.append(getattr(data, name))
 
     def separator(self, **_):
         pass

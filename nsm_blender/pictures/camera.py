@@ -14,9 +14,12 @@ from nsm_core.rotations import Array
 from ..animation.channels import assign, new_action
 from ..keys.keying import KeyedTake
 from ..rigs.bone_map import bone_map_of
+from ..takes import own_objects
 from ..world.frame import WorldFrame
 from .viewpoint import choose_views, soften
 
+_ADULT = 1.75  # metres
+_TALLER = 1.15  # times as tall as its legs let expect that a body is looked at as such
 LENS, SENSOR = 45.0, 36.0  # millimetres
 _BODY = 0.9  # metres before the middle of the body that belong to it when what is in front is cut away
 
@@ -49,18 +52,19 @@ def follow_camera(
     """
     frame = WorldFrame.of(take.armature)
     hips, facing = path_of(take, scene)
+    size = _size(take, frame, scene)
     picture_height = SENSOR * scene.render.resolution_y / scene.render.resolution_x
-    distance = shot.height * frame.scale * LENS / picture_height
+    distance = shot.height * size * LENS / picture_height
     targets = soften(hips, shot.softness * take.fps)
     targets = shot.tracking * targets + (1 - shot.tracking) * (hips.min(0) + hips.max(0)) / 2
     # A camera at the middle of the body: level, but that it rises with who stands on something.
-    targets[:, 2] = np.maximum(targets[:, 2] - 0.16 * frame.scale, frame.floor + 0.86 * frame.scale)
+    targets[:, 2] = np.maximum(targets[:, 2] - 0.16 * size, frame.floor + 0.86 * size)
     views = choose_views(take, scene, targets, facing, distance, wish, frames)
     data = camera.data
     data.lens, data.sensor_width, data.sensor_fit = LENS * views.nearness, SENSOR, "HORIZONTAL"
     distance *= views.nearness
     data.clip_end = 200 * distance
-    data.clip_start = distance - _BODY * frame.scale if views.cutaway else 0.01 * distance
+    data.clip_start = distance - _BODY * size if views.cutaway else 0.01 * distance
     camera.rotation_mode = "QUATERNION"
     turns = [(-Vector(d)).to_track_quat("-Z", "Y") for d in views.directions]
     for last, turn in zip(turns[:-1], turns[1:], strict=True):
@@ -74,6 +78,19 @@ def follow_camera(
         for i in range(values.shape[1]):
             channels.curve(path, i, "Camera", at, values[:, i])
     assign(camera, channels.action, channels.slot)
+
+
+def _size(take: KeyedTake, frame: WorldFrame, scene: bpy.types.Scene) -> float:
+    """Blender units to a metre of an adult as tall as the character: that of its frame, which goes by the
+    legs, but where a large head or body rises high over short ones.
+    """
+    depsgraph, tops = bpy.context.evaluated_depsgraph_get(), [0.0]
+    for own in own_objects(take.armature, scene):
+        if own.type == "MESH":
+            shown = own.evaluated_get(depsgraph)
+            tops += [(shown.matrix_world @ Vector(corner)).z - frame.floor for corner in shown.bound_box]
+    tall = max(tops) / _ADULT
+    return tall if tall > _TALLER * frame.scale else frame.scale
 
 
 def path_of(take: KeyedTake, scene: bpy.types.Scene) -> tuple[Array, Array]:

@@ -17,6 +17,8 @@ from nsm_core.data.captures.joint_map import REQUIRED
 from nsm_core.errors import SkeletonError
 from nsm_core.rotations import Array
 
+from ..animation.identity import identity
+
 NEEDED = (*REQUIRED, "Chest4")  # joints without which no performance can be put on a rig
 OWN = "the bundled character"
 
@@ -85,6 +87,29 @@ def bone_map_of(armature: bpy.types.Object) -> BoneMap:
     return stored_map(data) or (_OWN_MAP if set(JOINTS) <= set(data.bones.keys()) else found_map(data))
 
 
+_told: dict[tuple[int | str, tuple[str, ...]], BoneMap] = {}
+_MOST_TOLD = 32
+
+
+def told_map(armature: bpy.types.Object) -> BoneMap:
+    """The map of an armature as panels tell of it: what was found is found anew only where bones have other
+    names, so that drawing costs nothing.
+    """
+    data = armature.data
+    known = stored_map(data)
+    if known is None:
+        key = identity(data), tuple(data.bones.keys())
+        if key not in _told and len(_told) >= _MOST_TOLD:
+            _told.clear()
+        known = _told[key] = _told.get(key) or bone_map_of(armature)
+    return known
+
+
+def forget_told() -> None:
+    """Have panels tell anew of what is found: presets have changed."""
+    _told.clear()
+
+
 def require_map(armature: bpy.types.Object) -> BoneMap:
     """The map of an armature; SkeletonError where it lacks bones."""
     bone_map = bone_map_of(armature)
@@ -99,9 +124,10 @@ def found_map(data: bpy.types.Armature) -> BoneMap:
     does.
     """
     from .detect import detect
+    from .presets import preset_files
 
     names, parents, heads = bones_of(data)
-    return detect(names, parents, heads.tobytes())
+    return detect(names, parents, heads.tobytes(), preset_files())
 
 
 def bones_of(data: bpy.types.Armature) -> tuple[tuple[str, ...], tuple[int, ...], Array]:

@@ -17,7 +17,7 @@ from nsm_core.data.captures.joint_names import by_family, hangs, in_place, spine
 from nsm_core.rotations import Array
 
 from .bone_map import NEEDED, BoneMap, bones_of
-from .presets import PRESET, presets
+from .presets import PRESET, Files, readable
 from .shape import by_shape
 
 Names = tuple[str, ...]
@@ -30,19 +30,20 @@ _EXACT = 0.02  # of the score by which a preset, made for a rig, goes before nam
 
 
 @lru_cache(maxsize=64)
-def detect(names: Names, parents: Parents, heads: bytes) -> BoneMap:
+def detect(names: Names, parents: Parents, heads: bytes, files: Files) -> BoneMap:
     """The best map of bones with ``names``, ``parents`` (indices, -1 for none) and ``heads`` (N, 3) float32
-    as bytes; one that lacks needed joints where none is whole.
+    as bytes, by the presets in ``files`` and by what is known; one that lacks needed joints where none is
+    whole.
     """
     places = np.frombuffer(heads, np.float32).reshape(-1, 3).astype(np.float64)
-    found = [judged(each, names, parents, places) for each in _candidates(names, parents, places)]
+    found = [judged(each, names, parents, places) for each in _candidates(names, parents, places, files)]
     found = [each for each in found if each.family != _SHAPE or not each.remarks]  # a guess must fit
     return max(found, key=lambda each: each.score, default=BoneMap({}, score=0.0))
 
 
-def _candidates(names: Names, parents: Parents, places: Array) -> Iterator[BoneMap]:
+def _candidates(names: Names, parents: Parents, places: Array, files: Files) -> Iterator[BoneMap]:
     at = set(names)
-    for preset in presets():
+    for preset in readable(files):
         chosen = preset.among(at)
         if chosen is not None:
             yield chosen

@@ -5,6 +5,7 @@ folder.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -20,6 +21,7 @@ from nsm_core.validate import is_number, read_toml, shown, table
 
 from .bone_map import NEEDED, BoneMap
 
+Files = tuple[tuple[Path, int], ...]
 FOLDER = Path(__file__).parent / "presets"
 PRESET = "preset "  # begins the family of a map that is from a preset
 _KEYS = ("joints", "sides", "shown", "shown_sides", "properties")
@@ -60,15 +62,22 @@ def user_folder() -> Path:
     return Path(bpy.utils.user_resource("CONFIG", path="nsm_rigs"))
 
 
-def presets() -> list[Preset]:
-    """The user's presets, then the add-on's; files that cannot be read are left out."""
+def preset_files() -> Files:
+    """The user's presets, then the add-on's: every file and when it was changed."""
     found = []
     for folder in (user_folder(), FOLDER):
         for path in sorted(folder.glob("*.toml"))[:_MOST]:
-            try:
-                found.append(_read(path, path.stat().st_mtime_ns))
-            except (SkeletonError, OSError):
-                continue
+            with suppress(OSError):  # deleted a moment ago
+                found.append((path, path.stat().st_mtime_ns))
+    return tuple(found)
+
+
+def readable(files: Files) -> list[Preset]:
+    """The presets of some files; those that cannot be read are left out."""
+    found = []
+    for path, changed in files:
+        with suppress(SkeletonError):
+            found.append(_read(path, changed))
     return found
 
 

@@ -10,7 +10,7 @@ import bpy
 
 from nsm_core.world.actions import BY_KEY
 
-from ..rigs.bone_map import bone_map_of
+from ..rigs.bone_map import told_map
 from ..world.frame import holds
 
 
@@ -97,7 +97,7 @@ def reason_not_ready(context: bpy.types.Context) -> str:
         return "No character is chosen; choose its armature, or add the bundled character."
     if not holds(context.scene, character):
         return f"The character {character.name} is no longer in this scene; choose another one."
-    problem = bone_map_of(character).problem(character.name, character.data.bones)
+    problem = told_map(character).problem(character.name, character.data.bones)
     if problem:
         return problem
     if not settings.goals:

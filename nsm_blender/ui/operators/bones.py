@@ -10,7 +10,7 @@ from bpy.props import StringProperty
 
 from nsm_core.body.skeleton import JOINTS
 
-from ...rigs.bone_map import found_map, store_map, stored_map
+from ...rigs.bone_map import forget_told, found_map, store_map, stored_map
 from ...rigs.detect import judged_on
 from ...rigs.presets import load_preset, save_preset, user_folder
 from ..properties import settings_of
@@ -107,6 +107,7 @@ class NSM_OT_bones_save(_OnFile):
         character = settings_of(context.scene).character
         with sentences(self):
             path = Path(bpy.path.abspath(self.filepath))
+            forget_told()
             save_preset(path.with_suffix(".toml"), stored_map(character.data) or found_map(character.data))
             return {"FINISHED"}
         return {"CANCELLED"}
