@@ -46,7 +46,7 @@ What `python docs/rigs.py FOLDER` made of a folder of rigs.
 - *Slide*: how fast feet slide that should stand; *Under*: how deep they come under the floor.  Lengths are in
   the scene's centimetres.
 
-| Rig | Bones by | Bones of 23 | Fit | Size | Limbs | Walk | Sit | Slide | Under |
+| Rig | Bones by | Joints | Fit | Size | Limbs | Walk | Sit | Slide | Under |
 |---|---|---|---|---|---|---|---|---|---|
 """
 
@@ -116,7 +116,7 @@ def row(path: Path, rig: bpy.types.Object) -> str:
     """One line of the table."""
     try:
         bone_map, scale = require_map(rig), Placement.of(rig).scale
-        found = f"{bone_map.family} | {len(bone_map.joints)} | {bone_map.score:.2f} | {scale:.2f}"
+        found = f"{bone_map.family} | {len(bone_map.joints)} of {J} | {bone_map.score:.2f} | {scale:.2f}"
         limbs = worst_limb(rig, bone_map, scale)
         report = walk_and_sit(rig, scale).report
     except NsmError as error:
