@@ -26,6 +26,7 @@ from nsm_core.world.sensors.interaction import interaction_sensor
 from .captures.folder import CaptureFolder
 from .matching.selection import stance
 from .scenarios.composer import Composer, load
+from .scenarios.registry import drawn
 from .scenarios.take import Annotated, ComposedTake, Piece, annotate, goal_tables
 from .storage import FIELDS, OBJECT_FIELDS
 
@@ -220,7 +221,7 @@ def export(
             "objects": objects,
             "seed": seed,
             "stance": stance(index),
-            "meaning": meaning(),
+            "meaning": meaning() | {"draws": drawn()},
         }
         temporary.write_text(json.dumps({**about, "takes": provenance}))
     return out

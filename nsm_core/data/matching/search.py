@@ -16,6 +16,7 @@ from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.world.planning.path import Course
 
 from .database import Library
+from .draws import MATCHING
 
 HORIZON = (10, 20, 30)  # frames ahead at which the trajectories are compared
 _POSE_JOINTS = tuple(INDEX[n] for n in ("RightAnkle", "LeftAnkle"))
@@ -123,8 +124,7 @@ class Matcher:
                     f, rotate_planar(future - root, np.full(3, -heading)), wrap_angle(facing - heading)
                 )
                 cost = self.costs(q)
-                # A little noise of the costs lets the same course be walked in several ways.
-                best = int(np.argmin(cost * rng.uniform(1.0, 1.15, size=len(cost)).astype(np.float32)))
+                best = int(np.argmin(cost * rng.uniform(*MATCHING.cost, size=len(cost)).astype(np.float32)))
                 if ending or (abs(best - f) > 8 and cost[best] < SWITCH * cost[f] - MARGIN):
                     f = best
                     seams.append(len(frames))

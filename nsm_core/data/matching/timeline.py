@@ -11,6 +11,7 @@ from nsm_core.conventions import FPS
 from nsm_core.rotations import Array, rotate_planar
 
 from .database import Library
+from .draws import MATCHING
 
 
 class Tape:
@@ -62,7 +63,7 @@ class Tape:
         """Stay about one captured frame for ``count`` frames, swaying slowly over its neighbours."""
         lib = self.lib
         low, high = max(frame - reach, int(lib.start[frame])), min(frame + reach, int(lib.end[frame]) - 2)
-        period = self.rng.uniform(2.5, 4.5) * FPS
+        period = self.rng.uniform(*MATCHING.sway_period) * FPS
         where = np.clip(frame + (high - low) / 2 * np.sin(2 * np.pi * np.arange(count) / period), low, high)
         self.run_on(where, seam)
 

@@ -32,6 +32,7 @@ from nsm_core.signals import intervals
 from nsm_core.world.assets.pool import Pool
 
 from . import single_clips
+from .draws import PERFORMANCES
 from .furnishing import furnish, keep_clear
 from .motion import Motion
 from .registry import SCENARIOS
@@ -41,7 +42,6 @@ from .take import ComposedTake, Piece, TimedCommand
 SHORTEST = 90  # frames of a take
 SEAM = 4  # frames before and after a seam in which the phase of the one clip goes over into that of the next
 _SLOWEST, _FASTEST = 0.5, 2.0  # of the captured pace
-ATTEMPTS = 4  # draws for each part that is wanted
 
 
 def load(captures: str | Path | CaptureFolder) -> Source:
@@ -85,14 +85,14 @@ class Composer:
 
 
 def _perform(session: Session, shares: dict[str, float]) -> None:
-    """Lay a performance of two to four parts."""
+    """Lay a performance of several parts."""
     rng, tape = session.rng, session.tape
     tape.lay([int(rng.choice(session.source.still))], [np.zeros(2)], [float(rng.uniform(-np.pi, np.pi))])
     session.command("idle", 0, position=np.zeros(3, np.float32), heading=tape.headings[0])
-    tape.stand(rng.uniform(0.3, 1.2))
+    tape.stand(rng.uniform(*PERFORMANCES.stands_first))
     names, weights = list(shares), np.array(list(shares.values()))
-    wanted, done = int(rng.integers(2, 5)), 0
-    for _ in range(ATTEMPTS * wanted):
+    wanted, done = int(rng.integers(*PERFORMANCES.parts)), 0
+    for _ in range(PERFORMANCES.attempts * wanted):
         if done == wanted:
             break
         saved = session.save()

@@ -11,15 +11,11 @@ from nsm_core.conventions import SIT
 from nsm_core.rotations import Array, direction_to_heading, rotate_planar
 from nsm_core.world.scene import furniture
 
+from .draws import FURNISHINGS
 from .take import ComposedTake, Placed
 
 if TYPE_CHECKING:
     from .session import Session
-
-OBSTACLES = ("table", "desk", "cabinet", "box", "chair", "armchair", "sofa", "wall", "stool", "table")
-WAY_ROOM = 0.36  # metres that the walked path keeps from furniture
-# Share of takes with a wall that is walked through; metres the path keeps from its opening's sides.
-HOLES, THROUGH = 0.3, 0.34
 
 
 def furnish(take: ComposedTake, roots: Array, session: Session, rng: np.random.Generator) -> None:
@@ -41,7 +37,7 @@ def furnish(take: ComposedTake, roots: Array, session: Session, rng: np.random.G
         local = rotate_planar(roots - spot, np.full(len(roots), -heading))
         lo, hi = piece.mins[:, :2].min(0), piece.maxs[:, :2].max(0)
         outside = np.maximum(np.maximum(lo - local, local - hi), 0)
-        if np.linalg.norm(outside, axis=1).min() < WAY_ROOM:
+        if np.linalg.norm(outside, axis=1).min() < FURNISHINGS.way_room:
             return
         radius = 0.5 * float(np.linalg.norm(piece.size[:2]))
         if any(np.linalg.norm(p - spot) < r + radius for p, r in busy):
@@ -49,19 +45,20 @@ def furnish(take: ComposedTake, roots: Array, session: Session, rng: np.random.G
         busy.append((spot, radius))
         take.obstacles.append(Placed(piece, spot, heading))
 
-    if rng.random() < HOLES:
+    if rng.random() < FURNISHINGS.holes:
         _wall_with_a_hole(take, roots, session, rng, busy)
     for middle in session.detours:
-        for _ in range(3):
+        for _ in range(FURNISHINGS.tries_in_detour):
             try_put(
-                middle + rng.normal(0, 0.12, 2),
-                str(rng.choice(("table", "box", "cabinet", "chair", "stool", "desk"))),
+                middle + rng.normal(0, FURNISHINGS.off_detour, 2),
+                str(rng.choice(FURNISHINGS.in_detours)),
             )
-    for _ in range(int(rng.integers(0, 26))):
+    for _ in range(int(rng.integers(*FURNISHINGS.pieces))):
         at = roots[rng.integers(len(roots))]
         angle = rng.uniform(-np.pi, np.pi)
         try_put(
-            at + rng.uniform(0.5, 2.4) * np.array((np.cos(angle), np.sin(angle))), str(rng.choice(OBSTACLES))
+            at + rng.uniform(*FURNISHINGS.off_way) * np.array((np.cos(angle), np.sin(angle))),
+            str(rng.choice(FURNISHINGS.kinds)),
         )
 
 
@@ -77,7 +74,7 @@ def _wall_with_a_hole(
     """
     step = roots[10:] - roots[:-10]
     moving = np.flatnonzero(np.linalg.norm(step, axis=1) > 0.25)
-    for _ in range(6):
+    for _ in range(FURNISHINGS.tries_of_hole):
         if not len(moving):
             return
         f = int(rng.choice(moving))
@@ -85,12 +82,19 @@ def _wall_with_a_hole(
         if piece.opening is None:
             continue
         heading = (
-            float(direction_to_heading(step[f])) + float(rng.choice((0, np.pi))) + float(rng.normal(0, 0.15))
+            float(direction_to_heading(step[f]))
+            + float(rng.choice((0, np.pi)))
+            + float(rng.normal(0, FURNISHINGS.hole_off_square))
         )
-        middle = 0.5 * (piece.opening[0] + piece.opening[1]) + rng.uniform(-0.06, 0.06)
+        middle = 0.5 * (piece.opening[0] + piece.opening[1]) + rng.uniform(
+            -FURNISHINGS.hole_aside, FURNISHINGS.hole_aside
+        )
         position = roots[f + 5] - rotate_planar(np.array((middle, 0.0)), np.float64(heading))
         wall = furniture.cuboids([(piece, position, heading)])
-        if wall.signed_distance(np.insert(roots, 2, 1.0, axis=1).astype(np.float32), 1.0).min() < THROUGH:
+        if (
+            wall.signed_distance(np.insert(roots, 2, 1.0, axis=1).astype(np.float32), 1.0).min()
+            < FURNISHINGS.hole_room
+        ):
             continue
         along = rotate_planar(np.array(((1.0, 0.0),)), np.array((heading,)))[0]
         spots = [position + x * along for x in np.linspace(piece.mins[:, 0].min(), piece.maxs[:, 0].max(), 5)]

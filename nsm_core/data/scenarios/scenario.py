@@ -18,7 +18,8 @@ class Scenario:
     ``share`` is how often it is drawn, in proportion to the others.  ``lay(session)`` goes on with it, and is
     False where the draw did not work out.  ``segments(folder)`` are the captured pieces that it is laid from,
     and ``order`` their place in the library among those of the others: takes of a seed stay the same by it.
-    ``alone(session)`` plays one captured piece; None where captures have none.
+    ``alone(session)`` plays one captured piece; None where captures have none.  ``draws`` is the dataclass of
+    what it draws at random, kept with training data.
     """
 
     share: float
@@ -26,6 +27,7 @@ class Scenario:
     alone: Callable[[Session], bool] | None = None
     segments: Callable[[CaptureFolder], list[Segment]] | None = None
     order: int = 0
+    draws: object = None
 
 
 def episode(lay: Callable[[Session], Episode | None]) -> Callable[[Session], bool]:

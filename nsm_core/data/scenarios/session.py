@@ -15,6 +15,7 @@ from nsm_core.world.assets.pool import Pool
 from nsm_core.world.planning.path import Course
 from nsm_core.world.scene.furniture import Furniture
 
+from .draws import PERFORMANCES, WAYS
 from .motion import Motion
 from .take import TimedCommand
 
@@ -81,7 +82,7 @@ class Session:
 
     def lead(self) -> int:
         """A random number of frames by which a command precedes its answer."""
-        return int(self.rng.integers(2, 9))
+        return int(self.rng.integers(*PERFORMANCES.lead))
 
     def save(self) -> tuple[int, ...]:
         """Where everything ends now, for ``restore``."""
@@ -146,7 +147,7 @@ class Session:
         distance = float(np.linalg.norm(straight))
         points = [start]
         travel = wrap_angle(np.arctan2(straight[0], -straight[1]) - heading)
-        tangent = float(np.sign(travel) * min(abs(travel), np.radians(rng.uniform(60, 130))))
+        tangent = float(np.sign(travel) * min(abs(travel), np.radians(rng.uniform(*WAYS.arrives))))
         if straight_end:
             tangent = 0.0
         elif around is not None:
@@ -159,13 +160,13 @@ class Session:
                 if back > depth + 0.3:
                     points.append(target + side * toward * clear - ahead * (depth + 0.2))
                 points.append(target + side * toward * clear - ahead * 0.1)
-                tangent = toward * np.radians(rng.uniform(60, 110))
+                tangent = toward * np.radians(rng.uniform(*WAYS.around_seat))
         elif distance > 1.0:
             tangent = float(np.clip(travel, -1.2, 1.2))
-        if distance > 2.0 and len(points) == 1 and rng.random() < 0.4:
+        if distance > WAYS.detour_from and len(points) == 1 and rng.random() < WAYS.detours:
             normal = np.array((-straight[1], straight[0])) / distance
-            middle = start + straight * rng.uniform(0.35, 0.65)
-            points.append(middle + normal * rng.choice((-1, 1)) * rng.uniform(0.5, 1.1))
+            middle = start + straight * rng.uniform(*WAYS.detour_at)
+            points.append(middle + normal * rng.choice((-1, 1)) * rng.uniform(*WAYS.detour_by))
             self.detours.append(middle)
         end_direction = heading_to_direction(np.array(heading + tangent))
         reach = min(0.45, 0.35 * distance)
@@ -181,9 +182,9 @@ class Session:
         return Course(
             path,
             heading,
-            speed=rng.uniform(0.85, 1.4) if speed is None else speed,
-            turn_distance=rng.uniform(0.35, 0.9),
-            deceleration=rng.uniform(0.7, 1.1),
+            speed=rng.uniform(*WAYS.speed) if speed is None else speed,
+            turn_distance=rng.uniform(*WAYS.turn_distance),
+            deceleration=rng.uniform(*WAYS.deceleration),
         )
 
     def follow(self, course: Course, runs: bool = False) -> bool:

@@ -20,6 +20,7 @@ from .carry import episode as carry_episode
 from .carry.carried import CarryEpisode
 from .carry.draws import CARRIES
 from .carry.supports import draw_support
+from .draws import PERFORMANCES
 from .session import Session
 from .sit import episode as sit_episode
 from .sit.draws import SITS
@@ -30,8 +31,7 @@ SHORTEST, LONGEST = 60, 12 * FPS  # frames of a level piece; of longer ones a st
 _LEAST_STRETCH = 4 * FPS
 _SPAN = 15  # frames that a gait lasts at least to be asked for
 _MOSTLY = 0.2  # share of running frames from which on a clip is a run
-# Share of the walks to a stand that are asked for by their end, and metres of the longest.
-_SENT, _FURTHEST = 0.5, 4.0
+_FURTHEST = 4.0  # metres of the longest walk to a stand that is asked for by its end
 _GAITS = ("idle", "walk", "run")
 
 
@@ -108,7 +108,7 @@ def _ask(session: Session, spans: list[tuple[int, int, int]]) -> None:
         if gait:
             stops = n + 1 < len(spans) and spans[n + 1][0] == IDLE
             near = stops and np.linalg.norm(roots[first:last] - roots[last], axis=1).max() < _FURTHEST
-            if not (gait == WALK and near and rng.random() < _SENT):
+            if not (gait == WALK and near and rng.random() < PERFORMANCES.sent):
                 session.commands.append(TimedCommand(frame, _GAITS[gait]))
                 continue
             first, last = spans[n + 1][1:]
@@ -217,4 +217,4 @@ def _begin(session: Session, frame: int) -> None:
 def _stand(session: Session, mark: int, frame: int) -> None:
     """Let command ``mark`` ask to stand where the piece ends, and hold its last ``frame``."""
     session.stand_here(mark)
-    session.tape.hold(frame, int(session.rng.uniform(0.8, 1.6) * FPS), 1, seam=False)
+    session.tape.hold(frame, int(session.rng.uniform(*PERFORMANCES.stands_last) * FPS), 1, seam=False)

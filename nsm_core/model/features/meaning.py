@@ -44,7 +44,8 @@ def meaning() -> Meaning:
 
     "features": how poses, time and sensors become numbers; a network that is fed by other rules cannot move.
     "distances": where bodies of the data stand, hold and turn in what they were asked for, and by which
-    speeds they were labelled; under other values a network misses by as much.
+    speeds they were labelled; under other values a network misses by as much.  Data and the weights trained
+    on them also keep "draws": what was drawn at random and how (``data.scenarios.registry``).
     """
     ours = {name: value for name, value in vars(distances).items() if name.isupper()}
     features = {
