@@ -17,6 +17,11 @@ IDLE_PERIOD = 1.0  # seconds of a cycle of the phase where nobody moves
 
 STAND_AHEAD = 0.45  # how far before the seated hips a person stands before sitting, metres
 SEAT_MEMORY = 0.25  # the seat is sensed until its action label falls to this (published code)
+# Heights of seats, metres over the floor: of surfaces that are looked for in meshes and scenes, of meshes
+# that scaling can bring to where people sit, to which it brings them (the generator's own are in
+# ``seating``), and to which sits of the data are moved by contact transfer.
+SEATS_FOUND, SEATS_SCALABLE = (0.26, 0.88), (0.3, 0.9)
+SEATS_DRAWN, SEATS_SWAPPED = (0.35, 0.55), (0.35, 0.6)
 
 # Holding a box: how far the wrists lie off its sides, behind its centre (hands reach on from them) and, as a
 # share of its height, under its centre; and how far its near face is from the root of who lifts or holds it,

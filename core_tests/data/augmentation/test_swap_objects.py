@@ -12,8 +12,9 @@ from nsm_core.body.skeleton import ARMS, FEET, HIP_OVER_SEAT, forward_kinematics
 from nsm_core.body.thin_capsules import thin_depths
 from nsm_core.conventions import CLIMB, FOOT_CONTACTS, HIP_CONTACT, SIT
 from nsm_core.data.augmentation.soundness import DEEPER
-from nsm_core.data.augmentation.swap_objects import SEATS, switched
+from nsm_core.data.augmentation.swap_objects import switched
 from nsm_core.data.scenarios.composer import Composer, load
+from nsm_core.distances import SEATS_SWAPPED
 from nsm_core.rotations import rotate_planar, wrap_angle
 from nsm_core.world.assets.pool import Pool
 from nsm_core.world.scene.furniture import carried_box, cuboids
@@ -97,7 +98,7 @@ def test_hips_rest_on_the_new_seat_and_the_goal_is_there(sits):
     for _, take, other in sits:
         for a, b, old, new in changed(take, other):
             seat = new.furniture.seat
-            assert SEATS[0] <= seat.height <= SEATS[1]
+            assert SEATS_SWAPPED[0] <= seat.height <= SEATS_SWAPPED[1]
             heights.append(seat.height - old.furniture.seat.height)
             on = (other.contacts[:, HIP_CONTACT] > 0.5) & (
                 np.linalg.norm(take.hips - a.position, axis=1) < 0.1

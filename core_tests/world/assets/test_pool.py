@@ -7,12 +7,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nsm_core.distances import CRATE_SIDE
+from nsm_core.distances import CRATE_SIDE, SEATS_DRAWN
 from nsm_core.errors import GeometryError
 from nsm_core.rotations import rotate_planar
 from nsm_core.world.assets.door_from_mesh import door_measures
 from nsm_core.world.assets.from_mesh import boxes_of, opening_of, piece_of
-from nsm_core.world.assets.pool import SEAT_RANGE, Entry, Pool, scaled, split
+from nsm_core.world.assets.pool import Entry, Pool, scaled, split
 from nsm_core.world.scene.door import make_door
 from nsm_core.world.scene.furniture import box_mesh, cuboids, make, top_of
 
@@ -124,7 +124,7 @@ def test_draws_mix_meshes_and_parametric_pieces_and_repeat_by_seed(folder):
     np.testing.assert_array_equal(a.mins, b.mins)
     rng = np.random.default_rng(0)
     seats = [pool.draw("chair", rng).seat.height for _ in range(40)]
-    assert SEAT_RANGE[0] - 1e-6 <= min(seats) < 0.42 and 0.5 < max(seats) <= SEAT_RANGE[1] + 1e-6
+    assert SEATS_DRAWN[0] - 1e-6 <= min(seats) < 0.42 and 0.5 < max(seats) <= SEATS_DRAWN[1] + 1e-6
     for _ in range(10):
         crate = pool.draw("crate", rng)
         assert (

@@ -16,6 +16,7 @@ from nsm_core.body.skeleton import ARMS, FEET, HIP_OVER_SEAT, HIPS, forward_kine
 from nsm_core.body.thin_capsules import thin_spheres
 from nsm_core.conventions import CLIMB, FOOT_CONTACTS, FPS, HAND_CONTACTS, HIP_CONTACT, SIT
 from nsm_core.data.scenarios.take import ComposedTake, Thing, TimedCommand
+from nsm_core.distances import SEATS_SWAPPED
 from nsm_core.errors import GeometryError
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
 from nsm_core.signals import intervals
@@ -31,7 +32,6 @@ from .swap_boxes import switch_box
 # Of the differences in size between an object and the one drawn for it: what is left of them in one attempt
 # after the other.
 SHARES = (1.0, 0.8, 0.6, 0.4, 0.25)
-SEATS = (0.35, 0.6)  # heights of seats that people are put on, metres
 MOST_BACK = 0.12  # metres that a seat stands further back at most
 KEEP_OFF = 0.15  # metres that the hips keep from an object which they only pass
 OVER_EDGE = 0.03  # metres by which a toe that stands may stick out over an edge
@@ -78,7 +78,8 @@ def _switch_one(take: ComposedTake, number: int, pool: Pool, seeds: Array) -> Co
         piece = _nearer(switch(pool, thing.furniture.kind, int(seed)), thing.furniture, share)
         seat = piece.seat
         if seat is not None and (
-            seat.arms != thing.furniture.require_seat().arms or not SEATS[0] <= seat.height <= SEATS[1]
+            seat.arms != thing.furniture.require_seat().arms
+            or not SEATS_SWAPPED[0] <= seat.height <= SEATS_SWAPPED[1]
         ):
             continue
         other = Thing(piece, _stand(thing, piece))

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsm_core.distances import SEATS_FOUND
 from nsm_core.errors import GeometryError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.world.geometry.triangles import check_mesh, cut_triangles
 from nsm_core.world.scene.furniture.piece import Seat, hip_setback
 
-LOWEST, HIGHEST = 0.26, 0.88  # seat surfaces looked for, metres over the floor
+LOWEST, HIGHEST = SEATS_FOUND
 _USUAL = 0.45
 _STEP = 0.02  # cells of the height map
 _TOP = 1.15  # what lies higher does not matter to a sitter

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsm_core.distances import SEATS_SCALABLE
 from nsm_core.errors import GeometryError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.world.affordances.seat import find_seat
@@ -16,7 +17,6 @@ FINE = 0.02  # metres: what boxes shrink to
 MOST_BOXES = 40
 _COARSER = (2, 3, 4, 5, 6, 8, 10)  # fine voxels in one that is merged, until few boxes are left
 _PATCH = (0.14, 0.18)  # half width and reach before the hips of the place that a sitter covers, metres
-SEAT_HEIGHTS = (0.3, 0.9)  # surfaces that scaling can bring to where people sit
 _HEADROOM = np.array([(x, y, z) for x in (-0.1, 0, 0.1) for y in (-0.1, 0) for z in (0.04, 0.3, 0.6)])
 _FEET = np.array([(x, y, z) for x in (-0.12, 0.12) for y in (-0.3, -0.1) for z in (0.05, 0.25)])
 OPENING = (0.7, 2.2, 1.9)  # least and greatest width and least height of an opening to walk through, metres
@@ -66,7 +66,7 @@ def piece_of(vertices: Array, triangles: Array, kind: str, sits: bool, front_kno
             if abs(wrap_angle(seat.heading)) > np.radians(10):
                 raise GeometryError("It is unclear which way one sits on it; choose another mesh.")
             seat.heading = 0.0
-        if not SEAT_HEIGHTS[0] <= seat.height <= SEAT_HEIGHTS[1]:
+        if not SEATS_SCALABLE[0] <= seat.height <= SEATS_SCALABLE[1]:
             raise GeometryError(f"The seat lies {seat.height:.2f} m high; scale the mesh.")
     mins, maxs = boxes_of(vertices, triangles)
     if seat is not None:

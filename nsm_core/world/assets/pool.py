@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from nsm_core.distances import CRATE_SIDE
+from nsm_core.distances import CRATE_SIDE, SEATS_DRAWN
 from nsm_core.errors import GeometryError, OutputError
 from nsm_core.files import atomic_path
 from nsm_core.rotations import Array
@@ -62,7 +62,6 @@ SCALES = {
     "wall": ((0.7, 1.6), (0.8, 1.2), (0.9, 1.1)),
     "hole_wall": ((0.95, 1.25), (0.6, 1), (0.98, 1.05)),
 }
-SEAT_RANGE = (0.35, 0.55)  # heights of seats that are drawn, metres
 _FLATTEST_BOX = 0.12  # lids and trays are no boxes, metres
 SCALE_RANGE = (1e-4, 1e4)  # of a row of the index: millimetres to kilometres
 MESH_SHARE = 0.5  # of the draws where there are both meshes and parametric pieces
@@ -165,7 +164,7 @@ class Pool:
         """Draw a piece of ``kind`` (one of ``furniture.KINDS``); the same draws of ``rng`` give the same
         piece.
 
-        Meshes are scaled at random with ``augment``; seats stay within ``SEAT_RANGE``, crates within
+        Meshes are scaled at random with ``augment``; seats stay within ``SEATS_DRAWN``, crates within
         ``CRATE_SIDE``.  Draws from all entries: call it on ``training()`` or ``held_back()``.
         """
         choice = self.of_kind(kind)
@@ -215,7 +214,7 @@ def random_scale(piece: Furniture, rng: np.random.Generator) -> Array:
     """Draw factors (3,) along x, y and z of a piece by its kind; a seat keeps a height people sit at."""
     ranges = [(float(low), float(high)) for low, high in SCALES.get(piece.kind, ((1, 1),) * 3)]
     if piece.seat is not None:
-        low, high = (limit / piece.seat.height for limit in SEAT_RANGE)
+        low, high = (limit / piece.seat.height for limit in SEATS_DRAWN)
         a, b = ranges[2]
         ranges[2] = (max(a, low), min(b, high))
         if ranges[2][0] > ranges[2][1]:  # no scale of the kind does: the nearest that gives a seat

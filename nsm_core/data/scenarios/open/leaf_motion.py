@@ -17,10 +17,11 @@ from nsm_core.world.scene.props import Leaf
 from .draws import OPENS
 
 ANGLES = np.radians(np.arange(0, 111.0, 2))  # angles of the leaf that are weighed against one another
-# Metres from shoulder to wrist: of an arm alone, and of one that the trunk's lean helps.
+# Metres from the shoulder to the handle, off which the wrist stays by ``distances.WRIST_OFF_HANDLE``: of an
+# arm alone, and of one that the trunk's lean helps.
 REACH, FURTHEST = 0.62, 0.7
 HASTES = (1.0, 1.35, 1.8)  # how much of a shove a leaf is given so that it keeps ahead of the body
-FOLDED = 0.33  # metres from shoulder to wrist under which an arm gets in its own way
+FOLDED = 0.33  # metres from shoulder to handle under which an arm gets in its own way
 CLEAR = 0.02  # metres that the body keeps off the leaf
 # The body as joints with radii, metres; the arm that holds the handle is left out.
 _BODY = {"Hips": 0.11, "Chest2": 0.11, "Chest4": 0.11, "Head": 0.11} | {
@@ -60,8 +61,10 @@ class Doorway:
         d = np.asarray(points, dtype=np.float64)[..., :2] - self.hinge
         return np.concatenate((np.stack((d @ self.along, d @ self.go), axis=-1), points[..., 2:]), axis=-1)
 
-    def grips(self, angles: Array) -> Array:
-        """Where the handle is held (..., 3), u, v, z, when the leaf is open by ``angles`` (...)."""
+    def handles(self, angles: Array) -> Array:
+        """Where the handle is (..., 3), u, v, z, on the side of who takes it, when the leaf is open by
+        ``angles`` (...).
+        """
         out, (x, _, z) = self.leaf.thickness / 2, self.leaf.handle
         c, s = np.cos(angles), np.sin(angles) * (1 if self.way.push else -1)
         return np.stack((x * c + out * s, x * s - out * c, np.broadcast_to(z, np.shape(angles))), axis=-1)
@@ -109,7 +112,7 @@ def turn(
     arm stretched and draws the leaf past when the body has stepped back, at frame ``backed``.
     """
     shoulder = door.local(joints[:, ARMS[door.way.hand][0]])
-    spans = np.linalg.norm(shoulder[:, None] - door.grips(ANGLES)[None], axis=-1)
+    spans = np.linalg.norm(shoulder[:, None] - door.handles(ANGLES)[None], axis=-1)
     clear = door.clearance(joints, panel)
     count, push = len(joints), door.way.push
     t = np.arange(count)
@@ -135,7 +138,7 @@ def turn(
     angles = np.maximum.accumulate(gaussian_smooth(wanted * ANGLES[1], 3.0)).clip(0, None)
     angles[: start + 1] = 0
     let_go = np.radians(rng.uniform(*(OPENS.let_go_pushed if push else OPENS.let_go_pulled)))
-    own = np.linalg.norm(shoulder - door.grips(angles), axis=-1)
+    own = np.linalg.norm(shoulder - door.handles(angles), axis=-1)
     done = np.flatnonzero(
         (t > start + 5)
         & ((angles >= let_go) | (own > FURTHEST) | (own < FOLDED) & (t > start + 15) | (t > count - 25))
