@@ -68,6 +68,26 @@ def test_families_are_found_by_their_names(names):
     require_skeleton(rig)
 
 
+def test_hips_are_the_bone_over_legs_and_spine_where_a_pelvis_carries_legs_alone():
+    names = sided(
+        "CC_Base_{side}_{name}",
+        {"Hips": "CC_Base_Hip", "Chest": "CC_Base_Waist", "Chest3": "CC_Base_Spine01",
+         "Chest4": "CC_Base_Spine02", "Neck": "CC_Base_NeckTwist01", "Head": "CC_Base_Head"},
+        {"Collar": "Clavicle", "Shoulder": "Upperarm", "Elbow": "Forearm", "Wrist": "Hand", "Hip": "Thigh",
+         "Knee": "Calf", "Ankle": "Foot", "Toe": "ToeBase"},
+    )  # fmt: skip
+    rig = foreign_rig(names)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bones = rig.data.edit_bones
+    pelvis = bones.new("CC_Base_Pelvis")
+    pelvis.head, pelvis.tail, pelvis.parent = (0, 0, 0.97), (0, 0, 0.9), bones["CC_Base_Hip"]
+    for side in "LR":
+        bones[f"CC_Base_{side}_Thigh"].parent = pelvis
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert dict(bone_map_of(rig).joints) == names
+    require_skeleton(rig)
+
+
 def test_our_own_names_go_before_all():
     found = bone_map_of(build_armature("Character"))
     assert dict(found.joints) == {name: name for name in JOINTS} and found.score == 1

@@ -58,23 +58,19 @@ def _candidates(names: Names, parents: Parents, places: Array, files: Files) -> 
 
 
 def _whole(names: Names, parents: Parents, read: dict[str, str]) -> dict[str, str]:
-    """What a family has read, with the hips over both legs and the spine spread over Chest to Chest4."""
+    """What a family has read, with the hips over legs and arms and the spine spread over Chest to Chest4."""
     joints = {joint: bone for joint, bone in read.items() if joint not in SPINE}
-    legs = [joints.get(side + "Hip") for side in SIDES]
-    if None in legs:
+    limbs = [joints.get(side + name) for name in ("Hip", "Shoulder") for side in SIDES]
+    if None in limbs or "Head" not in joints:
         return read
     hips = joints.get("Hips")
-    if hips is None or not all(hangs(names, parents, leg, hips) for leg in legs):
-        shared = _shared(names, parents, *legs)
+    if hips is None or not all(hangs(names, parents, limb, hips) for limb in limbs):
+        shared = _shared(names, parents, limbs)
         if shared is None:
             return read
         joints["Hips"] = shared
-    if not {"Head", *(s + "Shoulder" for s in SIDES)} <= set(joints):
-        return joints
     joints = _hanging(names, parents, in_place(names, parents, joints))
-    if all(hangs(names, parents, joints[s + "Shoulder"], joints["Hips"]) for s in SIDES):
-        joints |= spread(spine_of(names, parents, joints))
-    return joints
+    return joints | spread(spine_of(names, parents, joints))
 
 
 def spread(spine: Names) -> dict[str, str]:
@@ -87,9 +83,10 @@ def spread(spine: Names) -> dict[str, str]:
     return {joint: spine[round(k * count / most) - 1] for k, joint in enumerate(SPINE, 1)}
 
 
-def _shared(names: Names, parents: Parents, right: str, left: str) -> str | None:
-    """The lowest bone over two bones."""
-    return next((n for n in reversed(_line(names, parents, right)) if hangs(names, parents, left, n)), None)
+def _shared(names: Names, parents: Parents, bones: list[str]) -> str | None:
+    """The lowest bone over some bones."""
+    over = reversed(_line(names, parents, bones[0]))
+    return next((name for name in over if all(hangs(names, parents, bone, name) for bone in bones)), None)
 
 
 def _line(names: Names, parents: Parents, bone: str) -> list[str]:

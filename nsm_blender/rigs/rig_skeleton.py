@@ -32,7 +32,7 @@ _SIDES = ("Right", "Left")
 # A spine that leans so much (the sine) in the rest pose is still upright: only the pose differs, not the
 # axes.
 _ASKEW = 0.35
-_SLOUCH = 0.2  # sine of the lean of a trunk in the rest pose over which it is taken for one, and put upright
+_SLOUCH = 0.25  # sine of the lean of a trunk in the rest pose over which it is taken for one, and put upright
 _MIDDLE = OFFSETS[[INDEX["RightHip"], INDEX["LeftHip"]]].mean(0).astype(np.float64)  # of the hip joints
 _LEG = float(-OFFSETS[list(FEET[0][1:3]), 2].sum())  # from hip to ankle, metres
 _DROP = (ANKLE_HEIGHT - TOE_HEIGHT) / _LEG  # of an ankle over its toe, in legs
@@ -163,7 +163,8 @@ def _bends(places: Array, ends: Array, known: list[bool]) -> Array:
     turn about the vertical alone.
     """
     bends = np.tile(_IDENTITY, (J, 1))
-    lean = places[INDEX["Chest4"]] - (places[INDEX["RightHip"]] + places[INDEX["LeftHip"]]) / 2
+    middles = [(places[INDEX["Right" + n]] + places[INDEX["Left" + n]]) / 2 for n in ("Shoulder", "Hip")]
+    lean = middles[0] - middles[1]
     if np.linalg.norm(lean) > 1e-9 and abs(lean[1]) / np.linalg.norm(lean) > _SLOUCH:
         slouch = _turn(np.array((0.0, 0.0, 1.0)), np.array((0.0, lean[1], lean[2])))
         for name in ("Chest", "Chest2", "Chest3", "Chest4", "RightCollar", "LeftCollar"):

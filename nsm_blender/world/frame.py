@@ -14,7 +14,7 @@ from ..rigs.armature import Placement
 
 @dataclass(frozen=True)
 class WorldFrame:
-    """The core's world as one character sees it: its own metres, of which its legs are as long as the
+    """The core's world as one character sees it: its own metres, of which its hips are as high as the
     skeleton's; its floor at zero.
 
     ``scale`` is Blender units to such a metre, whatever the units of scene, object and bones are; ``floor`` a
