@@ -19,7 +19,7 @@ from ..world.frame import WorldFrame
 from .viewpoint import choose_views, soften
 
 _ADULT = 1.75  # metres
-_TALLER = 1.15  # times as tall as its legs let expect that a body is looked at as such
+_TALLER = 1.05  # times as tall as its legs let expect that a body is looked at as such
 LENS, SENSOR = 45.0, 36.0  # millimetres
 _BODY = 0.9  # metres before the middle of the body that belong to it when what is in front is cut away
 

@@ -36,6 +36,7 @@ _SLOUCH = 0.25  # sine of the lean of a trunk in the rest pose over which it is 
 _MIDDLE = OFFSETS[[INDEX["RightHip"], INDEX["LeftHip"]]].mean(0).astype(np.float64)  # of the hip joints
 _LEG = float(-OFFSETS[list(FEET[0][1:3]), 2].sum())  # from hip to ankle, metres
 _DROP = (ANKLE_HEIGHT - TOE_HEIGHT) / _LEG  # of an ankle over its toe, in legs
+_HIGHEST_ANKLE, _HIGHEST_TOE = 0.5, 0.15  # legs over the floor of what stands on it
 _IDENTITY = np.array((1.0, 0.0, 0.0, 0.0))
 _NEXT = {"Chest": "Chest2", "Chest2": "Chest3", "Chest3": "Chest4", "Neck": "Head"} | {
     side + "Collar": side + "Shoulder" for side in _SIDES
@@ -123,7 +124,7 @@ def rig_skeleton(
     middle = (places[INDEX["RightHip"]] + places[INDEX["LeftHip"]]) / 2
     known = [bone is not None for bone in bones]
     bends = _bends(places, ends, known)
-    size = max(_height(places, known) / (_LEG * (1 + _DROP)), 1e-9)
+    size = max(_size(places, known), 1e-9)
     hips_bone = places[HIPS].copy()
     places[HIPS] = middle - quat_rotate(bends[HIPS], _MIDDLE) * size
     offsets = np.zeros((J, 3))
@@ -213,13 +214,23 @@ def _toe(ankle: int, places: Array, ends: Array, bends: Array, size: float) -> A
     return places[ankle] + quat_rotate(bends[ankle], OFFSETS[INDEX["RightToe"]].astype(np.float64)) * size
 
 
-def _height(places: Array, known: list[bool]) -> float:
-    """Height of the hip joints over the balls of the feet on straight legs, mean of both; where a foot has no
-    toe, its ankle is as high as ours.
+def _size(places: Array, known: list[bool]) -> float:
+    """Height of the hip joints on straight legs over our own.
+
+    The floor is where the armature has its origin, as rigs are made; where that cannot be, the balls of the
+    feet are as high as ours, and the ankle of a foot without a toe is.
     """
-    legs, lengths = [], 0.0
+    legs, drops = [], []
     for hip, knee, ankle, toe in FEET:
-        leg = float(np.linalg.norm(np.diff(places[[hip, knee, ankle]], axis=0), axis=1).sum())
-        lengths += leg
-        legs.append(leg + (max(float(places[ankle, 2] - places[toe, 2]), 0.0) if known[toe] else _DROP * leg))
-    return float(np.mean(legs)) if lengths > 0 else 0.0
+        legs.append(float(np.linalg.norm(np.diff(places[[hip, knee, ankle]], axis=0), axis=1).sum()))
+        drops.append(max(float(places[ankle, 2] - places[toe, 2]), 0.0) if known[toe] else _DROP * legs[-1])
+    leg, drop = float(np.mean(legs)), float(np.mean(drops))
+    feet = [ankle for _, _, ankle, _ in FEET]
+    balls = [toe for *_, toe in FEET if known[toe]]
+    ankles = float(places[feet, 2].mean())
+    on_floor = 0 < ankles < _HIGHEST_ANKLE * leg and all(
+        abs(places[t, 2]) < _HIGHEST_TOE * leg for t in balls
+    )
+    if on_floor:
+        return (leg + ankles) / (_LEG + ANKLE_HEIGHT)
+    return (leg + drop) / (_LEG * (1 + _DROP)) if leg > 0 else 0.0
