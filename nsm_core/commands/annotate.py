@@ -15,23 +15,24 @@ from nsm_core.conventions import FPS, STYLES
 from nsm_core.data.annotation.phases import keys_of_phase
 from nsm_core.data.annotation.picture import draw
 from nsm_core.data.annotation.proposal import arrays_of, propose
-from nsm_core.data.captures import sidecar
+from nsm_core.data.captures import sidecar, sidecar_writer
 from nsm_core.data.captures.folder import Capture, CaptureFolder
 from nsm_core.data.captures.joint_map import load_mapping
-from nsm_core.data.captures.sheet import Sheet, fingerprint
+from nsm_core.data.captures.sheet import Sheet, Use, fingerprint
 from nsm_core.errors import CaptureError, NsmError
 
 
 def annotate_clip(
     folder: CaptureFolder, capture: Capture, overwrite: bool
 ) -> tuple[Clip, Sheet, dict[int, str], list[str]]:
-    """Read a clip and propose its sheet; the fourth value names the sections that a person's edits
-    have kept.
+    """Read a clip and propose its sheet; the fourth value names the sections that are kept: a person's edits,
+    and what the program says of a capture that it knows.
     """
     clip = folder.read(capture)
     kept = None if overwrite else folder.sheet(capture)
     sheet, remarks = propose(clip, kept)
-    return clip, sheet, remarks, kept.edited() if kept is not None else []
+    mine = [] if kept is None else [*kept.edited(), *(["use"] if kept.use != Use() else [])]
+    return clip, sheet, remarks, mine
 
 
 def with_phase(sheet: Sheet, measured: dict[str, list[Any]], kept: list[str]) -> Sheet:
@@ -89,7 +90,7 @@ def main(arguments: list[str]) -> int:
     for (path, clip, sheet, remarks, kept), phases in zip(done, measured, strict=True):
         by_rule = sheet
         sheet = with_phase(sheet, {k: keys_of_phase(v) for k, v in phases.items()}, kept)
-        sidecar.write(sidecar.sidecar_of(path), sheet, remarks)
+        sidecar_writer.write(sidecar.sidecar_of(path), sheet, remarks)
         annotation = arrays_of(sheet)
         if not options.no_pictures:
             shown = arrays_of(by_rule) if phases else annotation

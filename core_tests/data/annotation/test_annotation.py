@@ -26,7 +26,7 @@ from nsm_core.conventions import (
 )
 from nsm_core.data.annotation.phases import keys_of_phase, phase_of_keys, rule_keys
 from nsm_core.data.annotation.proposal import arrays_of, propose
-from nsm_core.data.captures import bvh_writer, sidecar
+from nsm_core.data.captures import bvh_writer, sidecar, sidecar_writer
 from nsm_core.errors import CaptureError
 from nsm_core.rotations import heading_to_direction
 
@@ -224,7 +224,7 @@ def test_a_deleted_section_stays_deleted(folder):
     main(["annotate", str(folder), "--no-pictures"])
     path = folder / "deep" / "sit.nsm.toml"
     sheet = sidecar.read(path)
-    sidecar.write(path, replace(sheet, actions=sheet.actions | {"sit": []}))
+    sidecar_writer.write(path, replace(sheet, actions=sheet.actions | {"sit": []}))
     main(["annotate", str(folder), "--no-pictures"])
     assert not arrays_of(sidecar.read(path)).style[:, SIT].any()
     assert all(g.action != "sit" for g in sidecar.read(path).goals)

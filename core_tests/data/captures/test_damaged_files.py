@@ -16,7 +16,7 @@ from fuzzing import survives
 from nsm_core.body.clip import Clip
 from nsm_core.body.skeleton import JOINTS
 from nsm_core.data.annotation.proposal import arrays_of, propose
-from nsm_core.data.captures import bvh_writer, reader, sidecar
+from nsm_core.data.captures import bvh_writer, reader, sidecar, sidecar_writer
 from nsm_core.data.captures.joint_map import load_mapping
 from nsm_core.data.captures.joint_names import families
 from nsm_core.data.captures.sheet import Use
@@ -84,7 +84,7 @@ def test_mappings(tmp_path):
 def sheet_text(tmp_path_factory):
     clip = Clip("walk", *(a.astype(np.float32) for a in sit()))
     path = tmp_path_factory.mktemp("sheets") / "walk.nsm.toml"
-    sidecar.write(path, *propose(clip))
+    sidecar_writer.write(path, *propose(clip))
     return path.read_bytes()
 
 
@@ -102,7 +102,7 @@ def test_sidecars(tmp_path, sheet_text):
             assert np.isfinite(getattr(a, name)).all(), name
         assert all(g.place is None or np.isfinite(g.place).all() for g in a.goals)
         again = tmp_path / "again.nsm.toml"
-        sidecar.write(again, sheet)
+        sidecar_writer.write(again, sheet)
         assert [g.action for g in sidecar.read(again).goals] == [g.action for g in sheet.goals]
 
     done, refused = survives(read, sheet_text, 400, seed=7)
@@ -198,7 +198,7 @@ def test_what_a_clip_is_used_for_comes_back(tmp_path, sheet_text):
     sheet = sidecar.read(tmp_path / "a.nsm.toml")
     assert sheet.use == Use() and "\n[use]" not in sheet_text.decode()
     for use in (Use(walk=()), Use(((0, 20), (21, 60)), (), ((3, 40),), 7), Use(stand=0)):
-        sidecar.write(tmp_path / "b.nsm.toml", replace(sheet, use=use))
+        sidecar_writer.write(tmp_path / "b.nsm.toml", replace(sheet, use=use))
         assert sidecar.read(tmp_path / "b.nsm.toml") == replace(sheet, use=use)
 
 
@@ -219,7 +219,7 @@ def test_what_a_clip_is_used_for_comes_back(tmp_path, sheet_text):
 def test_clip_names_of_any_letters_come_back(tmp_path, sheet_text, name):
     (tmp_path / "a.nsm.toml").write_bytes(sheet_text)
     sheet = sidecar.read(tmp_path / "a.nsm.toml")
-    sidecar.write(tmp_path / "b.nsm.toml", replace(sheet, clip=name), {0: name})
+    sidecar_writer.write(tmp_path / "b.nsm.toml", replace(sheet, clip=name), {0: name})
     again = sidecar.read(tmp_path / "b.nsm.toml")
     assert again.clip == name.replace("\udc80", "?") and again.goals == sheet.goals and again.edited() == []
 

@@ -15,7 +15,7 @@ from captures import walk
 
 from nsm_core.body.skeleton import JOINTS
 from nsm_core.data.annotation.proposal import propose
-from nsm_core.data.captures import bvh_writer, reader, sidecar
+from nsm_core.data.captures import bvh_writer, reader, sidecar, sidecar_writer
 from nsm_core.data.captures.joint_map import load_mapping
 from nsm_core.errors import CaptureError, NsmError
 from nsm_core.model.inference import model
@@ -42,7 +42,7 @@ def good(tmp_path_factory):
     hips, local = walk(0.6, 0.3, 1.1, rest=0.2)
     bvh_writer.write(folder / "a.bvh", hips, local)
     clip = reader.read(folder / "a.bvh")
-    sidecar.write(folder / "a.nsm.toml", *propose(clip))
+    sidecar_writer.write(folder / "a.nsm.toml", *propose(clip))
     npz = model.BUNDLED
     return {
         "bvh": (folder / "a.bvh").read_bytes(),

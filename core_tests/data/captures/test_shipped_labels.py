@@ -75,9 +75,10 @@ def test_a_sidecar_beside_a_capture_comes_first(folder, tmp_path):
     assert load_walks(index) == [] and [c.name for c in load_runs(index)] == ["cmu/cmu_07_01@0"]
 
 
-def test_annotating_keeps_what_the_program_says_of_them(folder, tmp_path):
+def test_annotating_keeps_what_the_program_says_of_them(folder, tmp_path, capsys):
     shutil.copytree(folder, tmp_path / "mine")
     assert main(["annotate", str(tmp_path / "mine"), "--no-pictures"]) == 0
+    assert "cmu/cmu_07_01.bvh: 2.6 s, idle, walk; kept your use\n" in capsys.readouterr().out
     written = sidecar.read(tmp_path / "mine" / "cmu" / "cmu_07_01.nsm.toml")
     assert written.use.walk == ((0, 78),) and written.actions["walk"] and written.contacts["LeftAnkle"]
     assert main(["annotate", str(tmp_path / "mine"), "--no-pictures"]) == 0  # and again

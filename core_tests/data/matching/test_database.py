@@ -14,7 +14,7 @@ from nsm_core.__main__ import main
 from nsm_core.body.clip import Clip
 from nsm_core.body.ik.two_bone import place_limbs, place_wrists
 from nsm_core.body.skeleton import FEET, INDEX, forward_kinematics
-from nsm_core.data.captures import bvh_writer, reader, sidecar
+from nsm_core.data.captures import bvh_writer, reader, sidecar, sidecar_writer
 from nsm_core.data.captures.folder import CaptureFolder, Labelled
 from nsm_core.data.captures.sheet import Use
 from nsm_core.data.matching.labelled import grasps, sit_downs, walks_and_runs
@@ -140,7 +140,7 @@ def edited(studio: Path, tmp_path: Path, change) -> Path:
     folder = tmp_path / "edited"
     shutil.copytree(studio, folder)
     for path in folder.rglob("*" + sidecar.SUFFIX):
-        sidecar.write(path, change(sidecar.read(path)))
+        sidecar_writer.write(path, change(sidecar.read(path)))
     return folder
 
 

@@ -15,7 +15,7 @@ import pytest
 from nsm_core.__main__ import main
 from nsm_core.commands.annotate import with_phase
 from nsm_core.conventions import SIT
-from nsm_core.data.captures import bvh_writer, sidecar
+from nsm_core.data.captures import bvh_writer, sidecar, sidecar_writer
 from nsm_core.data.scenarios.composer import Composer, load
 from nsm_core.data.scenarios.take import ComposedTake, annotate, phase_of
 from nsm_core.errors import CaptureError
@@ -41,7 +41,7 @@ def edited(studio: Path, tmp_path: Path, name: str, change) -> Path:
     folder = tmp_path / "studio"
     shutil.copytree(studio, folder)
     path = sidecar.sidecar_of(folder / f"{name}.bvh")
-    sidecar.write(path, change(sidecar.read(path)))
+    sidecar_writer.write(path, change(sidecar.read(path)))
     return folder
 
 

@@ -85,6 +85,7 @@ class Sheet:
 
 
 LABELS = (*STYLES, "other")  # of [actions]
+USES = ("walk", "run", "sit")  # of [use], those that name stretches
 SECTIONS = (
     *(f"actions.{s}" for s in LABELS),
     *(f"contacts.{c}" for c in CONTACTS),
