@@ -69,7 +69,7 @@ def trained(data, tmp_path_factory) -> tuple[Trainer, list[float], np.ndarray]:
         json.loads((folder / "data.json").read_text())["stance"],
         require_meaning(folder),
     )
-    batch = trainer.batches.from_data(300)
+    batch = trainer.batches.from_data(trainer.batches.draw(300))
     before = loss_of(trainer, batch)
     losses = np.array([trainer.train_step() for _ in range(STEPS)])
     return trainer, [before, loss_of(trainer, batch)], losses
@@ -123,7 +123,7 @@ def test_exported_weights_load_without_torch_and_predict_the_same(trained, tmp_p
     trainer, _, _ = trained
     path = trainer.export(tmp_path / "nsm.npz")
     model = load_model(path, backend="numpy")
-    x, g, _ = trainer.batches.from_data(16)
+    x, g, _ = trainer.batches.from_data(trainer.batches.draw(16))
     y, _, info = model.step(Inputs(x, g), model.start(16))
     with torch.no_grad():
         expected, _, tensors = trainer.average.step(Inputs(torch.from_numpy(x), torch.from_numpy(g)), {})
@@ -150,23 +150,54 @@ CUDA = pytest.param("cuda", marks=pytest.mark.skipif(not torch.cuda.is_available
 @pytest.mark.parametrize("device", ["cpu", CUDA])
 def test_a_network_with_memory_trains_and_remembers_each_roll_out(data, tmp_path, monkeypatch, device):
     monkeypatch.setitem(KINDS, "elman", ELMAN)
-    settings = replace(SETTINGS, device=device, rollout=RolloutSettings(length=5))
+    settings = replace(SETTINGS, device=device, window=4, rollout=RolloutSettings(length=6))
     trainer = Trainer(data, settings, ElmanConfig())
     assert {p.device.type for p in trainer.net.parameters()} == {trainer.weights.device.type} == {device}
     trainer.net.set_statistics(floor=1e-4, **statistics(trainer.batches, 1000))
     trainer.average.refresh(trainer.net)
-    remembered, losses, began = np.zeros(settings.pool), [], 0
-    for _ in range(12):
-        begins = trainer.batches.pool_age == 0
-        losses.append(trainer.train_step())
-        remembered, began = np.where(begins, 1, remembered + 1), began + begins.sum()
-        frames = trainer._memory["frames"][:, 0].cpu().numpy()
-        np.testing.assert_array_equal(frames, np.append(np.ones(settings.data_batch), remembered))
-    assert began > settings.pool and remembered.max() > 2
-    assert np.isfinite(losses).all() and np.isfinite(trainer.validate(50))
+    rows, ages = settings.data_batch // 4, []
+    for step in range(12):
+        losses, age = trainer.train_step(), trainer.batches.pool_age
+        frames, ages = trainer._memory["frames"][:, 0].detach().cpu().numpy(), [*ages, age.copy()]
+        # The data's rows have gone through the window, but for those whose take ended in it.
+        assert (
+            len(frames) == rows + len(age) == 12 and frames[:rows].max() == 4 and (frames[:rows] >= 1).all()
+        )
+        if step > 1:  # by then every roll-out has begun under this trainer
+            np.testing.assert_array_equal(frames[rows:][age > 0], age[age > 0])
+    assert len(np.unique(ages)) == 6 and np.isfinite(losses).all() and np.isfinite(trainer.validate(50))
     trainer.save(tmp_path / "checkpoint.pt")
     trainer.load(tmp_path / "checkpoint.pt")
     assert load_model(trainer.export(tmp_path / "elman.npz")).config == ElmanConfig()
+
+
+def delayed(data: Dataset, frames: int) -> Dataset:
+    """The data with a coin in its goals, tossed anew at every frame, and a contact that shows how the one of
+    ``frames`` frames ago fell: nothing in a frame's own input tells it.
+    """
+    coin = np.random.default_rng(8).random(len(data.arrays["end"])) < 0.5
+    goals, contact = data.arrays["goal_action"].copy(), data.arrays["contact"].copy()
+    goals[..., 0] = coin[:, None]
+    contact[:, 0] = np.roll(coin, frames + 1)  # the target of a frame is the contact of the next
+    return Dataset({**data.arrays, "goal_action": goals, "contact": contact}, data.frames)
+
+
+def test_what_only_memory_can_know_is_learnt_through_the_window(data, monkeypatch):
+    monkeypatch.setitem(KINDS, "elman", ELMAN)
+    errors = {}
+    for window in (1, 4):
+        settings = replace(
+            SETTINGS, data_batch=64, pool=16, window=window, noise=0.0, learning_rate=5e-3, steps=150
+        )
+        trainer = Trainer(delayed(data, 1), settings, ElmanConfig(recall=0.0))
+        trainer.net.set_statistics(floor=1e-4, **statistics(trainer.batches, 1000))
+        trainer.average.refresh(trainer.net)
+        at = OUTPUT.slices["contact"].start
+        trainer.weights = torch.zeros(OUTPUT.size)
+        trainer.weights[at] = OUTPUT.size  # the loss is that of this one output: 1 for who does not know it
+        errors[window] = np.mean([trainer.train_step() for _ in range(settings.steps)][-10:])
+    assert errors[1] > 0.9, "one frame at a time teaches nothing to remember"
+    assert errors[4] < 0.75
 
 
 @pytest.mark.parametrize("device", ["abacus", "cuda:99", "meta"])

@@ -113,9 +113,17 @@ class Batches:
             np.searchsorted(self._cumulative, self.rng.random(count)).clip(0, len(self.frames) - 1)
         ]
 
-    def from_data(self, count: int) -> tuple[Array, Array, Array]:
-        """Inputs (B, 4018), gating (B, 650) and targets (B, 605) of true frames."""
-        frames = self.draw(count)
+    def after(self, frames: Array) -> tuple[Array, Array]:
+        """The frames that follow ``frames`` (B,) in their takes, and which of them (B,) begin anew elsewhere,
+        since none follows that may be drawn.
+        """
+        following = frames + 1
+        anew = ~self._usable[following]
+        following[anew] = self.draw(int(anew.sum()))
+        return following, anew
+
+    def from_data(self, frames: Array) -> tuple[Array, Array, Array]:
+        """Inputs (B, 4018), gating (B, 650) and targets (B, 605) of true ``frames`` (B,)."""
         state = self.data.state(frames)
         x, g = build_inputs(state, self.data.surroundings(frames, state.root))
         return (
@@ -239,7 +247,7 @@ def statistics(batches: Batches, count: int = 20000) -> dict[str, Array]:
 
     A sensor cell that was hardly ever hit would otherwise be blown up in a scene where it is.
     """
-    parts = [batches.from_data(1000) for _ in range(count // 1000)]
+    parts = [batches.from_data(batches.draw(1000)) for _ in range(count // 1000)]
     x, g, y = (np.concatenate([p[k] for p in parts]) for k in range(3))
     result = {}
     for name, values in (("input", x), ("gating", g), ("output", y)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -30,13 +31,18 @@ CREDITS = Path(__file__).parent.parent / "weights" / "CREDITS.md"
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """Everything a run depends on; stored in the weights.  ``device`` is where the network is trained, as
-    torch names it.
+    """Everything a run depends on; stored in the weights.
+
+    ``data_batch`` and ``pool`` are the frames of the data and of roll-outs that a step learns from.  A
+    network with memory sees them as sequences of ``window`` frames, through which gradients go back: without
+    them it would never learn what to remember.  ``device`` is where the network is trained, as torch names
+    it.
     """
 
     steps: int = 40000
     data_batch: int = 192
     pool: int = 320
+    window: int = 8
     learning_rate: float = 5e-4
     weight_decay: float = 2.5e-3
     noise: float = 0.05
@@ -96,6 +102,21 @@ def divide(data: Dataset) -> tuple[Array, Array]:
     return data.frames[~(here | following)], data.frames[here & following]
 
 
+def sequences(sources: list[tuple[Batches, int]], window: int) -> Iterator[tuple[list[Array], Array]]:
+    """Draw rows of true frames and follow them for ``window`` frames: at each the frames by source, and which
+    of all rows (B,) begin there.
+    """
+    frames, begins = (
+        [b.draw(count) for b, count in sources],
+        np.ones(sum(count for _, count in sources), bool),
+    )
+    for left in reversed(range(window)):
+        yield frames, begins
+        if left:
+            following = [b.after(f) for (b, _), f in zip(sources, frames, strict=True)]
+            frames, begins = [f for f, _ in following], np.concatenate([anew for _, anew in following])
+
+
 class Trainer:
     """State of one run: network, average, optimiser, batches."""
 
@@ -116,12 +137,15 @@ class Trainer:
             takes = data.arrays["start"][mine]
             last = takes >= np.unique(takes)[-1]
             mine, kept = mine[~last], mine[last]
+        # As many frames a step for every network: rows times the frames of a sequence.
+        self.window = settings.window if config.memory_sizes else 1
+        self.rows, pool = (max(1, round(n / self.window)) for n in (settings.data_batch, settings.pool))
         share = settings.fresh.share if fresh else 0.0
-        second = (round(share * settings.data_batch), round(share * settings.pool))
-        self.batches = Batches(data, mine, self.rng, settings.pool - second[1], settings.rollout)
+        second = (round(share * self.rows), round(share * pool))
+        self.batches = Batches(data, mine, self.rng, pool - second[1], settings.rollout)
         self.validation = Batches(data, kept, np.random.default_rng(1), 8, settings.rollout)
-        # What each batch is drawn from, and how many frames of it.
-        self.sources, self.fresh = [(self.batches, settings.data_batch - second[0])], fresh
+        # What each batch is drawn from, and how many rows of it.
+        self.sources, self.fresh = [(self.batches, self.rows - second[0])], fresh
         if fresh is not None and min(second) > 0:
             ring = fresh.ring.data
             self.sources.append(
@@ -133,7 +157,7 @@ class Trainer:
             self.net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay, fused=True
         )
         self.weights = self._tensor(loss_weights())
-        self._memory: Tensors = {}  # of the rows of the last step
+        self._memory = self.net.start(self.rows + pool)  # of the last frame's rows, the data's first
         self.step = 0
         self.stance: dict[str, object] | None = None
         self.meaning: Meaning | None = None  # of the data, if they tell it
@@ -158,49 +182,52 @@ class Trainer:
             self._tensor(y) - n.output_mean
         ) / n.output_std
 
-    def _recalled(self) -> Tensors:
-        """Memory of a step's rows: of roll-outs what their last step left; frames of the data and roll-outs
-        that begin have none yet.
+    def _recalled(self, memory: Tensors, begins: Array) -> Tensors:
+        """What the rows of a frame remember: ``memory`` that their last frame left, none where one ``begins``
+        (B,).
         """
-        begins = [np.ones(self.settings.data_batch, bool), *(b.pool_age == 0 for b, _ in self.sources)]
-        anew = self._tensor(np.concatenate(begins))[:, None]
-        start = self.net.start(len(anew))
-        return {
-            k: torch.where(anew, v, self._memory[k]) if k in self._memory else v for k, v in start.items()
-        }
+        anew, start = self._tensor(begins)[:, None], self.net.start(len(begins))
+        return {k: torch.where(anew, v, memory[k].float()) for k, v in start.items()}
 
     def train_step(self) -> tuple[float, float]:
-        """One optimiser step on half data, half roll-out; returns the two losses."""
-        s, n, net = self.settings, self.settings.data_batch, self.net
+        """One optimiser step on data and roll-outs, through ``window`` frames; returns the two losses."""
+        s, n = self.settings, self.rows
         for group in self.optimiser.param_groups:
             factor = cosine_restarts(self.step, s.steps)
             group["lr"], group["weight_decay"] = s.learning_rate * factor, s.weight_decay * factor
         self._take_in()
-        parts = [b.from_data(count) for b, count in self.sources] + [b.from_pool() for b, _ in self.sources]
-        x, g, y = (np.concatenate([part[k] for part in parts]) for k in range(3))
-        inputs, y = self._normalised(x, g, y)
-        frame = self.config.frame + self.config.goal
-        # Drawn on the processor: alike on every device.
-        inputs.features[:n, :frame] += s.noise * torch.randn(n, frame).to(self.device)
-        with torch.autocast(self.device.type, torch.bfloat16):
-            out, memory, _ = net(inputs, self._recalled())
-        self._memory = {k: v.detach().float() for k, v in memory.items()}  # gradients go back one frame
-        error = (((out - y) ** 2).clamp_max(100.0) * self.weights).mean(dim=1)
-        loss = error.mean()
+        # Roll-outs go on with what they remember, but gradients end where the step begins.
+        self._memory = {k: v.detach() for k, v in self._memory.items()}
+        error = torch.stack([self._errors(*drawn) for drawn in sequences(self.sources, self.window)])
         self.optimiser.zero_grad(set_to_none=True)
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
+        error.mean().backward()
+        torch.nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
         self.optimiser.step()
         with torch.no_grad():
             rate = min(s.averaging, (self.step + 1) / (self.step + 10))
-            torch._foreach_lerp_(list(self.average.parameters()), list(net.parameters()), 1 - rate)
-            stepped, at = (out.detach()[n:] * net.output_std + net.output_mean).cpu().numpy(), 0
-            for batches, _ in self.sources:
-                batches.step_pool(stepped[at : at + len(batches.pool_frames)])
-                at += len(batches.pool_frames)
+            torch._foreach_lerp_(list(self.average.parameters()), list(self.net.parameters()), 1 - rate)
         self.step += 1
-        errors = error.detach()
-        return float(errors[:n].mean()), float(errors[n:].mean())
+        found = error.detach()
+        return float(found[:, :n].mean()), float(found[:, n:].mean())
+
+    def _errors(self, frames: list[Array], begins: Array) -> torch.Tensor:
+        """Errors (B,) of one frame: of the data's, as of ``sequences``, then of roll-outs, taken on by it."""
+        net, n = self.net, self.rows
+        parts = [b.from_data(f) for (b, _), f in zip(self.sources, frames, strict=True)]
+        parts += [b.from_pool() for b, _ in self.sources]
+        x, g, y = (np.concatenate([part[k] for part in parts]) for k in range(3))
+        inputs, y = self._normalised(x, g, y)
+        width = self.config.frame + self.config.goal
+        # Noise is drawn on the processor: alike on every device.
+        inputs.features[:n, :width] += self.settings.noise * torch.randn(n, width).to(self.device)
+        with torch.autocast(self.device.type, torch.bfloat16):
+            begins = np.concatenate((begins, *(b.pool_age == 0 for b, _ in self.sources)))
+            out, self._memory, _ = net(inputs, self._recalled(self._memory, begins))
+        stepped, at = (out.detach()[n:] * net.output_std + net.output_mean).cpu().numpy(), 0
+        for batches, _ in self.sources:
+            batches.step_pool(stepped[at : at + len(batches.pool_frames)])
+            at += len(batches.pool_frames)
+        return (((out - y) ** 2).clamp_max(100.0) * self.weights).mean(dim=1)
 
     def _take_in(self) -> None:
         """Let a fresh take that has come in be drawn from."""
@@ -210,11 +237,15 @@ class Trainer:
 
     @torch.no_grad()
     def validate(self, count: int = 1024) -> float:
-        """One-step loss of the averaged network on held-back clips."""
-        inputs, y = self._normalised(*self.validation.from_data(count))
-        with torch.autocast(self.device.type, torch.bfloat16):
-            out, _, _ = self.average(inputs, self.average.start(count))
-        return float(((out - y) ** 2).mean())
+        """One-step loss of the averaged network on held-back clips, in sequences of ``window`` frames."""
+        net, sources = self.average, [(self.validation, max(1, round(count / self.window)))]
+        memory, errors = net.start(sources[0][1]), []
+        for (frames,), begins in sequences(sources, self.window):
+            inputs, y = self._normalised(*self.validation.from_data(frames))
+            with torch.autocast(self.device.type, torch.bfloat16):
+                out, memory, _ = net(inputs, self._recalled(memory, begins))
+            errors.append(((out - y) ** 2).mean())
+        return float(torch.stack(errors).mean())
 
     def save(self, path: Path) -> None:
         """Write everything needed to go on, whole or not at all."""
