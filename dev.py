@@ -32,8 +32,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent
 WINDOWS = os.name == "nt"
 SUITES = ("core_tests", "blender_tests")
-# The groups are the conftest's.
-WORKERS = ["-n", str(max(1, min(os.cpu_count() or 1, 8))), "--dist", "loadgroup"]
+# The groups and their order are the conftest's.
+WORKERS = ["-n", str(max(1, min(os.cpu_count() or 1, 8))), "--dist", "loadgroup", "--no-loadscope-reorder"]
 
 
 class Failure(Exception):
@@ -250,7 +250,11 @@ def test(arguments: list[str]) -> int:
 
 
 def matrix_row(bpy: str, short: str, main_short: str, rest: list[str]) -> list[tuple[str, str]]:
-    """Blender tests under another bpy wheel, and the core tests if its Python is another too."""
+    """Blender tests under another bpy wheel, whole, and the core tests if its Python is another too.
+
+    Of the core tests those marked slow are left out (pyproject.toml says which and why): they have run under
+    the first Python, and what they look at is compared under this one by the goldens.
+    """
     where = f"bpy {bpy} on Python {short}"
     folder = ROOT / ".venvs" / f"bpy-{bpy}"
     python = held_python(folder, short) or find_python(short)
@@ -261,7 +265,7 @@ def matrix_row(bpy: str, short: str, main_short: str, rest: list[str]) -> list[t
     except Failure as failure:
         return [(where, f"skipped, {failure}")]
     return [
-        run_suite(inside, suite, where, rest)
+        run_suite(inside, suite, where, rest, () if suite == "blender_tests" else ("-m", "not slow"))
         for suite in suites(rest)
         if suite == "blender_tests" or short != main_short
     ]
@@ -272,14 +276,16 @@ def suites(arguments: list[str]) -> list[str]:
     return [s for s in SUITES if any(s in a for a in arguments)] or list(SUITES)
 
 
-def run_suite(python: Path, suite: str, where: str, rest: list[str]) -> tuple[str, str]:
-    """Run one suite under pytest; returns where and how it went."""
+def run_suite(
+    python: Path, suite: str, where: str, rest: list[str], chosen: tuple[str, ...] = ()
+) -> tuple[str, str]:
+    """Run one suite under pytest, of it what ``chosen`` selects; returns where and how it went."""
     print(f"\n== {suite} with {where}", flush=True)
     others = [s for s in SUITES if s != suite]
     own = [a for a in rest if not any(a.replace("\\", "/").startswith(s) for s in others)]
     named = any(suite in a for a in own)
     workers = [] if named or any(a.startswith("-n") for a in own) else WORKERS
-    code = run(python, "-m", "pytest", *workers, *own, *([] if named else [suite]))
+    code = run(python, "-m", "pytest", *workers, *chosen, *own, *([] if named else [suite]))
     if code == 5 and rest:
         return f"{suite} with {where}", "skipped, no test matches"
     return f"{suite} with {where}", "passed" if code == 0 else f"FAILED (exit code {code})"

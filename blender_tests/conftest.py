@@ -15,6 +15,12 @@ import bpy
 
 from nsm_blender.leaving import leave
 
+# Files that take longest are begun first, so that no core waits for another one at the end.
+LONG = (
+    "test_demo", "test_interruptions", "test_takes", "test_acting", "test_batch", "test_extension",
+    "test_carries", "test_api", "test_reading", "test_odd_doors",
+)  # fmt: skip
+
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items) -> None:
@@ -22,6 +28,7 @@ def pytest_collection_modifyitems(config, items) -> None:
     if config.pluginmanager.hasplugin("xdist"):
         for item in items:
             item.add_marker(pytest.mark.xdist_group(item.path.stem))
+        items.sort(key=lambda item: LONG.index(item.path.stem) if item.path.stem in LONG else len(LONG))
 
 
 def pytest_sessionfinish(session, exitstatus) -> None:

@@ -1,6 +1,4 @@
-"""Whole carries with meshes: from far off a table's edge onto another table, a shelf and the floor, measured
-on the keyed scene.
-"""
+"""Whole carries with meshes: from far off a table's edge onto another table and a shelf."""
 
 from __future__ import annotations
 
@@ -75,8 +73,8 @@ def shelf(name, location, turn=0.0, width=0.9, depth=0.36, levels=(0.06, 0.42), 
 
 @pytest.fixture(scope="module")
 def carried() -> Carried:
-    """One character takes one box from 15 cm behind a table's edge to 18 cm behind another's, onto a shelf,
-    and to the floor.
+    """One character takes one box from 15 cm behind a table's edge to 18 cm behind another's and onto a
+    shelf.
     """
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
@@ -89,8 +87,7 @@ def carried() -> Carried:
     half = np.array(SIZE) * (0.5, 0.5, 1.0)
     box = mesh_of_boxes("Box", [((-half[0], -half[1], 0), tuple(half))], (0.0, -0.45 + 0.15 + half[1], 0.74))
     desk = empty("On the desk", (2.2 - 0.45 + 0.18 + half[1], -1.6, 0.74), math.pi / 2)
-    here = empty("Here", (-1.2, -1.9, 0.0), -math.pi / 2)
-    goals = [GoalSpec("carry", box, 0.2, to=to) for to in (desk, bpy.data.objects["Shelf"], here)]
+    goals = [GoalSpec("carry", box, 0.2, to=to) for to in (desk, bpy.data.objects["Shelf"])]
     character = add_character((0.2, -1.5, 0.0))
     take = finish(generate(TakeSpec(character, goals), scene))
     frames = range(take.keyed.frame_start, take.keyed.frame_end + 1)
@@ -103,11 +100,12 @@ def carried() -> Carried:
 
 
 def test_every_carry_is_reached(carried):
-    assert [(g["reached"], g["reason"]) for g in carried.take.report["goals"]] == [(True, "")] * 3
+    assert [(g["reached"], g["reason"]) for g in carried.take.report["goals"]] == [(True, "")] * 2
     assert all(g["position_error_cm"] < 2 for g in carried.take.report["goals"])
     lowest = carried.boxes[:, 2, 3]
-    assert lowest[0] == pytest.approx(0.74, abs=1e-4) and lowest[-1] == pytest.approx(0.0, abs=0.01)
-    assert (np.abs(lowest - 1.0) < 0.01).sum() > 5  # on the shelf
+    assert lowest[0] == pytest.approx(0.74, abs=1e-4) and lowest[-1] == pytest.approx(1.0, abs=0.01)
+    away = np.linalg.norm(carried.boxes[:, :2, 3] - (2.2, -1.6), axis=1)
+    assert ((np.abs(lowest - 0.74) < 0.01) & (away < 0.5)).sum() > 5  # on the desk
 
 
 def test_the_box_is_never_inside_anything(carried):

@@ -171,7 +171,7 @@ class TestBeforeTheNetwork:
 class TestOnTheNetwork:
     @pytest.mark.parametrize(
         ("kind", "where"),
-        [("chair", {}), ("armchair", {"location": (-0.8, 0.5, 0.0), "turn": 2.0}), ("stool", {"turn": -1.2})],
+        [("armchair", {"location": (-0.8, 0.5, 0.0), "turn": 2.0}), ("stool", {"turn": -1.2})],
     )
     def test_reaches_a_seat_that_was_not_in_training(self, kind, where):
         character, seat, piece = room(kind, **where)

@@ -246,6 +246,14 @@ def seeded(folder: Path) -> dict[int, ComposedTake]:
     raise AssertionError(f"60 seeds composed {len(found)} takes, and not enough to look at")
 
 
+@cache
+def exported(folder: Path, seed: int) -> ComposedTake:
+    """The take that ``export`` composes of a seed."""
+    take = Composer(source(folder)).compose(seed)
+    assert take is not None
+    return take
+
+
 def takes(folder: Path) -> tuple[ComposedTake, ...]:
     """The takes of ``seeded``."""
     return tuple(seeded(folder).values())

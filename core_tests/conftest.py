@@ -20,11 +20,14 @@ LAYOUT = layout_description()
 SHARING = (
     "test_composer",
     "test_codec",
+    "test_report",
     "test_fresh_takes",
     "test_swap_objects",
     "test_training",
     "test_single_clips",
 )
+# Files that take longest are begun first, so that no core waits for another one at the end.
+LONG = (*SHARING, "test_goldens", "test_dev", "test_take", "test_database", "test_standing", "test_far_ways")
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -36,6 +39,7 @@ def pytest_collection_modifyitems(config, items) -> None:
         for item in items:
             name = item.path.stem
             item.add_marker(pytest.mark.xdist_group("composed" if name in SHARING else name))
+        items.sort(key=lambda item: LONG.index(item.path.stem) if item.path.stem in LONG else len(LONG))
 
 
 def random_arrays(config: NsmConfig, seed: int = 0) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:

@@ -121,6 +121,7 @@ def test_suites_named_by_arguments(arguments, expected):
     assert dev.suites(arguments) == expected
 
 
+@pytest.mark.slow
 def test_a_failing_suite_fails_the_command(tmp_path, monkeypatch, capsys):
     (tmp_path / "core_tests").mkdir()
     (tmp_path / "core_tests" / "test_a.py").write_text(
@@ -148,6 +149,7 @@ def tiny_wheel(folder: Path, version: str) -> str:
     return f"tiny @ {path.as_uri()}"
 
 
+@pytest.mark.slow
 def test_environments_are_made_reused_and_refreshed(tmp_path, capsys):
     folder = tmp_path / "env"
     first, second = tiny_wheel(tmp_path, "1.0"), tiny_wheel(tmp_path, "2.0")
@@ -179,6 +181,18 @@ def test_a_pythonless_matrix_row_says_so(monkeypatch):
     assert "5.2.3" in where and outcome == "skipped, this machine has no Python 3.13"
 
 
+def test_every_blender_runs_all_its_tests_and_another_python_the_core_tests_that_are_not_slow(monkeypatch):
+    ran = []
+    monkeypatch.setattr(dev, "held_python", lambda folder, short: sys.executable)
+    monkeypatch.setattr(dev, "ensure", lambda folder, python, pins: Path(sys.executable))
+    monkeypatch.setattr(dev, "run", lambda *command: ran.append(command) or 0)
+    rows = dev.matrix_row("5.2.3", "3.13", "3.11", []) + dev.matrix_row("5.0.1", "3.11", "3.11", [])
+    assert all(outcome == "passed" for _, outcome in rows)
+    assert [command[-1] for command in ran] == ["core_tests", "blender_tests", "blender_tests"]
+    assert ["not slow" in command for command in ran] == [True, False, False]
+
+
+@pytest.mark.slow
 def test_staged_extension(tmp_path):
     pytest.importorskip("setuptools")
     stage = dev.stage_extension(Path(sys.executable), tmp_path)

@@ -196,8 +196,10 @@ def export(
         ) as pool:
             batch = seed
             while frames < wanted:
-                for result in pool.map(_one, range(batch, batch + 16), chunksize=2):
-                    if result is None or frames >= wanted:
+                for result in pool.map(_one, range(batch, batch + 16)):
+                    if frames >= wanted:  # those that no worker has begun are dropped with the iterator
+                        break
+                    if result is None:
                         continue
                     number, arrays, pieces = result
                     provenance[number] = {"start": frames, "pieces": pieces}

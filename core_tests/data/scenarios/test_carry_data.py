@@ -24,6 +24,8 @@ from nsm_core.rotations import heading_to_direction, rotate_planar, wrap_angle
 from nsm_core.world.scene import furniture
 from nsm_core.world.scene.furniture import carried_box, cuboids
 
+pytestmark = pytest.mark.slow  # goldens compare what is composed of every action under any numpy
+
 WRISTS, SHOULDERS = [arm[2] for arm in ARMS], [arm[0] for arm in ARMS]
 
 

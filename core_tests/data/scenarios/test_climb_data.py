@@ -27,6 +27,8 @@ from nsm_core.evaluation.measures.motion import backward_bend, jumps
 from nsm_core.rotations import heading_to_direction
 from nsm_core.world.scene.furniture import cuboids
 
+pytestmark = pytest.mark.slow  # goldens compare what is composed of every action under any numpy
+
 TOES = [leg[3] for leg in FEET]
 BLOCK = Block(np.array((1.0, 2.0)), 0.0, np.array((0.5, 0.3)), 0.4)
 

@@ -27,6 +27,8 @@ from nsm_core.rotations import quat_conjugate, quat_mul, quat_to_rotvec, rotate_
 from nsm_core.world.scene import furniture
 from nsm_core.world.sensors.environment import environment_sensor
 
+pytestmark = pytest.mark.slow  # goldens compare what is composed of every action under any numpy
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
@@ -230,7 +232,7 @@ def test_exported_arrays_are_the_takes_and_their_sensors(tmp_path_factory, folde
     )
     objects = 0
     for seed, about in meta["takes"].items():
-        take = Composer(captures.source(folder)).compose(int(seed))
+        take = captures.exported(folder, int(seed))
         a, first = annotate(take), about["start"]
         rows = slice(first, first + len(take))
         np.testing.assert_array_equal(data.arrays["root"][rows], a.root)
@@ -328,7 +330,7 @@ def test_coverage_counts_goals_by_kind_and_draws_them(tmp_path_factory, folder, 
     found = coverage.approaches(data)
     asked = {"sit": 0, "open: reach": 0}
     for seed in meta["takes"]:
-        take = Composer(captures.source(folder)).compose(int(seed))
+        take = captures.exported(folder, int(seed))
         actions = ["", *(c.action for c in take.commands)]
         for kind, action in zip(asked, ("sit", "open"), strict=True):
             asked[kind] += sum(

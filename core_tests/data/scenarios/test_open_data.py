@@ -24,6 +24,8 @@ from nsm_core.rotations import rotate_planar, wrap_angle
 from nsm_core.world.assets.pool import DoorEntry, Pool
 from nsm_core.world.scene.furniture import cuboids
 
+pytestmark = pytest.mark.slow  # goldens compare what is composed of every action under any numpy
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
@@ -83,7 +85,7 @@ def test_doors_have_the_measures_of_the_pools_meshes(folder):
         captures.source(folder), {"open": 1}, Pool(doors=[DoorEntry("door", measures)], mesh_share=1.0)
     )
     leaves = [
-        t.furniture for take in map(composer.compose, range(12)) if take is not None for t in take.things
+        t.furniture for take in map(composer.compose, range(3)) if take is not None for t in take.things
     ]
     assert len(leaves) > 2
     for leaf in leaves:

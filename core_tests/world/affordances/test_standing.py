@@ -208,6 +208,7 @@ def test_a_foot_too_far_ahead_comes_back_and_returns():
     assert tips(kept) == pytest.approx(before, abs=1e-6) and not toes.back.any()
 
 
+@pytest.mark.slow
 def test_a_far_box_is_carried_without_standing_in_the_table_or_going_through_a_top():
     model = load_model(None, backend="numpy")
     for trial in carry_far.trials(1, [0]):
