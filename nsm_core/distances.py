@@ -22,6 +22,7 @@ SEAT_MEMORY = 0.25  # the seat is sensed until its action label falls to this (p
 # ``seating``), and to which sits of the data are moved by contact transfer.
 SEATS_FOUND, SEATS_SCALABLE = (0.26, 0.88), (0.3, 0.9)
 SEATS_DRAWN, SEATS_SWAPPED = (0.35, 0.55), (0.35, 0.6)
+FOOT_OVER_EDGE = 0.03  # by which a foot on top of something sticks out over its edge at most, metres
 
 # Holding a box: how far the wrists lie off its sides, behind its centre (hands reach on from them) and, as a
 # share of its height, under its centre; and how far its near face is from the root of who lifts or holds it,

@@ -14,6 +14,7 @@ from nsm_core.world.geometry.distance import Cuboids
 DEEPER, ASTRAY = 0.02, 0.015
 # Speed and acceleration of joints may grow by this factor, or to this (m/s, m/s^2) more.
 FASTER, SLACK = 1.3, (0.3, 12.0)
+AROUND = FPS + 5  # frames on either side of an interaction that a transfer changes
 
 
 def depth_in_solids(body: tuple[Array, Array], solid: Cuboids) -> float:

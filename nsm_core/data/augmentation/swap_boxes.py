@@ -10,7 +10,7 @@ import numpy as np
 
 from nsm_core.body.skeleton import ARMS, FEET, forward_kinematics
 from nsm_core.body.thin_capsules import thin_spheres
-from nsm_core.conventions import FOOT_CONTACTS, FPS, HAND_CONTACTS
+from nsm_core.conventions import FOOT_CONTACTS, HAND_CONTACTS
 from nsm_core.data.scenarios.take import ComposedTake, Thing
 from nsm_core.distances import CRATE_SIDE
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
@@ -19,13 +19,12 @@ from nsm_core.world.scene.furniture import Furniture, box_mesh, carried_box, cub
 from nsm_core.world.scene.props import Box
 
 from .contact_transfer import embed, switch, transfer
-from .soundness import ASTRAY, DEEPER, depth_in_solids, no_faster
+from .soundness import AROUND, ASTRAY, DEEPER, depth_in_solids, no_faster
 
 MOST_WIDER = 0.06  # metres that a box grows sideways and in depth, lest it stands out over what it rests on
 SLIPS = (
     0.005  # metres that wrists are further from their places on a box, or boxes deeper in things, than before
 )
-_AROUND = FPS + 5  # frames on either side of a carry that a transfer changes
 _WRISTS, _TOES = [arm[2] for arm in ARMS], [leg[3] for leg in FEET]
 
 
@@ -46,7 +45,7 @@ def switch_box(
     e = embed(take.hips, take.rotations, take.contacts, thing.furniture, thing.poses)
     if not len(held) or not e.touch[held][:, HAND_CONTACTS].all():
         return None
-    frames = slice(max(int(held[0]) - _AROUND, 0), min(int(held[-1]) + _AROUND + 1, count))
+    frames = slice(max(int(held[0]) - AROUND, 0), min(int(held[-1]) + AROUND + 1, count))
     quarter = np.pi / 2
     face = float(np.round((take.commands[number].heading - thing.poses[0, 3]) / quarter) * quarter)
     old = _Hold(take, index, face, frames, thing.held)

@@ -16,7 +16,7 @@ from nsm_core.body.skeleton import ARMS, FEET, HIP_OVER_SEAT, HIPS, forward_kine
 from nsm_core.body.thin_capsules import thin_spheres
 from nsm_core.conventions import CLIMB, FOOT_CONTACTS, FPS, HAND_CONTACTS, HIP_CONTACT, SIT
 from nsm_core.data.scenarios.take import ComposedTake, Thing, TimedCommand
-from nsm_core.distances import SEATS_SWAPPED
+from nsm_core.distances import FOOT_OVER_EDGE, SEATS_SWAPPED
 from nsm_core.errors import GeometryError
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
 from nsm_core.signals import intervals
@@ -26,7 +26,7 @@ from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.scene.furniture import Furniture, cuboids
 
 from .contact_transfer import Embedded, align, embed, switch, transfer
-from .soundness import ASTRAY, DEEPER, depth_in_solids, no_faster
+from .soundness import AROUND, ASTRAY, DEEPER, depth_in_solids, no_faster
 from .swap_boxes import switch_box
 
 # Of the differences in size between an object and the one drawn for it: what is left of them in one attempt
@@ -34,9 +34,7 @@ from .swap_boxes import switch_box
 SHARES = (1.0, 0.8, 0.6, 0.4, 0.25)
 MOST_BACK = 0.12  # metres that a seat stands further back at most
 KEEP_OFF = 0.15  # metres that the hips keep from an object which they only pass
-OVER_EDGE = 0.03  # metres by which a toe that stands may stick out over an edge
 _LABELS = {"sit": SIT, "idle+walk": CLIMB}  # of the commands whose objects are switched
-_AROUND = FPS + 5  # frames on either side of an interaction that a transfer changes
 _ON_REST = 0.03  # metres from an arm rest at which a wrist still rests on it
 _TOES = [leg[3] for leg in FEET]
 
@@ -180,7 +178,7 @@ class _Span:
         """``active`` (T,) tells in which frames the object of command ``number`` is used."""
         self.take, self.number, self.e, self.active = take, number, e, active
         used = np.flatnonzero(active)
-        self.frames = slice(max(int(used[0]) - _AROUND, 0), min(int(used[-1]) + _AROUND + 1, len(take)))
+        self.frames = slice(max(int(used[0]) - AROUND, 0), min(int(used[-1]) + AROUND + 1, len(take)))
         index = take.commands[number].thing
         self.thing = take.things[index]
         middle = int(used.mean())
@@ -260,7 +258,7 @@ class _Span:
         if not top.any():
             return True
         out = [_away(t, p[top][:, :2]).max() for t, p in ((self.thing, before), (other, after))]
-        return out[1] <= max(out[0], OVER_EDGE)
+        return out[1] <= max(out[0], FOOT_OVER_EDGE)
 
     def with_motion(self, hips: Array, rotations: Array, other: Thing) -> ComposedTake:
         """The take with another object, the motion of the span on it, and its goal moved along."""

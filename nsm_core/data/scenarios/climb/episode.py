@@ -11,6 +11,7 @@ from nsm_core.conventions import FPS
 from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.matching.segment import Segment
 from nsm_core.data.scenarios.session import Session
+from nsm_core.distances import FOOT_OVER_EDGE
 from nsm_core.rotations import heading_to_direction, rotate_planar
 from nsm_core.signals import gaussian_smooth
 from nsm_core.world.scene.furniture import Furniture
@@ -20,7 +21,6 @@ from .fit import ClimbEpisode
 from .footholds import (
     HEEL,
     OFF_EDGE,
-    OVER_EDGE,
     TIPS,
     Block,
     Crossing,
@@ -191,7 +191,7 @@ def _put(
                 continue
         else:
             # Edge between the feet; and the last of them short of the far edge.
-            low, high = max(floor + OFF_EDGE, at.max() + TIPS - depth - OVER_EDGE), beyond + 0.01
+            low, high = max(floor + OFF_EDGE, at.max() + TIPS - depth - FOOT_OVER_EDGE), beyond + 0.01
         # The foot on the floor is the nearer one: its leg follows over the edge.
         edge = (low + high) / 2 if low > high else low + (high - low) * rng.uniform(*CLIMBS.into_stride)
         middle = (

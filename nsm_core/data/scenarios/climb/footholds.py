@@ -8,13 +8,13 @@ import numpy as np
 
 from nsm_core.body.contacts import ANKLES, HEEL_FROM_TOE, TOES, foot_heading
 from nsm_core.body.skeleton import END_SITES, JOINTS
+from nsm_core.distances import FOOT_OVER_EDGE
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
 from nsm_core.signals import intervals
 
 # The sole from the toe joint, metres: back to the heel, ahead to the tips, and half its width.
 HEEL, TIPS, HALF_WIDTH = round(float(HEEL_FROM_TOE[1]), 6), -END_SITES[JOINTS[TOES[0]]][1], 0.045
 OFF_EDGE = 0.04  # metres that a foot on the floor keeps from the sides of the block
-OVER_EDGE = 0.03  # metres by which a foot on top may stick out
 TO_THE_EDGE = 0.12  # metres that the last foot on top comes nearer to the edge at most
 
 
@@ -73,7 +73,7 @@ def shift_off_edges(holds: list[Foothold], on_top: Array, block: Block) -> Array
     across = HALF_WIDTH * np.abs(ahead[:, ::-1])
     low, high = ends.min(1) - across, ends.max(1) + across
     # On top: into the footprint; where the sole is longer than the block, over its middle.
-    room = block.half + OVER_EDGE
+    room = block.half + FOOT_OVER_EDGE
     inward = np.maximum(-room - low, 0) - np.maximum(high - room, 0)
     inward = np.where(high - low > 2 * room, -(high + low) / 2, inward)
     # Beside: out by the nearest side.
@@ -144,7 +144,7 @@ def _short_of_edge(
         toward[axis] = np.sign(there[axis])
         ahead = heading_to_direction(np.array(holds[k].heading - block.heading))
         reach = max(TIPS * ahead @ toward, -HEEL * ahead @ toward) + HALF_WIDTH * abs(ahead[1 - axis])
-        gap = block.half[axis] + OVER_EDGE - (here @ toward + reach)
+        gap = block.half[axis] + FOOT_OVER_EDGE - (here @ toward + reach)
         return k, toward, float(gap)
     return -1, np.zeros(2), 0.0
 

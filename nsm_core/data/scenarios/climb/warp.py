@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsm_core.body.contacts import ANKLES, HEEL_FROM_ANKLE, LEGS, TOE_OFFSET, TOES
+from nsm_core.body.contacts import ANKLES, HEEL_FROM_TOE, LEGS, TOE_OFFSET, TOES
 from nsm_core.body.ik.two_bone import leg_reach, place_limbs
 from nsm_core.body.skeleton import END_SITES, HIPS, INDEX, TOE_HEIGHT, forward_kinematics
 from nsm_core.rotations import (
@@ -42,7 +42,6 @@ CHANGES = (
     (0.0, 0.5),
 )
 _TIP = np.array(END_SITES["RightToe"])
-_HEEL_FROM_TOE = HEEL_FROM_ANKLE - TOE_OFFSET
 
 
 @dataclass(frozen=True)
@@ -208,7 +207,7 @@ def _swing(
     bump = np.sin(np.pi * u**skew) ** 1.5
     # Axes: delay, change, skew, extra height, frame.  A step beside the block only keeps out of it.
     margin, lack = 0.02 if crossing else -0.01, np.zeros((len(delay), len(change), n))
-    heel, tip = quat_rotate(feet, _HEEL_FROM_TOE), quat_rotate(feet, _TIP)
+    heel, tip = quat_rotate(feet, HEEL_FROM_TOE), quat_rotate(feet, _TIP)
     for point, thick in ((heel, 0.0), (0 * heel, TOE_HEIGHT), (tip, TOE_HEIGHT), (heel / 2, 0.03)):
         over = block.holds(toe[1:-1, :2] + flat + point[:, :2], margin)[:, None]
         low = block.height + CLEARANCE - (toe[1:-1, 2] + level + point[:, 2] - thick)
