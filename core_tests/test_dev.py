@@ -128,11 +128,13 @@ def test_a_failing_suite_fails_the_command(tmp_path, monkeypatch, capsys):
         "def test_good(): pass\ndef test_bad(): assert False\n"
     )
     monkeypatch.setattr(dev, "ROOT", tmp_path)
-    assert dev.run_suite(Path(sys.executable), "core_tests", "here", ["-q"])[1].startswith("FAILED")
-    assert dev.run_suite(Path(sys.executable), "core_tests", "here", ["-q", "-k", "good"])[1] == "passed"
-    assert dev.run_suite(Path(sys.executable), "core_tests", "here", ["-q", "-k", "nothing"])[1].startswith(
-        "skipped"
-    )
+
+    def outcome(*arguments: str) -> str:
+        return dev.run_suite(Path(sys.executable), "core_tests", "here", ["-q", *arguments])[1]
+
+    assert outcome().startswith("FAILED")
+    assert outcome("-n0", "-k", "good") == "passed"
+    assert outcome("-n0", "-k", "nothing").startswith("skipped")
 
 
 def tiny_wheel(folder: Path, version: str) -> str:

@@ -95,3 +95,4 @@ def test_workers_get_trials_of_one_network_and_every_trial_once():
     assert sorted(n for some in handed for n in some) == list(range(140))
     assert all(len({jobs[n][1] for n in some}) == 1 and len(some) <= 4 * TOGETHER for some in handed)
     assert len(handed) >= 4 and shares([], 2) == []
+    assert [len(some) for some in shares(jobs[:8:2], 2)] == [2, 2] and len(shares(jobs[:1], 4)) == 1

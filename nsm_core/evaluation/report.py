@@ -83,10 +83,11 @@ def _broken(error: Exception) -> Report:
 
 
 def shares(jobs: Sequence[Job], workers: int) -> list[list[int]]:
-    """Numbers of the jobs that are handed to a worker at a time: of one ablation, and few enough that all
-    workers end at about the same time.
+    """Numbers of the jobs that are handed to a worker at a time: of one ablation, enough to be stepped
+    together and few enough that no worker is idle and all end at about the same time.
     """
-    size = min(max(len(jobs) // (4 * workers), TOGETHER), 4 * TOGETHER)
+    several = min(TOGETHER, math.ceil(len(jobs) / workers))
+    size = min(max(len(jobs) // (4 * workers), several, 1), 4 * TOGETHER)
     alike: dict[str | None, list[int]] = {}
     for number, (_, ablation, _) in enumerate(jobs):
         alike.setdefault(ablation, []).append(number)
