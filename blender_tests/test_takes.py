@@ -18,8 +18,9 @@ from nsm_blender.goals.resolve import show_goal_point
 from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.keys.keying import read_back
 from nsm_blender.keys.report import result_lines
+from nsm_blender.prepare import TakeSpec, own_objects, prepare, start_of
 from nsm_blender.rigs.character import add_character
-from nsm_blender.takes import TakeSpec, finish, generate, own_objects, prepare, shipped_model, start_of
+from nsm_blender.takes import finish, generate, shipped_model
 from nsm_blender.ui import running
 from nsm_blender.ui.session import TakeSession
 from nsm_blender.world.frame import WorldFrame

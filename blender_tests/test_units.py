@@ -14,8 +14,9 @@ from scenes import box, furnish
 
 from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.keys.keying import key_take, read_back
+from nsm_blender.prepare import TakeSpec, prepare, start_of
 from nsm_blender.rigs.character import add_character
-from nsm_blender.takes import TakeSpec, finish, generate, prepare, start_of
+from nsm_blender.takes import finish, generate
 from nsm_blender.world.colliders import gather_colliders
 from nsm_blender.world.frame import WorldFrame
 from nsm_core.body.skeleton import INDEX, OFFSETS, forward_kinematics

@@ -18,20 +18,22 @@ if TYPE_CHECKING:
     from .keys.report import goal_line
     from .pictures.outputs import save_blend, write_json
     from .pictures.render import contact_sheet, video
+    from .prepare import TakeSpec
+    from .progress import Progress, finish
     from .rigs.character import add_character
-    from .takes import Progress, Take, TakeSpec, finish, generate
+    from .takes import Take, generate
 
 keep_names()
 
 # Where a public name is kept.
 _KEPT = {
     "GoalSpec": "goals.spec",
-    "Progress": "takes",
+    "Progress": "progress",
     "Take": "takes",
-    "TakeSpec": "takes",
+    "TakeSpec": "prepare",
     "add_character": "rigs.character",
     "contact_sheet": "pictures.render",
-    "finish": "takes",
+    "finish": "progress",
     "generate": "takes",
     "goal_line": "keys.report",
     "save_blend": "pictures.outputs",

@@ -35,7 +35,8 @@ from .jobs.read import read_job
 from .leaving import leave
 from .pictures.outputs import require_writable, save_blend, write_json
 from .pictures.render import contact_sheet, video
-from .takes import Take, TakeSpec, generate
+from .prepare import TakeSpec
+from .takes import Take, generate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

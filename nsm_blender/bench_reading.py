@@ -29,8 +29,8 @@ from nsm_core.world.sensors.environment import environment_sensor
 
 from .demo import build_scene, goals_in
 from .goals.spec import GoalSpec
+from .prepare import TakeSpec, prepare
 from .rigs.character import add_character
-from .takes import TakeSpec, prepare
 from .world import colliders
 from .world.solids import READINGS
 

@@ -10,7 +10,8 @@ import bpy
 import numpy as np
 import pytest
 
-from nsm_blender.world.colliders import BVHQuery, collider_shapes, gather_colliders
+from nsm_blender.world.bvh_query import BVHQuery
+from nsm_blender.world.colliders import collider_shapes, gather_colliders
 from nsm_blender.world.evaluated import object_mesh_triangles
 from nsm_blender.world.frame import WorldFrame
 from nsm_core.errors import GeometryError

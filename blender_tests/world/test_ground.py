@@ -8,8 +8,9 @@ import pytest
 from scenes import box, furnish, mesh_of_boxes
 
 from nsm_blender.goals.spec import GoalSpec
+from nsm_blender.prepare import TakeSpec, start_of
 from nsm_blender.rigs.character import add_character
-from nsm_blender.takes import TakeSpec, finish, generate, start_of
+from nsm_blender.takes import finish, generate
 from nsm_blender.world.frame import WorldFrame
 from nsm_blender.world.ground import floor_under
 from nsm_blender.world.surroundings import Surroundings

@@ -13,8 +13,8 @@ import nsm_blender
 from nsm_blender.animation.identity import Known
 from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.pictures import viewpoint
+from nsm_blender.prepare import TakeSpec, own_objects
 from nsm_blender.rigs.armature import build_armature
-from nsm_blender.takes import TakeSpec, own_objects
 from nsm_blender.ui import running
 from nsm_blender.ui.watch import Watch
 from nsm_blender.world.ground import floor_under

@@ -16,7 +16,8 @@ from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import TakeSpec, finish, generate, prepare
 from nsm_blender.world import colliders
 from nsm_blender.world.beside import beside, freely
-from nsm_blender.world.colliders import BVHQuery, collider_shapes, gather_colliders
+from nsm_blender.world.bvh_query import BVHQuery
+from nsm_blender.world.colliders import collider_shapes, gather_colliders
 from nsm_blender.world.evaluated import MeshData, Snapshot
 from nsm_blender.world.frame import WorldFrame
 from nsm_blender.world.ground import floor_under

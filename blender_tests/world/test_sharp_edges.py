@@ -9,7 +9,7 @@ import pytest
 from mathutils import Euler, Vector
 from mathutils.bvhtree import BVHTree
 
-from nsm_blender.world.colliders import BVHQuery
+from nsm_blender.world.bvh_query import BVHQuery
 
 TURN = np.array(Euler((0.5, 0.7, 0.4)).to_matrix())
 COUNT = 1500

@@ -10,6 +10,7 @@ import numpy as np
 
 from nsm_core.control.goals import Goal
 from nsm_core.rotations import Array
+from nsm_core.world.geometry.distance import DistanceQuery
 
 from ..world.bodies import GoalBody
 from ..world.frame import WorldFrame
@@ -43,25 +44,33 @@ def _nothing(spec: GoalSpec, scene: bpy.types.Scene) -> None:
     return None
 
 
+def _room_enough(goal: Goal, solids: DistanceQuery) -> None:
+    return None
+
+
 @dataclass(frozen=True)
 class Finder:
     """How the goal of an action is found.
 
     ``find(spec, scene, around, before)`` builds the core's goal, coming from ``before``; what is missing of
     the goal's objects has been told by then.  ``after(goal, before, around)`` is where it leaves the
-    character.  ``require(spec, scene)`` raises GoalError before the scene is read; ``parts(object)`` are
-    those that move with the object.  Of its goal point: ``somewhere(body)`` a place for it where the mesh
-    shows none, ``under(goal)`` the metres by which it lies under the goal's place; an action whose points are
-    others makes them by ``show(spec, goal or None, body, reason, scene, frame, told)``.
+    character.  ``require(spec, scene)`` raises GoalError before the scene is read, and
+    ``room(goal, solids)`` where what stands there leaves none for it; ``parts(object)`` are those that move
+    with the object, which ``swings`` to a side that the animator may change.  Of its goal point:
+    ``somewhere(body)`` a place for it where the mesh shows none, ``under(goal)`` the metres by which it lies
+    under the goal's place; an action whose points are others makes them by ``show(spec, goal or None, body,
+    reason, scene, frame, told)``.
     """
 
     icon: str
     find: Callable[[GoalSpec, bpy.types.Scene, Surroundings, Place], Goal]
     after: Callable[[Goal, Place, Surroundings], Place] = _where_it_is
     require: Callable[[GoalSpec, bpy.types.Scene], None] = _nothing
+    room: Callable[[Goal, DistanceQuery], None] = _room_enough
     parts: Callable[[bpy.types.Object], Sequence[bpy.types.Object]] = _alone
     somewhere: Callable[[GoalBody], Place] = on_top
     under: Callable[[Goal], float] = lambda goal: 0.0
+    swings: bool = False
     show: (
         Callable[
             [GoalSpec, Goal | None, GoalBody, str, bpy.types.Scene, WorldFrame, list[str] | None],

@@ -7,6 +7,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from nsm_core.control.actions.door_grasp import require_room
 from nsm_core.control.goals import Goal
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
@@ -178,6 +179,10 @@ def _require(spec: GoalSpec, scene: bpy.types.Scene) -> None:
         require_swings(spec.object)
 
 
+def _room(goal: Goal, solids: DistanceQuery) -> None:
+    require_room(goal.prop, solids)
+
+
 def _show(
     spec: GoalSpec,
     goal: Goal | None,
@@ -217,4 +222,13 @@ def _show(
     return hinge
 
 
-FINDER = Finder("LOOP_FORWARDS", _find, after=_after, require=_require, parts=fittings_of, show=_show)
+FINDER = Finder(
+    "LOOP_FORWARDS",
+    _find,
+    after=_after,
+    require=_require,
+    room=_room,
+    parts=fittings_of,
+    swings=True,
+    show=_show,
+)

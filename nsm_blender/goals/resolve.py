@@ -10,6 +10,7 @@ import numpy as np
 from nsm_core.control.goals import Goal
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.world.actions import Aim, require_action
+from nsm_core.world.geometry.distance import DistanceQuery
 
 from ..world.frame import WorldFrame, holds
 from ..world.surroundings import Surroundings
@@ -24,6 +25,7 @@ __all__ = [
     "goal_point_of",
     "moved_by",
     "place_after",
+    "require_room_for",
     "resolve",
     "show_goal_point",
 ]
@@ -78,6 +80,11 @@ def require_possible(goals: Sequence[GoalSpec], scene: bpy.types.Scene) -> None:
     """
     for spec in goals:
         FINDERS[require_action(spec.action).key].require(spec, scene)
+
+
+def require_room_for(goal: Goal, solids: DistanceQuery) -> None:
+    """Raise GoalError where ``solids`` leave no room to do what a goal asks for."""
+    FINDERS[goal.action].room(goal, solids)
 
 
 def place_after(goal: Goal, before: Place, around: Surroundings) -> Place:

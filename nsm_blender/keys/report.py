@@ -14,7 +14,7 @@ from nsm_core.evaluation.measures.motion import depth_report, travel_report
 from nsm_core.evaluation.measures.objects import all_depths
 from nsm_core.world.actions import BY_KEY
 from nsm_core.world.geometry.distance import Union
-from nsm_core.world.scene.props import Box, Prop
+from nsm_core.world.scene.props import Prop
 
 from .keying import KeyedTake
 from .shown import OFF, ShownTake
@@ -73,26 +73,20 @@ def _goal_report(goal: GoalResult, shown: ShownTake, prop: Prop | None) -> dict[
     reached, reason = bool(goal.reached), goal.reason
     if math.isfinite(goal.position_error_cm) and goal.place is not None:
         frame = min(goal.end_frame, len(shown.hips) - 1)
-        if isinstance(prop, Box):
+        if prop is not None and BY_KEY[goal.action].needs_destination:
             position, heading = shown.poses[prop.name][frame, :3], float(shown.poses[prop.name][frame, 3])
         else:
             position = shown.hips[frame]
-            heading = float(
-                root_of(
-                    forward_kinematics(position, shown.local[frame], shown.offsets.astype(np.float64))[0]
-                )[1]
-            )
+            joints, _ = forward_kinematics(position, shown.local[frame], shown.offsets.astype(np.float64))
+            heading = float(root_of(joints)[1])
         values["position_error_cm"], values["rotation_error_deg"] = goal_errors(goal, position, heading)
         if reached and values["position_error_cm"] > goal.position_error_cm + 100 * OFF:
-            reached, reason = (
-                False,
-                f"On screen it is {values['position_error_cm']:.1f} cm off: {_what_is_off(shown)}",
-            )
+            reached = False
+            reason = f"On screen it is {values['position_error_cm']:.1f} cm off: {_what_is_off(shown)}"
     if goal.taken is not None and prop is not None and 0 <= goal.taken.frame < len(shown.hips):
         frame = goal.taken.frame
-        joints = forward_kinematics(shown.hips[frame], shown.local[frame], shown.offsets.astype(np.float64))[
-            0
-        ]
+        offsets = shown.offsets.astype(np.float64)
+        joints, _ = forward_kinematics(shown.hips[frame], shown.local[frame], offsets)
         values["hand_error_cm"], values["hand_rotation_deg"] = goal.taken.errors(
             joints[_WRISTS], shown.poses[prop.name][frame]
         )

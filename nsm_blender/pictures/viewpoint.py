@@ -14,8 +14,8 @@ from mathutils import Vector
 from nsm_core.rotations import Array
 
 from ..keys.keying import KeyedTake
+from ..prepare import own_objects
 from ..rigs.bone_map import bone_map_of
-from ..takes import own_objects
 
 # Bones whose heads should be in sight, where the character has them.
 SEEN = ("Head", "Chest2", "Hips", "LeftWrist", "RightWrist", "LeftAnkle", "RightAnkle")

@@ -7,8 +7,8 @@ from typing import Any
 import bpy
 
 from nsm_core.world.actions import Aim
-from nsm_core.world.scene.props import Leaf
 
+from ..goals.registry import FINDERS
 from . import running
 from .bones_panel import NSM_PT_bones
 from .drawing import Sidebar, sentence
@@ -128,7 +128,7 @@ def _draw_goal(layout: Any, goal: Any) -> None:
         column.prop(goal, "destination")
     if goal.object is None and action.aim is Aim.PLACE:
         column.prop(goal, "location")
-    if action.prop is Leaf and goal.object is not None:
+    if FINDERS[action.key].swings and goal.object is not None:
         column.operator("nsm.door_swing", icon="ARROW_LEFTRIGHT")
     column.prop(goal, "hold")
 

@@ -17,7 +17,9 @@ from nsm_core.errors import NsmError
 from ..animation.kept import SceneState
 from ..goals.resolve import moved_by
 from ..keys.preview import Preview
-from ..takes import Progress, TakeSpec, generate
+from ..prepare import TakeSpec
+from ..progress import Progress
+from ..takes import generate
 from . import running
 from .watch import Watch, install
 
@@ -45,7 +47,7 @@ class TakeSession:
         """Start a take; NsmError while another one is under way, SkeletonError and GoalError as for its
         goals.
 
-        Other ``steps`` than a take's, as of ``takes.show_goal_points``, are watched in the same way;
+        Other ``steps`` than a take's, as of ``prepare.show_goal_points``, are watched in the same way;
         ``stopped`` says in their sentences what did not come about.
         """
         if running.current() is not None:

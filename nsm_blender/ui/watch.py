@@ -11,8 +11,8 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..animation.identity import Known
+from ..prepare import TakeSpec
 from ..rigs.bone_map import bone_map_of
-from ..takes import TakeSpec
 from ..world.frame import holds
 from . import running
 from .properties import settings_of, show_results

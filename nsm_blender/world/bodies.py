@@ -15,7 +15,7 @@ from nsm_core.world.scene.furniture.piece import Seat
 from nsm_core.world.sensors.interaction import InteractionVolume, interaction_sensor
 
 from .beside import freely
-from .colliders import BVHQuery
+from .bvh_query import BVHQuery
 from .evaluated import Snapshot, family_of, join, require_faces
 from .frame import WorldFrame
 from .solids import Solid, solids_of

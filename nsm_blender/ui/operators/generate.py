@@ -10,7 +10,9 @@ import bpy
 from nsm_core.errors import NsmError
 
 from ...keys.report import result_lines
-from ...takes import Take, TakeSpec, finish, generate
+from ...prepare import TakeSpec
+from ...progress import finish
+from ...takes import Take, generate
 from .. import running
 from ..properties import settings_of, show_results, spec_of_row
 from ..reviews import remember

@@ -9,12 +9,13 @@ import bpy
 from bpy.props import EnumProperty
 
 from nsm_core.errors import NsmError
-from nsm_core.world.actions import Aim
-from nsm_core.world.scene.props import Leaf
+from nsm_core.world.actions import ACTIONS, Aim
 
 from ...goals.points import HINGE, POINT_LINK, SWING, goal_point_of
+from ...goals.registry import FINDERS
 from ...goals.resolve import show_goal_point
-from ...takes import TakeSpec, finish, own_objects, show_goal_points, start_of
+from ...prepare import TakeSpec, own_objects, show_goal_points, start_of
+from ...progress import finish
 from ..properties import GOAL_TYPES, NsmGoal, action_of, settings_of, spec_of_row
 from ..session import TakeSession
 from .modal import Modal
@@ -42,7 +43,8 @@ class NSM_OT_goal_add(bpy.types.Operator):
         for target in chosen or [None]:
             goal = settings.goals.add()
             goal.object = target
-            goal.action = "sit" if target is not None and target.type != "EMPTY" else "walk"
+            aim = Aim.OBJECT if target is not None and target.type != "EMPTY" else Aim.PLACE
+            goal.action = next(a.key for a in ACTIONS if a.aim is aim)
             if target is None:
                 goal.location = context.scene.cursor.location
         settings.active_goal = len(settings.goals) - 1
@@ -165,7 +167,8 @@ class NSM_OT_door_swing(bpy.types.Operator):
         if not while_idle(cls):
             return False
         goal = _active_goal(context)
-        if goal is None or goal.object is None or getattr(action_of(goal), "prop", None) is not Leaf:
+        action = action_of(goal) if goal is not None and goal.object is not None else None
+        if action is None or not FINDERS[action.key].swings:
             cls.poll_message_set("The chosen goal opens no door; choose one that does.")
             return False
         return True

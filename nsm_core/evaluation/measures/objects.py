@@ -8,6 +8,7 @@ Props have a pose (T, 4) per frame: x, y, z, metres, and a heading; motions are 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import singledispatch
 
 import numpy as np
 
@@ -53,22 +54,29 @@ def prop_depths(
         body.radii.shape
     )
     depth = np.maximum(0, body.radii - distance)
-    if isinstance(prop, Leaf):
-        depth[
-            (body.hand >= 0)
-            & (np.linalg.norm(local - np.asarray(prop.handle, dtype=np.float64), axis=-1) < _GRASP)
-        ] = 0
-    if isinstance(prop, Box):
-        depth[_holding(body, local, prop, wrists(hips_position, local_rotations, offsets), poses)] = 0
+    hands = wrists(hips_position, local_rotations, offsets)
+    seen = rotate_planar(hands - poses[:, None, :3], -poses[:, None, 3])
+    depth[_holding(prop, body, local, seen)] = 0
     return depth.max(axis=1)
 
 
-def _holding(body: Body, local: Array, box: Box, hands: Array, poses: Array) -> Array:
-    """Which spheres (T, S), ``local`` (T, S, 3) in the box's frame, are of a hand that holds it, or of its
-    forearm beside it.
+@singledispatch
+def _holding(prop: Prop, body: Body, local: Array, seen: Array) -> Array:
+    """Which spheres (T, S), ``local`` (T, S, 3) in the prop's frame, are of a body's parts that hold it;
+    ``seen`` (T, 2, 3) are the wrists in that frame.
     """
+    return np.zeros(local.shape[:2], bool)
+
+
+@_holding.register
+def _at_the_handle(leaf: Leaf, body: Body, local: Array, seen: Array) -> Array:
+    near = np.linalg.norm(local - np.asarray(leaf.handle, dtype=np.float64), axis=-1) < _GRASP
+    return (body.hand >= 0) & near
+
+
+@_holding.register
+def _between_hands(box: Box, body: Body, local: Array, seen: Array) -> Array:
     held = np.zeros(local.shape[:2], bool)
-    seen = rotate_planar(hands - poses[:, None, :3], -poses[:, None, 3])
     for quarter in range(4):
         for hand, grasp in enumerate(box.grasps(quarter * np.pi / 2)):
             there = np.linalg.norm(seen[:, hand] - grasp, axis=-1) < _GRASP

@@ -1,0 +1,197 @@
+"""What a take needs of a scene: the character where it stands, what is around it, and the goals."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+
+import bpy
+import numpy as np
+
+from nsm_core.control.goals import Goal
+from nsm_core.control.take import TakeRequest
+from nsm_core.errors import GoalError, NsmError, SkeletonError
+from nsm_core.rotations import Array
+
+from .animation.kept import SceneState
+from .goals.resolve import make_goal_point, moved_by, place_after, require_possible, resolve, sought
+from .goals.spec import GoalSpec
+from .keys.objects import MovedObject, require_movable, rides_along
+from .progress import Progress, shown, waited
+from .rigs.armature import read_pose, require_skeleton
+from .world.beside import beside
+from .world.evaluated import Snapshot
+from .world.frame import WorldFrame, holds
+from .world.ground import floor_under
+from .world.surroundings import Surroundings
+
+
+@dataclass
+class TakeSpec:
+    """What to generate: goals for a character, where the keys start, and with which chance numbers."""
+
+    character: bpy.types.Object
+    goals: list[GoalSpec]
+    name: str = ""
+    start_frame: int = 1
+    seed: int = 0
+    contact_ik: bool = True
+
+    def title(self) -> str:
+        """Name of the take and of its action: as asked for, else after its goals."""
+        return self.name or ", ".join(f"{g.action} {g.label}" for g in self.goals[:3])
+
+
+def prepare(
+    spec: TakeSpec, scene: bpy.types.Scene
+) -> Generator[Progress, None, tuple[TakeRequest, WorldFrame, dict[str, MovedObject]]]:
+    """Gather what a take needs from the scene as it is at the take's first frame, in slices; the current
+    frame is put back.
+
+    The last of the generator's value are the objects that it moves, by their names.
+    """
+    require_character(spec.character, scene)
+    if not spec.goals:
+        raise GoalError("There is no goal to go to; add one to the list, or enable one.")
+    state = SceneState(scene, spec.character)
+    try:
+        _go_to(scene, spec.start_frame)
+        frame, start = start_of(spec.character, scene)
+        moving = moved_by(spec.goals)
+        moving_alone = [o for o in moving if not rides_along(o, moving)]
+        require_possible(spec.goals, scene)
+        for target in moving_alone:
+            require_movable(target, spec.character)
+        around = yield from surroundings_of(spec, scene, frame, moving)
+        goals = yield from shown(
+            "Finding the goals",
+            beside(lambda _: resolve_goals(spec.goals, scene, frame, start, around), touches=True),
+        )
+        _go_to(scene, spec.start_frame)
+        things = {
+            target.name: MovedObject.of(target, frame, around.left[target][0]) for target in moving_alone
+        }
+        environment, ground = around.query, around.ground
+    finally:
+        state.restore()
+    request = TakeRequest(
+        start_position=start[0],
+        start_heading=start[1],
+        goals=goals,
+        environment=environment,
+        seed=spec.seed,
+        contact_ik=spec.contact_ik,
+        ground=ground,
+    )
+    return request, frame, things
+
+
+def show_goal_points(
+    spec: TakeSpec, scene: bpy.types.Scene
+) -> Generator[Progress, None, tuple[list[bpy.types.Object], list[str]]]:
+    """Show the goal points of a take's goals, reading the scene in slices: the points, and what is to be told
+    of them.
+
+    The goals are looked for in the scene as it is now.  One that has no point is told in its sentence, the
+    others are shown.
+    """
+    frame, start = start_of(spec.character, scene)
+    now = replace(spec, start_frame=scene.frame_current)
+    around = yield from surroundings_of(now, scene, frame, moved_by(spec.goals))
+    told: list[str] = []
+    found = []
+    for goal in spec.goals:
+        steps = beside(lambda _, goal=goal: sought(goal, scene, frame, start, around), touches=True)
+        try:
+            found.append((goal, *(yield from shown("Finding the goals", steps))))
+        except NsmError as error:
+            told.append(str(error))
+    points = []
+    for goal, aim, reason in found:  # all at the end: what is broken off before has made none
+        try:
+            points.append(make_goal_point(goal, scene, frame, around, aim, reason, told))
+        except NsmError as error:
+            told.append(str(error))
+    return points, told
+
+
+def surroundings_of(
+    spec: TakeSpec, scene: bpy.types.Scene, frame: WorldFrame, moving: list[bpy.types.Object]
+) -> Generator[Progress, None, Surroundings]:
+    """Read what is solid around a take at its first frame: the meshes are copied in slices, the rest is done
+    by a thread.
+    """
+
+    def evaluated() -> bpy.types.Depsgraph:
+        _go_to(scene, spec.start_frame)  # whatever the window has done between two slices
+        return bpy.context.evaluated_depsgraph_get()
+
+    steps = Snapshot.take(evaluated)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as stop:
+            around = Surroundings(scene, frame, spec.character, moving, stop.value)
+            break
+        yield Progress("Reading the scene", 0.0)
+    goals = [o for g in spec.goals for o in (g.object, g.to) if o is not None and holds(scene, o)]
+    yield from waited("Reading the scene", around.reading(*goals))
+    _go_to(scene, spec.start_frame)
+    return around
+
+
+def _go_to(scene: bpy.types.Scene, frame: int) -> None:
+    if scene.frame_current != frame or scene.frame_subframe:
+        scene.frame_set(frame)
+
+
+def resolve_goals(
+    specs: list[GoalSpec],
+    scene: bpy.types.Scene,
+    frame: WorldFrame,
+    start: tuple[Array, float],
+    around: Surroundings,
+) -> list[Goal]:
+    """Build the core's goals in their order; each knows from where the character comes and what was moved by
+    then.
+    """
+    goals: list[Goal] = []
+    before = start
+    for spec in specs:
+        goals.append(resolve(spec, scene, frame, before, around))
+        before = place_after(goals[-1], before, around)
+    return goals
+
+
+def start_of(
+    character: bpy.types.Object | None, scene: bpy.types.Scene
+) -> tuple[WorldFrame, tuple[Array, float]]:
+    """The character's frame, and its ground point (2,) and heading in it as posed now; SkeletonError if it
+    cannot act.
+    """
+    require_character(character, scene)
+    frame, pose = WorldFrame.of(character), read_pose(character)
+    here = np.array((*pose.position[:2], frame.floor))
+    frame = replace(frame, floor=floor_under(here, frame.scale, scene, own_objects(character, scene)))
+    return frame, (frame.to_core(np.append(pose.position, 0.0))[:2].astype(np.float32), pose.heading)
+
+
+def own_objects(character: bpy.types.Object, scene: bpy.types.Scene) -> set[bpy.types.Object]:
+    """The character's armature, its children and every mesh that it deforms."""
+    own = {character, *character.children_recursive}
+    for candidate in scene.objects:
+        if any(m.type == "ARMATURE" and m.object == character for m in candidate.modifiers):
+            own.add(candidate)
+    return own
+
+
+def require_character(character: bpy.types.Object | None, scene: bpy.types.Scene) -> None:
+    """Raise SkeletonError unless ``character`` is a usable armature in the scene."""
+    if character is None:
+        raise SkeletonError("No character is chosen; choose its armature, or add the bundled character.")
+    if not holds(scene, character):
+        raise SkeletonError(
+            f"The character {character.name} is no longer in the scene; choose another one, or add the "
+            "bundled character."
+        )
+    require_skeleton(character)
