@@ -243,7 +243,7 @@ class TestTakes:
         assert GOAL_KEYS <= set(report["goals"][0]) and STAGES == set(report["ms_per_frame"])
         assert report["goals"][0]["reached"]
         assert (tmp_path / "good.png").stat().st_size > 10_000
-        clip = reader.read(tmp_path / "good.bvh")
+        clip = reader.read_clip(tmp_path / "good.bvh")
         assert len(clip) / 30 == pytest.approx(report["frames"] / report["fps"], abs=0.1)
         bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "made" / "good.blend"))
         action = bpy.data.objects["Character"].animation_data.action

@@ -44,7 +44,7 @@ def modal():
     scene.nsm.character = character
     scene.frame_set(7)
     yield Modal(Window(scene))
-    running.end()
+    running.end_take()
     nsm_blender.unregister()
 
 

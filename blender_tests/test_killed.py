@@ -33,7 +33,7 @@ def write(folder, n):
     arrays, statistics = {"a": np.full((4000, 1000), n)}, {"n": np.full(3, n)}
     save_weights(folder / "w.npz", arrays, statistics, config=NsmConfig(), layout={})
     rotations = np.zeros((600, 23, 4)); rotations[..., 0] = 1
-    bvh_writer.write(folder / "a.bvh", np.tile((0.1 * n, 0, 0.95), (600, 1)), rotations)
+    bvh_writer.write_bvh(folder / "a.bvh", np.tile((0.1 * n, 0, 0.95), (600, 1)), rotations)
 """
 BLENDER = """
 import bpy
@@ -105,7 +105,7 @@ def core_version(folder: Path) -> tuple[float, float]:
         numbers = np.unique(
             np.concatenate([stored[name].ravel() for name in ("parameters/a", "statistics/n")])
         )
-    clip = reader.read(folder / "a.bvh")
+    clip = reader.read_clip(folder / "a.bvh")
     assert len(clip) == 600 and np.ptp(clip.hips_position[:, 0]) < 1e-3 and len(numbers) == 1
     return float(numbers[0]), round(float(clip.hips_position[0, 0]) * 10)
 

@@ -134,7 +134,7 @@ def used(motion: tuple[np.ndarray, np.ndarray], *gaits: str) -> str:
 def write_clip(path: Path, motion: tuple[np.ndarray, np.ndarray], says: str = "") -> None:
     """Write a capture, and a sidecar beside it if it is to say something."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    bvh_writer.write(path, *motion)
+    bvh_writer.write_bvh(path, *motion)
     if says:
         head = f'clip = "{path.stem}"\nframes = {len(motion[0])}\n'
         sidecar.sidecar_of(path).write_text(head + says, encoding="utf-8")
@@ -184,7 +184,7 @@ def write_shipped(folder: Path, *names: str) -> list[Path]:
     """
     paths = [folder / f"{name}.bvh" for name in names]
     for n, path in enumerate(paths):
-        sheet = sidecar.read(sidecar.shipped(path))
+        sheet = sidecar.read_sheet(sidecar.shipped(path))
         frames = np.arange(sheet.frames)
         if sheet.actions["sit"]:  # the way down and up of ``sit``, as often as the label asks for it
             value = np.interp(frames, *zip(*sheet.actions["sit"], strict=True))

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import nsm_core
-from nsm_core.data.captures.reader import read
+from nsm_core.data.captures.reader import read_clip
 
 ROOT = Path(__file__).resolve().parents[1]
 FRONT = ROOT / "nsm_core" / "__init__.py"
@@ -71,4 +71,4 @@ def test_the_script_of_the_documents(tmp_path):
         and said[0].startswith("sit chair: reached")
         and said[1].startswith("walk away: reached")
     )
-    assert 5 < len(read(out).hips_position) / 30 < 60
+    assert 5 < len(read_clip(out).hips_position) / 30 < 60

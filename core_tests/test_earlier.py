@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from nsm_core import earlier
+from nsm_core.data.captures import bvh_writer, reader
 
 CORE = [name for name in earlier.MOVED if name.startswith("nsm_core.")]
 
@@ -43,6 +44,15 @@ def test_what_is_set_under_an_earlier_name_is_set_where_it_is_now():
         "skeleton.HIP_OVER_SEAT = 2.0\nassert now.HIP_OVER_SEAT == 2.0 == skeleton.HIP_OVER_SEAT"
     )
     subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).resolve().parents[1])
+
+
+def test_what_was_renamed_is_found_by_its_earlier_name():
+    with pytest.warns(DeprecationWarning):
+        bvh, writer = (
+            importlib.reload(importlib.import_module(f"nsm_core.{n}")) for n in ("bvh", "bvh_write")
+        )
+    assert bvh.read is reader.read_clip and bvh.read_all is reader.read_clips
+    assert writer.write is bvh_writer.write_bvh
 
 
 def test_a_name_that_never_was_is_not_there():

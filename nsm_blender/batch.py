@@ -198,7 +198,9 @@ def _write(take: Take, entry: JobTake, title: str, say: Callable[[str], None]) -
     """
     writers: dict[str, Callable[[Path], object]] = {
         "out": lambda path: save_blend(path, "'out'"),
-        "bvh": lambda path: bvh_writer.write(path, take.result.hips_position, take.result.local_rotations),
+        "bvh": lambda path: bvh_writer.write_bvh(
+            path, take.result.hips_position, take.result.local_rotations
+        ),
         "sheet": lambda path: contact_sheet(take.keyed, path),
         "video": lambda path: video(take.keyed, path),
     }

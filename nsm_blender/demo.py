@@ -40,13 +40,13 @@ def main(arguments: Sequence[str]) -> int:
     """Run the demo and return the exit code: 0 when the character reached all its goals, else 1."""
     options = _parser().parse_args(arguments)
     try:
-        return run(options)
+        return make_demo(options)
     except NsmError as error:
         print(f"The demo stopped: {error}", file=sys.stderr)
         return 1
 
 
-def run(options: argparse.Namespace) -> int:
+def make_demo(options: argparse.Namespace) -> int:
     """Make room, character and take, write every file into ``options.out`` and print the report."""
     began = time.perf_counter()
     out = Path(options.out).absolute()

@@ -17,7 +17,7 @@ from .animation.kept import SceneState
 from .goals.resolve import make_goal_point, moved_by, place_after, require_possible, resolve, sought
 from .goals.spec import GoalSpec
 from .keys.objects import MovedObject, require_movable, rides_along
-from .progress import Progress, shown, waited
+from .progress import Progress, staged, waited
 from .rigs.armature import read_pose, require_skeleton
 from .world.beside import beside
 from .world.evaluated import Snapshot
@@ -63,7 +63,7 @@ def prepare(
         for target in moving_alone:
             require_movable(target, spec.character)
         around = yield from surroundings_of(spec, scene, frame, moving)
-        goals = yield from shown(
+        goals = yield from staged(
             "Finding the goals",
             beside(lambda _: resolve_goals(spec.goals, scene, frame, start, around), touches=True),
         )
@@ -103,7 +103,7 @@ def show_goal_points(
     for goal in spec.goals:
         steps = beside(lambda _, goal=goal: sought(goal, scene, frame, start, around), touches=True)
         try:
-            found.append((goal, *(yield from shown("Finding the goals", steps))))
+            found.append((goal, *(yield from staged("Finding the goals", steps))))
         except NsmError as error:
             told.append(str(error))
     points = []

@@ -31,7 +31,7 @@ class Progress:
     waits: bool = False  # a thread does the work: asking again at once only waits for it
 
 
-def shown(
+def staged(
     stage: str, steps: Generator[float, None, _T], waits: bool = False
 ) -> Generator[Progress, None, _T]:
     """Progress of a stage from the share that its steps yield; their value."""
@@ -45,7 +45,7 @@ def shown(
 
 def waited(stage: str, work: Callable[[Callable[[float], None]], _T]) -> Generator[Progress, None, _T]:
     """Progress of ``work`` that a thread does; its result."""
-    return shown(stage, beside(work), waits=True)
+    return staged(stage, beside(work), waits=True)
 
 
 def finish(steps: Generator[Progress, None, _T]) -> _T:

@@ -29,7 +29,7 @@ from .keys.objects import MovedObject
 from .keys.report import build_report
 from .keys.shown import look_at
 from .prepare import TakeSpec, prepare, require_character
-from .progress import Progress, finish, shown, waited
+from .progress import Progress, finish, staged, waited
 from .world.beside import beside
 from .world.frame import WorldFrame
 
@@ -116,11 +116,11 @@ def key_and_check(
         steps = key_take_steps(
             spec.character, hips, result.local_rotations, spec.start_frame, FPS, title, scene
         )
-        keyed = yield from shown("Making keys", steps)
+        keyed = yield from staged("Making keys", steps)
         moved = [(thing, result.props[thing.prop]) for thing in things.values()]
-        yield from shown("Making keys", key_things(keyed, moved, FPS, title, scene))
+        yield from staged("Making keys", key_things(keyed, moved, FPS, title, scene))
         keying_ms = (time.perf_counter() - begin) * 1000 / max(len(result.hips_position), 1)
-        seen = yield from shown("Checking", look_at(keyed, result, frame, things, scene))
+        seen = yield from staged("Checking", look_at(keyed, result, frame, things, scene))
         report = yield from waited(
             "Checking", lambda _: build_report(title, result, seen, keyed, request, keying_ms)
         )

@@ -14,10 +14,9 @@ from .earlier import keep_names
 if TYPE_CHECKING:
     from .control.goals import Goal, GoalResult
     from .control.take import TakeRequest, TakeResult, TakeRunner, roll
-    from .data.captures.bvh_writer import write as write_bvh
+    from .data.captures.bvh_writer import write_bvh as write_bvh
     from .errors import NsmError
-    from .evaluation.trials.climb import climb_goal
-    from .evaluation.trials.sit import sit_goal
+    from .evaluation.furniture_goals import climb_goal, sit_goal
     from .model.inference.model import Model, load_model
     from .world.affordances.passage import passage
     from .world.geometry.distance import Cuboids
@@ -38,15 +37,15 @@ _KEPT = {
     "TakeResult": "control.take:TakeResult",
     "TakeRunner": "control.take:TakeRunner",
     "carried_box": "world.scene.furniture:carried_box",
-    "climb_goal": "evaluation.trials.climb:climb_goal",
+    "climb_goal": "evaluation.furniture_goals:climb_goal",
     "cuboids": "world.scene.furniture:cuboids",
     "load_model": "model.inference.model:load_model",
     "make_door": "world.scene.door:make_door",
     "make_furniture": "world.scene.furniture:make",
     "passage": "world.affordances.passage:passage",
     "roll": "control.take:roll",
-    "sit_goal": "evaluation.trials.sit:sit_goal",
-    "write_bvh": "data.captures.bvh_writer:write",
+    "sit_goal": "evaluation.furniture_goals:sit_goal",
+    "write_bvh": "data.captures.bvh_writer:write_bvh",
 }
 __all__ = [
     "Cuboids",

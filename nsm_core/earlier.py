@@ -48,7 +48,17 @@ MOVED: dict[str, tuple[str, ...]] = {
     "nsm_blender.surroundings": ("nsm_blender.world.surroundings",),
     "nsm_blender.things": ("nsm_blender.keys.objects",),
 }
-RENAMED = {"Session": "TakeSession", "Thing": "MovedObject", "Surroundings": "SensorReading"}
+RENAMED = {
+    "Session": "TakeSession",
+    "Surroundings": "SensorReading",
+    "Thing": "MovedObject",
+    "advance": "note_progress",
+    "begin": "begin_take",
+    "end": "end_take",
+    "read": "read_clip",
+    "read_all": "read_clips",
+    "write": "write_bvh",
+}
 
 
 class _Divided(ModuleType):
@@ -69,9 +79,10 @@ class _Divided(ModuleType):
             return
         for target in MOVED[self.__name__]:
             module = importlib.import_module(target)
-            if hasattr(module, name):
-                setattr(module, name, value)
-                return
+            for known in (name, RENAMED.get(name, name)):
+                if hasattr(module, known):
+                    setattr(module, known, value)
+                    return
         super().__setattr__(name, value)
 
 

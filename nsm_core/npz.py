@@ -33,7 +33,7 @@ class Member:
     shape: tuple[int, ...]
 
 
-def read(path: Path, kinds: Mapping[str, str], most: int) -> dict[str, Array]:
+def read_arrays(path: Path, kinds: Mapping[str, str], most: int) -> dict[str, Array]:
     """All arrays of an .npz of at most ``most`` bytes, unpacked, by name.
 
     ``kinds`` tells, by the beginning of a name, which kind of numbers it may hold ("f", "u", "i" or "b", as

@@ -18,7 +18,7 @@ def test_blender_reads_the_joints_where_they_were(tmp_path):
     rng = np.random.default_rng(1)
     steps = np.cumsum(rng.normal(size=(24, len(JOINTS), 4)) * 0.25, axis=0) + np.array((1.0, 0, 0, 0))
     hips, local = np.cumsum(rng.normal(size=(24, 3)) * 0.05, axis=0), quat_normalize(steps)
-    bvh_writer.write(tmp_path / "take.bvh", hips, local)
+    bvh_writer.write_bvh(tmp_path / "take.bvh", hips, local)
     addon_utils.enable("io_anim_bvh")
     bpy.ops.import_anim.bvh(
         filepath=str(tmp_path / "take.bvh"),

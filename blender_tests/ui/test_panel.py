@@ -26,7 +26,7 @@ ICONS = set(bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum
 def settings():
     nsm_blender.register()
     yield bpy.context.scene.nsm
-    running.end()
+    running.end_take()
     nsm_blender.unregister()
 
 
@@ -260,8 +260,8 @@ def test_panel_draws_every_state(settings):
     )
     seen = drawn()
     assert "Chair" in seen and "Generate" in seen and any("1.2\u00a0cm" in text for text in seen)
-    running.begin(bpy.context.scene, settings.character)
-    running.advance("Generating", 0.4)
+    running.begin_take(bpy.context.scene, settings.character)
+    running.note_progress("Generating", 0.4)
     seen = drawn()
     assert (
         "Generate" not in seen and any("40%" in text for text in seen) and any("ESC" in text for text in seen)
@@ -326,7 +326,7 @@ def test_while_a_take_runs_every_button_is_off_and_says_why(settings):
     buttons = [getattr(bpy.ops.nsm, cls.bl_idname.removeprefix("nsm.")) for cls in operators.CLASSES]
     # There is no take to accept or reject.
     assert sum(button.poll() for button in buttons) == len(buttons) - 2
-    running.begin(bpy.context.scene, settings.character)
+    running.begin_take(bpy.context.scene, settings.character)
     for button in buttons:
         assert not button.poll()
         with pytest.raises(RuntimeError, match="A take is being generated; press ESC"):

@@ -11,7 +11,7 @@ from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest, TakeResult
 from nsm_core.errors import GeometryError, OutputError
 from nsm_core.evaluation.pictures.drawing import box_corners
-from nsm_core.evaluation.pictures.figures import VIEWS, contact_sheet, path_sheet
+from nsm_core.evaluation.pictures.figures import VIEWS, figure_sheet, path_sheet
 from nsm_core.evaluation.pictures.sheets import prop_corners, sheet
 from nsm_core.rotations import heading_to_direction
 from nsm_core.world.geometry.distance import Cuboids
@@ -35,7 +35,7 @@ def is_near(pixels: np.ndarray, rgb: tuple[int, int, int]) -> np.ndarray:
 @pytest.mark.parametrize("follow", [True, False])
 def test_sheet_shows_every_pose(walk, tmp_path, view, follow):
     boxes = box_corners(walk[40, 0, :2], 0.7, np.array(((-0.3, -0.3, 0),)), np.array(((0.3, 0.3, 0.45),)))
-    path = contact_sheet(
+    path = figure_sheet(
         walk,
         tmp_path / "a" / "sheet.png",
         every=9,
@@ -57,14 +57,14 @@ def test_sheet_shows_every_pose(walk, tmp_path, view, follow):
 
 
 def test_right_limbs_are_on_our_left_seen_from_the_front(walk, tmp_path):
-    pixels = image.imread(contact_sheet(walk[:1], tmp_path / "front.png", view="front", camera="character"))
+    pixels = image.imread(figure_sheet(walk[:1], tmp_path / "front.png", view="front", camera="character"))
     red, blue = is_near(pixels, (0xD9, 0x38, 0x1E)), is_near(pixels, (0x1F, 0x6F, 0xB4))
     assert np.nonzero(red)[1].mean() < np.nonzero(blue)[1].mean()
 
 
 def test_contacts_draw_rings(walk, tmp_path):
-    plain = image.imread(contact_sheet(walk, tmp_path / "a.png", every=30))
-    ringed = image.imread(contact_sheet(walk, tmp_path / "b.png", every=30, contacts=np.ones((len(walk), 5))))
+    plain = image.imread(figure_sheet(walk, tmp_path / "a.png", every=30))
+    ringed = image.imread(figure_sheet(walk, tmp_path / "b.png", every=30, contacts=np.ones((len(walk), 5))))
     assert plain.shape == ringed.shape and not np.array_equal(plain, ringed)
 
 
@@ -85,10 +85,10 @@ def test_box_corners_turn_with_the_object():
 
 def test_colliders_can_be_drawn_as_they_are(walk, tmp_path):
     where, low, high = np.array((1.0, 2.0)), np.array((-0.3, -0.2, 0)), np.array((0.3, 0.2, 0.5))
-    as_corners = contact_sheet(
+    as_corners = figure_sheet(
         walk, tmp_path / "a.png", every=30, follow=False, boxes=box_corners(where, 0.4, low, high)
     )
-    as_query = contact_sheet(
+    as_query = figure_sheet(
         walk, tmp_path / "b.png", every=30, follow=False, boxes=Cuboids([(where, 0.4, low, high)])
     )
     assert np.allclose(image.imread(as_corners), image.imread(as_query), atol=0.02)
@@ -106,18 +106,18 @@ def test_what_moves_is_drawn_where_it_is(walk, tmp_path):
     purple = (0x7A, 0x3F, 0xA0)
     for view in ("side", "front"):
         held = image.imread(
-            contact_sheet(walk, tmp_path / "held.png", every=30, tiles=3, view=view, moving=corners)
+            figure_sheet(walk, tmp_path / "held.png", every=30, tiles=3, view=view, moving=corners)
         )
         left = corners.copy()
         left[31:] += 5.0  # out of the window from then on
         gone = image.imread(
-            contact_sheet(walk, tmp_path / "gone.png", every=30, tiles=3, view=view, moving=left)
+            figure_sheet(walk, tmp_path / "gone.png", every=30, tiles=3, view=view, moving=left)
         )
         thirds = [slice(k * held.shape[1] // 3, (k + 1) * held.shape[1] // 3) for k in range(3)]
         assert all(is_near(held[:, t], purple).sum() > 5 for t in thirds)
         assert [is_near(gone[:, t], purple).sum() > 5 for t in thirds] == [True, True, False]
     with pytest.raises(GeometryError, match="moves"):
-        contact_sheet(walk, tmp_path / "x.png", moving=corners[:3])
+        figure_sheet(walk, tmp_path / "x.png", moving=corners[:3])
 
 
 def test_one_sheet_shows_side_and_front(walk, tmp_path):
@@ -128,18 +128,18 @@ def test_one_sheet_shows_side_and_front(walk, tmp_path):
     root = np.concatenate((hips[:, :2], np.full((90, 1), 0.7)), axis=1)
     take = TakeResult(hips, local, hips, local, contacts, root, np.zeros((90, 7)), np.zeros((90, 8)), [], {})
     pixels = image.imread(sheet(asked, take, tmp_path / "walk.png", "walk", rows=1))
-    single = image.imread(contact_sheet(walk, tmp_path / "one.png", tiles=12, rows=1, title="walk"))
+    single = image.imread(figure_sheet(walk, tmp_path / "one.png", tiles=12, rows=1, title="walk"))
     assert abs(pixels.shape[1] - 1600) < 2 and pixels.shape[0] > 1.5 * single.shape[0]
     assert [p.name for p in sorted(tmp_path.iterdir())] == ["one.png", "walk.png"]
 
 
 def test_wrong_input_is_said_plainly(walk, tmp_path):
     with pytest.raises(GeometryError, match="side, front"):
-        contact_sheet(walk, tmp_path / "x.png", view="back")
+        figure_sheet(walk, tmp_path / "x.png", view="back")
     with pytest.raises(GeometryError, match="23"):
-        contact_sheet(walk[0], tmp_path / "x.png")
+        figure_sheet(walk[0], tmp_path / "x.png")
     with pytest.raises(GeometryError, match="corners"):
-        contact_sheet(walk, tmp_path / "x.png", boxes=np.zeros((1, 5)))
+        figure_sheet(walk, tmp_path / "x.png", boxes=np.zeros((1, 5)))
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="folder"):
-        contact_sheet(walk[:1], tmp_path / "file" / "x.png")
+        figure_sheet(walk[:1], tmp_path / "file" / "x.png")

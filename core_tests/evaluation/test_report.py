@@ -89,7 +89,7 @@ def test_counts_of_random_goals_add_up():
     )
     assert s["asked_reached"] == {"walk": [4, 3], "carry": [1, 0]} and s["deep_share"] == pytest.approx(0.05)
     assert s["frozen_seeds"] == [0] and s["error_seeds"] == [1, 2]
-    text = stress.table(s)
+    text = stress.stress_table(s)
     assert (
         "3 of 4 (75%)" in text
         and "of these: GoalError: N m | 2" in text
@@ -213,7 +213,7 @@ def test_the_command_runs_parts_and_writes_what_it_printed(tmp_path, capsys):
     assert json.loads((tmp_path / "a" / "e.json").read_text()) == {"trials": []}
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="folder"):
-        evaluation_report.write({}, tmp_path / "file" / "x.json")
+        evaluation_report.write_report({}, tmp_path / "file" / "x.json")
 
 
 # --- the data's own slide ---

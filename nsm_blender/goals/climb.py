@@ -28,7 +28,7 @@ _ABOVE = 1.7  # metres of air that a person needs
 _ELBOWS = 0.25  # metres to keep from things behind a wall
 
 
-def climb_goal(
+def goal_of_climb(
     name: str,
     target: bpy.types.Object,
     point: bpy.types.Object | None,
@@ -69,7 +69,7 @@ def climb_onto(
     """Build the goal to climb ``target`` and stand at ``place`` (3,) on its top, core frame, coming from
     ``here`` (2,).
 
-    One stands as near to it as the edges let one.  Raises as ``climb_goal``.
+    One stands as near to it as the edges let one.  Raises as ``goal_of_climb``.
     """
     body = around.body(target, snug=True)
     own, wish = (body.to_own(np.append(np.asarray(p, dtype=np.float64)[:2], 0.0))[:2] for p in (here, place))
@@ -178,7 +178,7 @@ def _behind(
 
 
 def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: Place) -> Goal:
-    return climb_goal(
+    return goal_of_climb(
         spec.label, spec.object, goal_point_of(scene, spec.object, spec.action), spec.hold, around, before[0]
     )
 

@@ -20,7 +20,7 @@ from ..animation.channels import ActionChannels, assign, new_action
 from ..animation.kept import Kept, restored_on_failure
 from ..rigs.armature import Placement, StartPose, read_pose, read_world_pose
 from ..rigs.bone_map import bone_map_of
-from ..rigs.mount import Mount, along, last
+from ..rigs.mount import Mount, last, over_frames
 from .layers import bones_between, carried, channels_of_strips, require_keyable, rotation_channel
 from .objects import KeyedThing, MovedObject, discard_thing, key_thing
 
@@ -125,7 +125,7 @@ def key_take_steps(
         apart = placement.keyed.apart
         mounts = mounts_of(armature, placement)
         if carried(armature):
-            every = yield from along(scene, frames, lambda: mounts_of(armature, placement))
+            every = yield from over_frames(scene, frames, lambda: mounts_of(armature, placement))
             mounts = {j: Mount.over([each[j] for each in every]) for j in apart}
             mounts[HIPS].require_one_size(armature.name)
         places, basis = bone_channels(armature, placement, mounts, hips, local)

@@ -18,7 +18,7 @@ from nsm_core.world.scene.props import Prop
 
 from ..animation.channels import assign, new_action, strip_curves, transform_of
 from ..animation.kept import Kept, restored_on_failure
-from ..rigs.mount import along
+from ..rigs.mount import over_frames
 from .layers import (
     acts,
     animated_switches,
@@ -197,7 +197,7 @@ def key_thing(
     spaces = [thing.space]
     if target.parent is not None and may_move(target):
         rows = np.arange(len(poses))  # keys must hold it where it stands
-        spaces = yield from along(scene, list(frame_start + rows), lambda: _space(target))
+        spaces = yield from over_frames(scene, list(frame_start + rows), lambda: _space(target))
     frames = frame_start + rows
     location, rotation, scale = _channel_values(thing, poses[rows], spaces)
 

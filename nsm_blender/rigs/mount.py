@@ -117,7 +117,7 @@ def go_to(scene: bpy.types.Scene, frame: float) -> None:
     scene.frame_set(whole, subframe=frame - whole)
 
 
-def along(
+def over_frames(
     scene: bpy.types.Scene, frames: Sequence[float], read: Callable[[], Any]
 ) -> Generator[float, None, list[Any]]:
     """Go through ``frames`` and collect what ``read`` returns at each; yields the share done, and puts the

@@ -35,7 +35,7 @@ def current() -> Running | None:
     return _running
 
 
-def begin(
+def begin_take(
     scene: bpy.types.Scene,
     character: bpy.types.Object,
     stop: Callable[[str], None] | None = None,
@@ -46,7 +46,7 @@ def begin(
     _running = Running(scene, character, stop=stop, put_back=put_back)
 
 
-def end() -> None:
+def end_take() -> None:
     """Note that no take runs any more."""
     global _running
     _running = None
@@ -57,12 +57,12 @@ def interrupt(sentence: str) -> None:
     it was before.
     """
     state = _running
-    end()
+    end_take()
     if state is not None and state.stop is not None:
         state.stop(sentence)
 
 
-def advance(stage: str, fraction: float) -> str:
+def note_progress(stage: str, fraction: float) -> str:
     """Note how far the take under way is; return a line with the time left."""
     if _running is None:
         return ""

@@ -64,7 +64,7 @@ class TakeSession:
         self._preview: Preview | None = None
         self._shown, self._keying, self._longest = False, False, 0.0
         install()
-        running.begin(scene, spec.character, self._stop, self._put_back)
+        running.begin_take(scene, spec.character, self._stop, self._put_back)
 
     def tick(self, budget: float, show: bool = True) -> Any:
         """Step frames for up to ``budget`` seconds and, with ``show``, pose the character as in the newest;
@@ -85,7 +85,7 @@ class TakeSession:
                 self._close()
                 return self._value
             self.fraction = progress.fraction
-            self.text = running.advance(progress.stage, progress.fraction)
+            self.text = running.note_progress(progress.stage, progress.fraction)
             if show or not self._shown:
                 self._show(progress)
             return None
@@ -152,7 +152,7 @@ class TakeSession:
 
     def _close(self) -> None:
         self.over = True
-        running.end()
+        running.end_take()
         if self._ended is not None:
             with suppress(ReferenceError):
                 self._ended()

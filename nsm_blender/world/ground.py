@@ -39,7 +39,7 @@ def floor_faces(vertices: Array, triangles: Array) -> Array:
     return ~(vertices[triangles][..., 2] > FLOOR_TOP + 1e-4).any(1)
 
 
-def ground_of(shapes: Iterable[Solid]) -> Terrain:
+def terrain_of(shapes: Iterable[Solid]) -> Terrain:
     """The heights of everything that is walked over; ``shapes`` are those of the scene, core frame."""
     maps = (_top_of(shape) for shape in shapes)
     return Terrain(found for found in maps if found is not None)

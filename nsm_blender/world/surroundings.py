@@ -23,7 +23,7 @@ from .bodies import GoalBody
 from .colliders import belonging_to, obstacles, query_of, scene_solids, solid_seen
 from .evaluated import Snapshot, family_of
 from .frame import WorldFrame
-from .ground import ground_of
+from .ground import terrain_of
 from .solids import Solid, solids_of
 
 _MARGIN = 2.0  # metres of floor looked at around the places asked about
@@ -86,7 +86,7 @@ class Surroundings:
             self.standing = [s for s in self.solids if still(s)]
             self.obstacles = obstacles(self.solids)
             self.query = query_of([s for s in self.obstacles if still(s)])
-            self.ground = ground_of(self.standing)
+            self.ground = terrain_of(self.standing)
 
         return read
 
@@ -135,7 +135,7 @@ class Surroundings:
         """What is walked over: rugs, thresholds, kerbs."""
         solids = self.standing
         with freely():
-            return ground_of(solids)
+            return terrain_of(solids)
 
     def plan(self, *points: Array) -> FloorPlan:
         """Free floor around places (2,)."""

@@ -13,7 +13,7 @@ import numpy as np
 from nsm_core.body.clip import Clip
 from nsm_core.conventions import FPS, STYLES
 from nsm_core.data.annotation.phases import keys_of_phase
-from nsm_core.data.annotation.picture import draw
+from nsm_core.data.annotation.picture import draw_annotation
 from nsm_core.data.annotation.proposal import arrays_of, propose
 from nsm_core.data.captures import sidecar, sidecar_writer
 from nsm_core.data.captures.folder import Capture, CaptureFolder
@@ -90,11 +90,11 @@ def main(arguments: list[str]) -> int:
     for (path, clip, sheet, remarks, kept), phases in zip(done, measured, strict=True):
         by_rule = sheet
         sheet = with_phase(sheet, {k: keys_of_phase(v) for k, v in phases.items()}, kept)
-        sidecar_writer.write(sidecar.sidecar_of(path), sheet, remarks)
+        sidecar_writer.write_sheet(sidecar.sidecar_of(path), sheet, remarks)
         annotation = arrays_of(sheet)
         if not options.no_pictures:
             shown = arrays_of(by_rule) if phases else annotation
-            draw(clip, shown, path.with_name(path.stem + ".nsm.png"), phases.get("phase"))
+            draw_annotation(clip, shown, path.with_name(path.stem + ".nsm.png"), phases.get("phase"))
         for k, name in enumerate(STYLES):
             seconds[name] += float(annotation.style[:, k].sum()) / FPS
         mine = f"; kept your {', '.join(kept)}" if kept else ""

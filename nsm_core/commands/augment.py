@@ -18,7 +18,7 @@ from nsm_core.world.scene.furniture import cuboids
 
 def main(arguments: list[str]) -> int:
     """Entry of ``python -m nsm_core augment``."""
-    from nsm_core.evaluation.pictures.figures import contact_sheet
+    from nsm_core.evaluation.pictures.figures import figure_sheet
 
     parser = argparse.ArgumentParser(prog="python -m nsm_core augment", description=__doc__)
     parser.add_argument("captures", help="folder with BVH captures")
@@ -38,10 +38,10 @@ def main(arguments: list[str]) -> int:
     pool = Pool() if a.objects is None else Pool.load(a.objects, cache=a.out / "objects.npz").training()
     for done in switch_all(a.captures, pool, a.count, a.seed):
         clip, path = done.clip, a.out / f"{done.clip.name}.bvh"
-        bvh_writer.write(path, clip.hips_position, clip.local_rotations)
+        bvh_writer.write_bvh(path, clip.hips_position, clip.local_rotations)
         solid = cuboids([(done.piece, done.pose[:3], float(done.pose[3]))])
         seat = f"seat {done.piece.require_seat().height:.2f} m high"
-        contact_sheet(
+        figure_sheet(
             clip.world()[0],
             path.with_suffix(".png"),
             boxes=solid,

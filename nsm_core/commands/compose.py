@@ -8,7 +8,7 @@ import argparse
 def main(arguments: list[str]) -> int:
     """Entry of ``python -m nsm_core compose``: write training data and say what it covers."""
     from nsm_core.data.coverage import (
-        picture,
+        draw_coverage,
         report,  # these need this module
     )
     from nsm_core.data.export import export
@@ -39,5 +39,5 @@ def main(arguments: list[str]) -> int:
     )
     print()
     print(report(folder))
-    print(f"Wrote {picture(folder, folder / 'coverage.png')}.")
+    print(f"Wrote {draw_coverage(folder, folder / 'coverage.png')}.")
     return 0

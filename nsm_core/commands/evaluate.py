@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from nsm_core.evaluation.measures.data_baseline import slide_of_data
-from nsm_core.evaluation.report import evaluate, held_back, run_stress, tables, write
+from nsm_core.evaluation.report import evaluate, held_back_pool, run_stress, tables, write_report
 from nsm_core.evaluation.trials.suite import PARTS, parts_named
 from nsm_core.model.features.meaning import remark
 from nsm_core.model.inference.model import load_model
@@ -57,9 +57,9 @@ def main(arguments: list[str]) -> int:
     for note in remark(model.metadata):
         print(f"note: {note}", flush=True)
     if a.sheets:
-        from nsm_core.evaluation.pictures.sheets import draw  # needs matplotlib
+        from nsm_core.evaluation.pictures.sheets import draw_sheets  # needs matplotlib
 
-        draw(model, a.sheets, only, held_back(a.assets))
+        draw_sheets(model, a.sheets, only, held_back_pool(a.assets))
         return 0
     result = evaluate(a.weights, only, a.starts, a.workers, not a.no_ablation, a.assets)
     if a.data:
@@ -67,5 +67,5 @@ def main(arguments: list[str]) -> int:
     if a.stress:
         result["stress"] = run_stress(a.weights, a.stress, a.workers)
     print(tables(result))
-    write(result, Path(a.out))
+    write_report(result, Path(a.out))
     return 0

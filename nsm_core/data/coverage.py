@@ -101,7 +101,7 @@ def report(folder: str | Path) -> str:
     return "\n".join(lines)
 
 
-def picture(folder: str | Path, path: str | Path) -> Path:
+def draw_coverage(folder: str | Path, path: str | Path) -> Path:
     """Draw the same as one picture: minutes, seams, and directions, distances and heights of each kind of
     goal.
     """

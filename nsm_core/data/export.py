@@ -33,7 +33,7 @@ from .storage import FIELDS, OBJECT_FIELDS
 HELD_BACK_CLIPS = 20  # one clip in so many is kept for validation
 
 
-def held_back(clip: str) -> bool:
+def is_held_back(clip: str) -> bool:
     """Whether a clip, and its mirror image with it, is kept for validation: by the name of its file,
     wherever that lies, so that it is the same ones in all data.
     """
@@ -43,7 +43,7 @@ def held_back(clip: str) -> bool:
 
 def _validates(take: ComposedTake) -> Array:
     """Which frames (T,) were captured in clips that are held back."""
-    flags = [np.full(piece.frames, held_back(piece.clip)) for piece in take.provenance]
+    flags = [np.full(piece.frames, is_held_back(piece.clip)) for piece in take.provenance]
     return np.concatenate(flags) if flags else np.zeros(len(take), bool)
 
 

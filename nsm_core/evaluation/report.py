@@ -125,7 +125,7 @@ def run_stress(weights: str | None, seconds: float, workers: int, quiet: bool = 
     return stress.summarise(outcomes)
 
 
-def held_back(assets: str | None) -> Pool | None:
+def held_back_pool(assets: str | None) -> Pool | None:
     """The pieces of a mesh folder that training never draws; None without a folder.  Its conversion is kept
     for the next time.
     """
@@ -156,7 +156,7 @@ def evaluate(
     """
     if not only:
         return {"trials": []}
-    pool = held_back(assets)
+    pool = held_back_pool(assets)
     jobs: list[Job] = []
     for name in only:
         chosen = PARTS[name].trials(starts, pool)
@@ -206,7 +206,7 @@ def tables(result: dict[str, Any]) -> str:
         lines += ["| " + " | ".join(r) + " |" for r in rows]
     lines += ["", _slides(result)]
     if "stress" in result:
-        lines += ["", stress.table(result["stress"])]
+        lines += ["", stress.stress_table(result["stress"])]
     messages: dict[str, int] = {}
     for trial in result.get("trials", ()):
         if trial.get("error"):
@@ -272,7 +272,7 @@ def _ablation_rows(part: str, ablation: str, s: Figures) -> list[Row]:
     ]
 
 
-def write(result: dict[str, Any], path: Path) -> None:
+def write_report(result: dict[str, Any], path: Path) -> None:
     """Write figures as JSON; OutputError where that fails."""
     with output(path, "The figures") as temporary:
         temporary.write_text(json.dumps(_plain(result), indent=1, allow_nan=False))

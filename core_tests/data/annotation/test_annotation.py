@@ -184,9 +184,9 @@ def test_landings_that_no_contact_shows_are_filled_in():
 
 @pytest.fixture
 def folder(tmp_path):
-    bvh_writer.write(tmp_path / "walk.bvh", *walk(2.0, 0.0, 2.2))
+    bvh_writer.write_bvh(tmp_path / "walk.bvh", *walk(2.0, 0.0, 2.2))
     (tmp_path / "deep").mkdir()
-    bvh_writer.write(tmp_path / "deep" / "sit.bvh", *sit())
+    bvh_writer.write_bvh(tmp_path / "deep" / "sit.bvh", *sit())
     return tmp_path
 
 
@@ -197,12 +197,12 @@ def test_the_command_writes_sidecars_and_pictures_and_keeps_edits(folder, capsys
     assert (folder / "walk.nsm.png").stat().st_size > 10_000 and (folder / "deep" / "sit.nsm.toml").exists()
     first = path.read_text()
     assert first.startswith("#") and "[actions.walk]" in first
-    assert sidecar.read(path).edited() == []
+    assert sidecar.read_sheet(path).edited() == []
     assert main(["annotate", str(folder), "--no-pictures"]) == 0
     assert path.read_text() == first  # the same proposal, the same file
     capsys.readouterr()
 
-    sheet = sidecar.read(path)
+    sheet = sidecar.read_sheet(path)
     mine = first.replace(
         "[actions.carry]", "# a tray, unseen\n[actions.carry]\n20=0\n30 = 1.0\n60 = 1\n70 = 0"
     )
@@ -211,10 +211,10 @@ def test_the_command_writes_sidecars_and_pictures_and_keeps_edits(folder, capsys
         assert main(["annotate", str(folder), "--no-pictures"]) == 0
         assert "walk.bvh: 5.6 s" in (said := capsys.readouterr().out) or "kept your" in said
         assert "kept your actions.carry, contacts.Hips" in said
-        again = sidecar.read(path)
+        again = sidecar.read_sheet(path)
         assert again.actions["carry"] == [(20, 0.0), (30, 1.0), (60, 1.0), (70, 0.0)]
         assert again.actions["walk"] == sheet.actions["walk"]
-    a = arrays_of(sidecar.read(path))
+    a = arrays_of(sidecar.read_sheet(path))
     assert a.style[45, CARRY] == 1 and a.contact[6, HIP_CONTACT] == 1 and a.contact[10, HIP_CONTACT] == 0
     assert main(["annotate", str(folder), "--no-pictures", "--overwrite"]) == 0
     assert path.read_text() == first
@@ -223,11 +223,11 @@ def test_the_command_writes_sidecars_and_pictures_and_keeps_edits(folder, capsys
 def test_a_deleted_section_stays_deleted(folder):
     main(["annotate", str(folder), "--no-pictures"])
     path = folder / "deep" / "sit.nsm.toml"
-    sheet = sidecar.read(path)
-    sidecar_writer.write(path, replace(sheet, actions=sheet.actions | {"sit": []}))
+    sheet = sidecar.read_sheet(path)
+    sidecar_writer.write_sheet(path, replace(sheet, actions=sheet.actions | {"sit": []}))
     main(["annotate", str(folder), "--no-pictures"])
-    assert not arrays_of(sidecar.read(path)).style[:, SIT].any()
-    assert all(g.action != "sit" for g in sidecar.read(path).goals)
+    assert not arrays_of(sidecar.read_sheet(path)).style[:, SIT].any()
+    assert all(g.action != "sit" for g in sidecar.read_sheet(path).goals)
 
 
 @pytest.mark.parametrize(
@@ -262,7 +262,7 @@ def test_a_broken_sidecar_is_a_sentence_and_is_left_alone(folder, capsys, old, n
     assert old in text
     path.write_text(text.replace(old, new, 1))
     with pytest.raises(CaptureError, match=rf"walk\.nsm\.toml.*{says}.*\.$"):
-        sidecar.read(path)
+        sidecar.read_sheet(path)
     assert main(["annotate", str(folder), "--no-pictures"]) == 1
     assert "walk.bvh: walk.nsm.toml" in capsys.readouterr().err
     assert path.read_text() == text.replace(old, new, 1)
@@ -277,7 +277,7 @@ def test_broken_captures_are_named_and_the_others_done(folder, capsys):
 
 def test_a_sidecar_of_another_length_and_an_empty_folder(folder, tmp_path_factory, capsys):
     main(["annotate", str(folder), "--no-pictures"])
-    bvh_writer.write(folder / "walk.bvh", *walk(2.0, 0.0, 3.2))
+    bvh_writer.write_bvh(folder / "walk.bvh", *walk(2.0, 0.0, 3.2))
     assert main(["annotate", str(folder), "--no-pictures"]) == 1
     assert "--overwrite" in capsys.readouterr().err
     assert main(["annotate", str(tmp_path_factory.mktemp("none"))]) == 1

@@ -59,7 +59,7 @@ def test_the_command_writes_clips_and_pictures_from_which_one_can_go_on(tmp_path
     assert len(files) == 2 and all(f.with_suffix(".png").stat().st_size > 5000 for f in files)
     said = capsys.readouterr().out
     assert all(f.name in said for f in files) and "seat 0." in said
-    assert len(reader.read(files[0])) > 60
+    assert len(reader.read_clip(files[0])) > 60
     (tmp_path / "none").mkdir()
     assert main(["augment", str(tmp_path / "none"), "--out", str(tmp_path / "out")]) == 1
     assert "nobody sits down" in capsys.readouterr().err

@@ -18,8 +18,8 @@ def test_round_trip(tmp_path):
     # Rest and two poles.
     rotations[0], rotations[1], rotations[2] = ((1, 0, 0, 0), (half, 0, half, 0), (half, 0, 0, -half))
     hips = rng.normal(size=(40, 3)).astype(np.float32)
-    bvh_writer.write(tmp_path / "take.bvh", hips, rotations)
-    clip = reader.read(tmp_path / "take.bvh")
+    bvh_writer.write_bvh(tmp_path / "take.bvh", hips, rotations)
+    clip = reader.read_clip(tmp_path / "take.bvh")
     np.testing.assert_allclose(clip.hips_position, hips, atol=1e-6)
     np.testing.assert_allclose(np.abs((clip.local_rotations * rotations).sum(-1)), 1, atol=1e-5)
 
@@ -27,7 +27,7 @@ def test_round_trip(tmp_path):
 def test_a_folder_that_cannot_be_written_to(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be written"):
-        bvh_writer.write(
+        bvh_writer.write_bvh(
             tmp_path / "file" / "take.bvh", np.zeros((1, 3)), np.tile(np.array((1.0, 0, 0, 0)), (1, 23, 1))
         )
 
@@ -69,9 +69,9 @@ def test_even_turns_are_even_channels(tmp_path, joint, axis, degrees):
     """No channel runs faster than the joint turns, whatever it passes; and the turn reads back."""
     angles = np.radians(np.linspace(-10, degrees, 120))
     motion = turned(joint, quat_from_rotvec(angles[:, None] * np.array(axis, float)))
-    bvh_writer.write(tmp_path / "a.bvh", *motion)
+    bvh_writer.write_bvh(tmp_path / "a.bvh", *motion)
     assert steps(tmp_path / "a.bvh", joint).max() < abs(degrees + 10) / 119 + 0.01
-    clip = reader.read(tmp_path / "a.bvh")
+    clip = reader.read_clip(tmp_path / "a.bvh")
     np.testing.assert_allclose(np.abs((clip.local_rotations * motion[1]).sum(-1)), 1, atol=1e-5)
 
 
@@ -79,7 +79,7 @@ def test_headings_do_not_leak_into_pitch_and_roll(tmp_path):
     """Who leans while turning: the heading is the first channel alone, the lean does not swap channels."""
     heading = heading_quat(np.linspace(-0.2, 2 * np.pi + 0.2, 60))
     lean = quat_from_rotvec(np.array((0.3, 0.1, 0.0)))
-    bvh_writer.write(
+    bvh_writer.write_bvh(
         tmp_path / "a.bvh", *turned("Hips", quat_mul(heading, np.broadcast_to(lean, heading.shape)))
     )
     text = (tmp_path / "a.bvh").read_text()
@@ -91,7 +91,7 @@ def test_headings_do_not_leak_into_pitch_and_roll(tmp_path):
 
 def test_a_write_that_fails_leaves_the_old_file(tmp_path):
     hips, local = turned("Hips", heading_quat(np.zeros(3)))
-    bvh_writer.write(tmp_path / "a.bvh", hips, local)
+    bvh_writer.write_bvh(tmp_path / "a.bvh", hips, local)
     before = (tmp_path / "a.bvh").read_bytes()
     hips[1, 2] = np.nan
     for motion, says in (
@@ -99,7 +99,7 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path):
         ((hips[:0], local[:0]), "no frames"),
     ):
         with pytest.raises(OutputError, match=rf"^a\.bvh is not written: its motion has {says}\.$"):
-            bvh_writer.write(tmp_path / "a.bvh", *motion)
+            bvh_writer.write_bvh(tmp_path / "a.bvh", *motion)
     with pytest.raises(OutputError, match=r"cannot be written .*\.$"):
-        bvh_writer.write(f"{tmp_path}/a\0.bvh", np.zeros((3, 3)), local)
+        bvh_writer.write_bvh(f"{tmp_path}/a\0.bvh", np.zeros((3, 3)), local)
     assert (tmp_path / "a.bvh").read_bytes() == before and [p.name for p in tmp_path.iterdir()] == ["a.bvh"]

@@ -33,7 +33,7 @@ def motion():
 @pytest.mark.parametrize("names", ["own", "mixamo"])
 def test_captures(tmp_path, motion, names):
     path = tmp_path / "a.bvh"
-    bvh_writer.write(path, *motion)
+    bvh_writer.write_bvh(path, *motion)
     text = path.read_text()
     if names == "mixamo":  # retargeted instead of taken as it is
         limbs = {
@@ -50,7 +50,7 @@ def test_captures(tmp_path, motion, names):
 
     def read(data: bytes) -> None:
         path.write_bytes(data)
-        clips = reader.read_all(path)
+        clips = reader.read_clips(path)
         assert clips and all(
             isinstance(c, Clip) and len(c) and np.abs(c.hips_position).max() < 1e9 for c in clips
         )
@@ -84,7 +84,7 @@ def test_mappings(tmp_path):
 def sheet_text(tmp_path_factory):
     clip = Clip("walk", *(a.astype(np.float32) for a in sit()))
     path = tmp_path_factory.mktemp("sheets") / "walk.nsm.toml"
-    sidecar_writer.write(path, *propose(clip))
+    sidecar_writer.write_sheet(path, *propose(clip))
     return path.read_bytes()
 
 
@@ -93,7 +93,7 @@ def test_sidecars(tmp_path, sheet_text):
 
     def read(data: bytes) -> None:
         path.write_bytes(data)
-        sheet = sidecar.read(path)
+        sheet = sidecar.read_sheet(path)
         sheet.edited()
         if sheet.frames > 10_000:  # who computes holds it against the clip first
             return
@@ -102,8 +102,8 @@ def test_sidecars(tmp_path, sheet_text):
             assert np.isfinite(getattr(a, name)).all(), name
         assert all(g.place is None or np.isfinite(g.place).all() for g in a.goals)
         again = tmp_path / "again.nsm.toml"
-        sidecar_writer.write(again, sheet)
-        assert [g.action for g in sidecar.read(again).goals] == [g.action for g in sheet.goals]
+        sidecar_writer.write_sheet(again, sheet)
+        assert [g.action for g in sidecar.read_sheet(again).goals] == [g.action for g in sheet.goals]
 
     done, refused = survives(read, sheet_text, 400, seed=7)
     assert done > 20 and refused > 100
@@ -148,10 +148,10 @@ def test_no_edit_of_a_goal_passes_without_a_word(tmp_path, line, wrong):
             "clip = 'a'\nframes = 60\n[[goals]]\n" + "".join(f"{k} = {v}\n" for k, v in change.items())
         )
         if read:
-            assert len(sidecar.read(path).goals) == 1
+            assert len(sidecar.read_sheet(path).goals) == 1
         elif change is not lines:
             with pytest.raises(sidecar.CaptureError, match=r"^a\.nsm\.toml.*\.$"):
-                sidecar.read(path)
+                sidecar.read_sheet(path)
 
 
 @pytest.mark.parametrize(
@@ -190,16 +190,16 @@ def test_no_edit_of_a_goal_passes_without_a_word(tmp_path, line, wrong):
 def test_a_sidecar_that_says_what_it_cannot_is_refused_in_its_own_words(tmp_path, text, says):
     (tmp_path / "a.nsm.toml").write_text(text)
     with pytest.raises(sidecar.CaptureError, match=rf"^a\.nsm\.toml.*{says}.*\.$"):
-        sidecar.read(tmp_path / "a.nsm.toml")
+        sidecar.read_sheet(tmp_path / "a.nsm.toml")
 
 
 def test_what_a_clip_is_used_for_comes_back(tmp_path, sheet_text):
     (tmp_path / "a.nsm.toml").write_bytes(sheet_text)
-    sheet = sidecar.read(tmp_path / "a.nsm.toml")
+    sheet = sidecar.read_sheet(tmp_path / "a.nsm.toml")
     assert sheet.use == Use() and "\n[use]" not in sheet_text.decode()
     for use in (Use(walk=()), Use(((0, 20), (21, 60)), (), ((3, 40),), 7), Use(stand=0)):
-        sidecar_writer.write(tmp_path / "b.nsm.toml", replace(sheet, use=use))
-        assert sidecar.read(tmp_path / "b.nsm.toml") == replace(sheet, use=use)
+        sidecar_writer.write_sheet(tmp_path / "b.nsm.toml", replace(sheet, use=use))
+        assert sidecar.read_sheet(tmp_path / "b.nsm.toml") == replace(sheet, use=use)
 
 
 @pytest.mark.parametrize(
@@ -218,9 +218,9 @@ def test_what_a_clip_is_used_for_comes_back(tmp_path, sheet_text):
 )
 def test_clip_names_of_any_letters_come_back(tmp_path, sheet_text, name):
     (tmp_path / "a.nsm.toml").write_bytes(sheet_text)
-    sheet = sidecar.read(tmp_path / "a.nsm.toml")
-    sidecar_writer.write(tmp_path / "b.nsm.toml", replace(sheet, clip=name), {0: name})
-    again = sidecar.read(tmp_path / "b.nsm.toml")
+    sheet = sidecar.read_sheet(tmp_path / "a.nsm.toml")
+    sidecar_writer.write_sheet(tmp_path / "b.nsm.toml", replace(sheet, clip=name), {0: name})
+    again = sidecar.read_sheet(tmp_path / "b.nsm.toml")
     assert again.clip == name.replace("\udc80", "?") and again.goals == sheet.goals and again.edited() == []
 
 
@@ -228,7 +228,7 @@ def test_clip_names_of_any_letters_come_back(tmp_path, sheet_text, name):
 def test_sidecars_as_windows_saves_them(tmp_path, sheet_text, encoding):
     (tmp_path / "a.nsm.toml").write_bytes(sheet_text)
     (tmp_path / "b.nsm.toml").write_bytes(sheet_text.decode().replace("\n", "\r\n").encode(encoding))
-    assert sidecar.read(tmp_path / "b.nsm.toml") == sidecar.read(tmp_path / "a.nsm.toml")
+    assert sidecar.read_sheet(tmp_path / "b.nsm.toml") == sidecar.read_sheet(tmp_path / "a.nsm.toml")
 
 
 def one_triangle() -> bytes:

@@ -27,7 +27,7 @@ def two_bodies(path, shared_root: bool = False):
     heads, rows = [], []
     for k, distance in enumerate((3.0, 1.5)):
         one = path.with_name(f"one{k}.bvh")
-        bvh_writer.write(one, *walk(distance, 0.0, 3.2))
+        bvh_writer.write_bvh(one, *walk(distance, 0.0, 3.2))
         head, motion = one.read_text().split("MOTION\n")
         one.unlink()
         head = (
@@ -61,7 +61,7 @@ def only(path: Path) -> Clip:
 @pytest.mark.parametrize("shared_root", [False, True])
 def test_every_body_of_a_file_is_a_clip(tmp_path, capsys, shared_root):
     two_bodies(tmp_path / "pair.bvh", shared_root)
-    first = reader.read(tmp_path / "pair.bvh")
+    first = reader.read_clip(tmp_path / "pair.bvh")
     assert distance(first) == pytest.approx(3.0, abs=0.02)
     assert "pair.bvh holds 2 bodies (Actor0:Hips, Actor1:Hips)" in first.notes[0]
     folder = CaptureFolder(tmp_path)
@@ -78,7 +78,7 @@ def test_a_prop_and_an_unknown_skeleton_beside_a_body(tmp_path):
     for joint in ("Hips", "Head", "LeftKnee"):
         text = text.replace(f"Actor0:{joint}\n", f"Actor0:thing{joint[0]}\n")
     (tmp_path / "pair.bvh").write_text(text)
-    clip = reader.read(tmp_path / "pair.bvh")
+    clip = reader.read_clip(tmp_path / "pair.bvh")
     assert distance(clip) == pytest.approx(1.5, abs=0.02) and "also holds Actor0:thingH" in clip.notes[0]
 
 
@@ -87,8 +87,8 @@ def test_a_wrong_frame_time_is_remarked_and_mended_by_a_mapping_of_one_line(tmp_
     hips, local = walk(5.0, 0.0, 5.3, rest=0.4)
     at = np.arange(0, len(hips) - 1, 0.25)
     fine = np.stack([np.interp(at, np.arange(len(hips)), hips[:, k]) for k in range(3)], axis=1)
-    bvh_writer.write(tmp_path / "walk.bvh", fine, np.repeat(local, 4, axis=0)[: len(at)], fps=30)
-    slow = reader.read(tmp_path / "walk.bvh")
+    bvh_writer.write_bvh(tmp_path / "walk.bvh", fine, np.repeat(local, 4, axis=0)[: len(at)], fps=30)
+    slow = reader.read_clip(tmp_path / "walk.bvh")
     assert (
         len(slow) == len(at)
         and "walks too slowly" in slow.notes[0]
@@ -99,14 +99,14 @@ def test_a_wrong_frame_time_is_remarked_and_mended_by_a_mapping_of_one_line(tmp_
     assert len(right) == pytest.approx(len(hips), abs=1) and right.notes == ()
     for wrong in ("1e308", "33.333", "0", "nan", "unknown"):
         (tmp_path / "odd.bvh").write_text((tmp_path / "walk.bvh").read_text().replace("0.0333333", wrong))
-        assert len(reader.read(tmp_path / "odd.bvh", mapping=load_mapping(tmp_path / "mapping.toml"))) == len(
-            right
-        )
+        assert len(
+            reader.read_clip(tmp_path / "odd.bvh", mapping=load_mapping(tmp_path / "mapping.toml"))
+        ) == len(right)
 
 
 def test_a_folder_named_like_a_capture_is_none(tmp_path):
     (tmp_path / "odd.bvh").mkdir()
-    bvh_writer.write(tmp_path / "odd.bvh" / "walk.3.bvh", *walk(1.0, 0.0, 1.1))
+    bvh_writer.write_bvh(tmp_path / "odd.bvh" / "walk.3.bvh", *walk(1.0, 0.0, 1.1))
     folder = CaptureFolder(tmp_path)
     assert [c.path.name for c in folder.captures] == ["walk.3.bvh"]
     assert len(folder.read(folder.captures[0])) > 30
@@ -126,7 +126,7 @@ def test_a_mapping_for_all_names_whom_it_reads(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "1 clips annotated" in said and "also holds Actor0:Hips" in said
     second = load_mapping(tmp_path / "second.toml")
-    assert distance(reader.read(tmp_path / "clips" / "pair.bvh", mapping=second)) == pytest.approx(
+    assert distance(reader.read_clip(tmp_path / "clips" / "pair.bvh", mapping=second)) == pytest.approx(
         1.5, abs=0.02
     )
 
@@ -135,7 +135,7 @@ def test_a_mapping_for_all_names_whom_it_reads(tmp_path, capsys):
 def test_what_never_ends_is_no_capture(tmp_path):
     os.mkfifo(tmp_path / "pipe.bvh")
     with pytest.raises(CaptureError, match=r"pipe\.bvh cannot be read \(it is no file\); check the path\.$"):
-        reader.read(tmp_path / "pipe.bvh")
+        reader.read_clip(tmp_path / "pipe.bvh")
 
 
 def test_every_body_has_its_own_sidecar_and_hidden_files_are_no_captures(tmp_path):
@@ -159,7 +159,7 @@ def test_every_body_has_its_own_sidecar_and_hidden_files_are_no_captures(tmp_pat
 
 @pytest.mark.skipif(os.name == "nt", reason="links and pipes are made otherwise there")
 def test_settings_that_cannot_be_read_are_told_not_passed_over(tmp_path, capsys):
-    bvh_writer.write(tmp_path / "walk.bvh", *walk(2.0, 0.0, 2.2))
+    bvh_writer.write_bvh(tmp_path / "walk.bvh", *walk(2.0, 0.0, 2.2))
     there = tmp_path / "mapping.toml"
     makers = (
         there.mkdir,

@@ -183,7 +183,7 @@ def motion():
 def plain(tmp_path_factory, motion) -> tuple[str, reader.Clip]:
     """The text of a capture in Mixamo's names, and its clip."""
     path = foreign(tmp_path_factory.mktemp("plain") / "a.bvh", motion, MIXAMO)
-    return path.read_text(), reader.read(path)
+    return path.read_text(), reader.read_clip(path)
 
 
 def same(clip: reader.Clip, other: reader.Clip, frames: int | None = None) -> None:
@@ -196,7 +196,7 @@ def same(clip: reader.Clip, other: reader.Clip, frames: int | None = None) -> No
 @pytest.mark.parametrize("name", FAMILIES)
 def test_names_of_rigs_and_devices(tmp_path, motion, plain, name):
     path = foreign(tmp_path / "a.bvh", motion, FAMILIES[name])
-    same(reader.read(path), plain[1])
+    same(reader.read_clip(path), plain[1])
     ((_, mapping),) = bodies(reader.parse(path))
     # Of a trunk without a pelvis the lowest joint counts as that.
     assert len(mapping.joints) == 19 and len(mapping.spine) in (2, 3)
@@ -239,7 +239,7 @@ def test_what_other_readers_open_is_read_without_a_word(tmp_path, plain, name):
     changed = FORGIVEN[name](text)
     assert changed != text
     (tmp_path / "a.bvh").write_bytes(changed.encode())
-    found = reader.read(tmp_path / "a.bvh")
+    found = reader.read_clip(tmp_path / "a.bvh")
     same(found, clip)
     assert len(found) == len(clip) and found.notes == ()
 
@@ -250,7 +250,7 @@ def test_what_other_readers_open_is_read_without_a_word(tmp_path, plain, name):
 def test_encodings(tmp_path, plain, encoding):
     text, clip = plain
     (tmp_path / "a.bvh").write_bytes(text.replace("LeftToeBase", "LinkerFuß").encode(encoding))
-    same(reader.read(tmp_path / "a.bvh")[:1], clip, 1)
+    same(reader.read_clip(tmp_path / "a.bvh")[:1], clip, 1)
 
 
 def count(text: str, more: int) -> str:
@@ -281,7 +281,7 @@ def test_what_is_mended_is_told(tmp_path, plain, name):
     text, clip = plain
     change, lost, says = NOTED[name]
     (tmp_path / "a.bvh").write_text(change(text))
-    found = reader.read(tmp_path / "a.bvh")
+    found = reader.read_clip(tmp_path / "a.bvh")
     assert (
         len(found) == len(clip) - lost
         and len(found.notes) == 1
@@ -322,7 +322,7 @@ def test_what_makes_no_motion_is_refused_before_it_is_computed(tmp_path, plain, 
     change, says = REFUSED[name]
     (tmp_path / "a.bvh").write_text(change(plain[0]))
     with pytest.raises(CaptureError, match=rf"^a\.bvh.*{says}.*\.$"):
-        reader.read(tmp_path / "a.bvh")
+        reader.read_clip(tmp_path / "a.bvh")
 
 
 def test_many_joints_times_many_frames_are_refused(tmp_path):
@@ -335,13 +335,13 @@ def test_many_joints_times_many_frames_are_refused(tmp_path):
     )
     (tmp_path / "a.bvh").write_text(head + "0\n" * 3000)
     with pytest.raises(CaptureError, match=r"3000 frames of 3901 joints, too much to read at once; .*\.$"):
-        reader.read(tmp_path / "a.bvh")
+        reader.read_clip(tmp_path / "a.bvh")
 
 
 def test_legs_without_length_are_refused(tmp_path, plain):
     (tmp_path / "a.bvh").write_text(re.sub("OFFSET.*", "OFFSET 0 0 0", plain[0]))
     with pytest.raises(SkeletonError, match=r"legs of the file have no length; .*\.$"):
-        reader.read(tmp_path / "a.bvh")
+        reader.read_clip(tmp_path / "a.bvh")
 
 
 def pose(kind: str) -> tuple[np.ndarray, np.ndarray]:
@@ -380,7 +380,7 @@ def test_who_lies_stays_lying(tmp_path, kind, axes):
     bed.
     """
     hips, local = pose(kind)
-    clip = reader.read(foreign(tmp_path / "a.bvh", (hips, local), MIXAMO, axes=axes))
+    clip = reader.read_clip(foreign(tmp_path / "a.bvh", (hips, local), MIXAMO, axes=axes))
     (found, _), (wanted, _) = (
         clip.world(),
         reader.Clip("", hips.astype(np.float32), local.astype(np.float32)).world(),
@@ -405,7 +405,7 @@ def test_a_root_that_turns_offsets_upright(tmp_path, motion, start):
     numbers = [row.split() for row in body.splitlines()]
     turned = [" ".join((x, z, str(-float(y)), "-90", *rest)) for x, y, z, *rest in numbers]
     path.write_text(head + "Frame Time: 0.0333333\n" + "\n".join(turned) + "\n")
-    found = reader.read(path).world()[0]
+    found = reader.read_clip(path).world()[0]
     assert (found[:, INDEX["Head"], 2] - found[:, INDEX["RightAnkle"], 2] > 1.1).all()
     assert np.percentile(found[:, INDEX["RightToe"], 2], 5) == pytest.approx(0.025, abs=0.02)
 
@@ -413,17 +413,17 @@ def test_a_root_that_turns_offsets_upright(tmp_path, motion, start):
 def test_the_hint_names_a_likely_joint(tmp_path, motion):
     names = MIXAMO | {"LeftKnee": "Unterschenkel1", "RightKnee": "Unterschenkel2"}
     with pytest.raises(SkeletonError, match=r'such as RightKnee = "Unterschenkel2"'):
-        reader.read(foreign(tmp_path / "a.bvh", motion, names))
+        reader.read_clip(foreign(tmp_path / "a.bvh", motion, names))
     with pytest.raises(SkeletonError, match=r'such as Hips = "Becken"'):
-        reader.read(foreign(tmp_path / "a.bvh", motion, MIXAMO | {"Hips": "Becken"}))
+        reader.read_clip(foreign(tmp_path / "a.bvh", motion, MIXAMO | {"Hips": "Becken"}))
     with pytest.raises(SkeletonError, match=r'such as RightWrist = "RightHandle"'):
-        reader.read(foreign(tmp_path / "a.bvh", motion, MIXAMO | {"RightWrist": "RightHandle"}))
+        reader.read_clip(foreign(tmp_path / "a.bvh", motion, MIXAMO | {"RightWrist": "RightHandle"}))
 
 
 def test_fingers_twists_and_props_do_not_mislead(tmp_path, motion):
     """Joints beside the body's own whose names sound alike."""
     text = foreign(tmp_path / "a.bvh", motion, FAMILIES["Unreal"]).read_text()
-    reference = reader.read(tmp_path / "a.bvh")
+    reference = reader.read_clip(tmp_path / "a.bvh")
     for side in "lr":
         extra = "".join(
             f"JOINT {n}_{side}\n{{\nOFFSET 1 0 0\n}}\n"
@@ -431,11 +431,11 @@ def test_fingers_twists_and_props_do_not_mislead(tmp_path, motion):
         )
         text = re.sub(rf"(JOINT hand_{side}\n{{\nOFFSET.*\nCHANNELS.*\n)", rf"\g<1>{extra}", text)
     (tmp_path / "b.bvh").write_text(text)
-    same(reader.read(tmp_path / "b.bvh"), reference)
+    same(reader.read_clip(tmp_path / "b.bvh"), reference)
 
 
 def test_every_refusal_is_one_sentence(tmp_path):
     for content in (b"", b"\0" * 100, b"HIERARCHY", b"MOTION\n", b"\x89PNG\r\n", "größe".encode("utf-16")):
         (tmp_path / "a.bvh").write_bytes(content)
         with pytest.raises(NsmError, match=r"^a\.bvh.*\.$"):
-            reader.read(tmp_path / "a.bvh")
+            reader.read_clip(tmp_path / "a.bvh")

@@ -24,7 +24,12 @@ from nsm_core.model.inference.weights_file import load_weights
 MAPPING = 'units = "cm"\nup = "+Y"\nforward = "auto"\nrest = "frame 0"\nrate = 120\n[joints]\n' + "".join(
     f'{j} = "{j}"\n' for j in JOINTS
 )
-READERS = {"bvh": reader.read_all, "nsm.toml": sidecar.read, "toml": load_mapping, "npz": load_weights}
+READERS = {
+    "bvh": reader.read_clips,
+    "nsm.toml": sidecar.read_sheet,
+    "toml": load_mapping,
+    "npz": load_weights,
+}
 
 
 def sentence(read, path) -> str:
@@ -40,9 +45,9 @@ def good(tmp_path_factory):
     """A sound file of every kind, by its ending."""
     folder = tmp_path_factory.mktemp("good")
     hips, local = walk(0.6, 0.3, 1.1, rest=0.2)
-    bvh_writer.write(folder / "a.bvh", hips, local)
-    clip = reader.read(folder / "a.bvh")
-    sidecar_writer.write(folder / "a.nsm.toml", *propose(clip))
+    bvh_writer.write_bvh(folder / "a.bvh", hips, local)
+    clip = reader.read_clip(folder / "a.bvh")
+    sidecar_writer.write_sheet(folder / "a.nsm.toml", *propose(clip))
     npz = model.BUNDLED
     return {
         "bvh": (folder / "a.bvh").read_bytes(),
@@ -175,7 +180,7 @@ def test_captures_that_are_odd_are_read_with_a_note_or_refused(tmp_path, good, o
     path = tmp_path / "a.bvh"
     path.write_text(re.sub(old, new, good["bvh"].decode()))
     if isinstance(note, str):
-        clip = reader.read(path)
+        clip = reader.read_clip(path)
         assert len(clip) > 20 and any(note in said for said in clip.notes), clip.notes
     else:
-        sentence(reader.read, path)
+        sentence(reader.read_clip, path)

@@ -19,7 +19,7 @@ from nsm_core.rotations import quat_rotate, quat_to_matrix
 @pytest.fixture
 def capture(tmp_path) -> Path:
     hips, local = walk(0.6, 0.3, 1.1, rest=0.2)
-    bvh_writer.write(tmp_path / "walk.bvh", hips[:40], local[:40])
+    bvh_writer.write_bvh(tmp_path / "walk.bvh", hips[:40], local[:40])
     return tmp_path / "walk.bvh"
 
 
@@ -70,19 +70,19 @@ def by_hand(
 def test_axes_and_units(tmp_path):
     """Y up, +Z ahead and centimetres become Z up, -Y ahead and metres."""
     six = "Xposition Yposition Zposition Zrotation Yrotation Xrotation"
-    clip = reader.read(by_hand(tmp_path, {"Hips": six}, {"Hips": (10, 90, 200, 0, 90, 0)}))
+    clip = reader.read_clip(by_hand(tmp_path, {"Hips": six}, {"Hips": (10, 90, 200, 0, 90, 0)}))
     np.testing.assert_allclose(clip.hips_position[0], (0.1, -2.0, 0.9), atol=1e-6)
     # A turn by 90 degrees about the file's up takes its +Z (our -Y) to its +X (our +X).
     np.testing.assert_allclose(
         quat_rotate(clip.local_rotations[0, 0], np.array((0, -1.0, 0))), (1, 0, 0), atol=1e-6
     )
-    metres = reader.read(tmp_path / "hand.bvh", centimetres=False)
+    metres = reader.read_clip(tmp_path / "hand.bvh", centimetres=False)
     np.testing.assert_allclose(metres.hips_position[0], (10, -200, 90), atol=1e-4)
 
 
 def test_channels_count_in_their_own_order(tmp_path):
     names = {"Chest": "Xrotation Yrotation Zrotation", "Neck": "Zrotation Xrotation Yrotation"}
-    clip = reader.read(by_hand(tmp_path, names, {"Chest": (30, 40, 50), "Neck": (50, 30, 40)}))
+    clip = reader.read_clip(by_hand(tmp_path, names, {"Chest": (30, 40, 50), "Neck": (50, 30, 40)}))
     turn = {k: np.radians(v) for k, v in (("X", 30), ("Y", 40), ("Z", 50))}
     c, s = {k: np.cos(v) for k, v in turn.items()}, {k: np.sin(v) for k, v in turn.items()}
     about = {
@@ -99,11 +99,11 @@ def test_channels_count_in_their_own_order(tmp_path):
 
 def test_other_rates_are_resampled(tmp_path):
     hips, local = walk(2.0, 0.4, 3.2)
-    bvh_writer.write(tmp_path / "slow.bvh", hips, local)
+    bvh_writer.write_bvh(tmp_path / "slow.bvh", hips, local)
     at = np.arange(0, len(hips) - 1, 0.25)
     fine = np.stack([np.interp(at, np.arange(len(hips)), hips[:, k]) for k in range(3)], axis=1)
-    bvh_writer.write(tmp_path / "fast.bvh", fine, np.repeat(local, 4, axis=0)[: len(at)], fps=120)
-    slow, fast = reader.read(tmp_path / "slow.bvh"), reader.read(tmp_path / "fast.bvh")
+    bvh_writer.write_bvh(tmp_path / "fast.bvh", fine, np.repeat(local, 4, axis=0)[: len(at)], fps=120)
+    slow, fast = reader.read_clip(tmp_path / "slow.bvh"), reader.read_clip(tmp_path / "fast.bvh")
     assert abs(len(slow) - len(fast)) <= 1
     np.testing.assert_allclose(slow.hips_position[: len(fast)], fast.hips_position[: len(slow)], atol=2e-3)
 
@@ -115,7 +115,7 @@ def test_a_value_that_is_no_number_is_named_by_its_line(capture):
         lines[line] = lines[line].replace(lines[line].split()[4], "nan", 1)
 
     with pytest.raises(CaptureError, match=rf"edited\.bvh, line {line + 1}: a value is not a number; .+\.$"):
-        reader.read(edited(capture, change))
+        reader.read_clip(edited(capture, change))
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ def test_a_broken_row_is_named_by_its_line(capture, spoil):
         lines[line] = spoil(lines[line])
 
     with pytest.raises(CaptureError, match=rf"edited\.bvh, line {line + 1}: expected 72 numbers"):
-        reader.read(edited(capture, change))
+        reader.read_clip(edited(capture, change))
 
 
 def test_a_truncated_file_is_named_by_the_line_it_ends_at(capture):
@@ -139,7 +139,7 @@ def test_a_truncated_file_is_named_by_the_line_it_ends_at(capture):
     other = edited(capture, cut)
     last = len(other.read_text().splitlines())
     with pytest.raises(CaptureError, match=rf"line {last}: 40 frames are announced, 12 are there"):
-        reader.read(other)
+        reader.read_clip(other)
 
 
 def test_a_file_that_ends_in_its_skeleton(capture):
@@ -147,7 +147,7 @@ def test_a_file_that_ends_in_its_skeleton(capture):
         del lines[40:]
 
     with pytest.raises(CaptureError, match="no MOTION section"):
-        reader.read(edited(capture, cut))
+        reader.read_clip(edited(capture, cut))
 
 
 def test_damage_between_the_brackets_and_in_the_head(capture):
@@ -156,13 +156,13 @@ def test_damage_between_the_brackets_and_in_the_head(capture):
         lines.insert(lines.index("MOTION"), "}")
 
     with pytest.raises(CaptureError, match=r"line \d+: a bracket closes"):
-        reader.read(edited(capture, bracket))
+        reader.read_clip(edited(capture, bracket))
 
     def frames(lines):
         lines[lines.index("MOTION") + 1] = "Frames: many"
 
     with pytest.raises(CaptureError, match=r"line \d+: expected 'Frames:'"):
-        reader.read(edited(capture, frames))
+        reader.read_clip(edited(capture, frames))
 
 
 def test_missing_joints_are_listed(capture):
@@ -176,12 +176,12 @@ def test_missing_joints_are_listed(capture):
         SkeletonError,
         match=r"edited\.bvh lacks the bones RightKnee, LeftAnkle, .* mapping file .*--mapping\.$",
     ):
-        reader.read(edited(capture, rename))
+        reader.read_clip(edited(capture, rename))
 
 
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(CaptureError, match=r"gone\.bvh cannot be read .*check the path"):
-        reader.read(tmp_path / "gone.bvh")
+        reader.read_clip(tmp_path / "gone.bvh")
 
 
 def spoilt(change) -> object:
@@ -221,7 +221,7 @@ def _nameless(lines: list[str]) -> None:
 )
 def test_every_other_damage_is_a_sentence(capture, spoil):
     with pytest.raises(NsmError, match=r"\.$"):
-        reader.read(spoil(capture))
+        reader.read_clip(spoil(capture))
 
 
 def test_loaders_pass_damage_on_and_name_the_file(tmp_path):

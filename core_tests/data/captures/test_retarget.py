@@ -111,12 +111,12 @@ def apart(clip: Clip, motion: tuple[np.ndarray, np.ndarray]) -> float:
 
 
 def test_mixamo_names_in_centimetres(tmp_path, motion):
-    clip = reader.read(foreign(tmp_path / "a.bvh", motion, MIXAMO))
+    clip = reader.read_clip(foreign(tmp_path / "a.bvh", motion, MIXAMO))
     assert apart(clip, motion) < 0.012
 
 
 def test_a_bigger_performer_in_inches_is_scaled_to_the_character(tmp_path, motion):
-    clip = reader.read(foreign(tmp_path / "a.bvh", motion, CMU, unit=0.0254, size=1.2))
+    clip = reader.read_clip(foreign(tmp_path / "a.bvh", motion, CMU, unit=0.0254, size=1.2))
     assert apart(clip, motion) < 0.012
     toes = clip.world()[0][:, [INDEX["RightToe"], INDEX["LeftToe"]], 2]
     assert abs(np.percentile(toes, 5) - 0.025) < 0.008
@@ -128,7 +128,7 @@ def test_z_up_without_collars_toes_and_neck(tmp_path, motion):
         for k, v in UNREAL.items()
         if "Collar" not in k and "Toe" not in k and k not in ("Neck", "Chest2", "Chest4")
     }
-    clip = reader.read(foreign(tmp_path / "a.bvh", motion, names, axes=np.eye(3)))
+    clip = reader.read_clip(foreign(tmp_path / "a.bvh", motion, names, axes=np.eye(3)))
     assert apart(clip, motion) < 0.03
 
 
@@ -137,7 +137,7 @@ def test_twisted_joint_axes_with_the_t_pose_in_the_first_frame(tmp_path, motion)
     rng = np.random.default_rng(3)
     twists = {name: quat_from_rotvec(rng.normal(size=3)) for name in MIXAMO}
     path = foreign(tmp_path / "a.bvh", motion, MIXAMO, twists=twists, rest_frame=True)
-    clip = reader.read(path)
+    clip = reader.read_clip(path)
     assert len(clip) == len(motion[0])  # the rest pose is no part of the motion
     assert apart(clip, motion) < 0.012
 
@@ -145,7 +145,7 @@ def test_twisted_joint_axes_with_the_t_pose_in_the_first_frame(tmp_path, motion)
 def test_without_any_rest_pose_the_bending_joints_say_it(tmp_path, motion):
     rng = np.random.default_rng(4)
     twists = {name: quat_from_rotvec(rng.normal(size=3)) for name in MIXAMO}
-    clip = reader.read(foreign(tmp_path / "a.bvh", motion, MIXAMO, twists=twists))
+    clip = reader.read_clip(foreign(tmp_path / "a.bvh", motion, MIXAMO, twists=twists))
     assert len(clip) == len(motion[0])
     assert apart(clip, motion) < 0.04
 
@@ -166,10 +166,11 @@ def test_a_mapping_file_for_names_that_say_nothing(tmp_path, motion):
     with pytest.raises(
         SkeletonError, match=r"a\.bvh lacks the bones Hips, .*mapping file.*Hips = .*--mapping\.$"
     ):
-        reader.read(path)
+        reader.read_clip(path)
     for more in ('rest = "offsets"\nup = "+Z"\nforward = "-X"', 'units = "mm"\nforward = "-X"'):
         assert (
-            apart(reader.read(path, mapping=load_mapping(mapping_of(tmp_path, names, more))), motion) < 0.012
+            apart(reader.read_clip(path, mapping=load_mapping(mapping_of(tmp_path, names, more))), motion)
+            < 0.012
         )
 
 
@@ -210,10 +211,10 @@ def test_a_mapping_that_does_not_fit_the_file(tmp_path, motion):
     with pytest.raises(
         SkeletonError, match=r"a\.bvh has no joint skull, which odd\.toml names; it has mixamorig:Hips"
     ):
-        reader.read(path, mapping=wrong)
+        reader.read_clip(path, mapping=wrong)
     late = load_mapping(mapping_of(tmp_path, MIXAMO, 'rest = "frame 9000"'))
     with pytest.raises(CaptureError, match="wants the rest pose at frame 9000"):
-        reader.read(path, mapping=late)
+        reader.read_clip(path, mapping=late)
 
 
 @pytest.mark.parametrize("line", ["OFFSET 1 2", "OFFSET a b c", "CHANNELS 1 Wrotation"])
@@ -224,12 +225,12 @@ def test_damage_in_the_hierarchy_has_its_line(tmp_path, motion, line):
     lines[where] = line
     path.write_text("\n".join(lines))
     with pytest.raises(CaptureError, match=rf"a\.bvh, line {where + 1}: .*\.$"):
-        reader.read(path)
+        reader.read_clip(path)
 
 
 def test_own_names_with_other_proportions_are_retargeted(tmp_path, motion):
     """The 23 names alone do not make a file one of ours: a performer half as tall again walks on the same
     floor.
     """
-    clip = reader.read(foreign(tmp_path / "a.bvh", motion, {n: n for n in JOINTS}, size=1.5))
+    clip = reader.read_clip(foreign(tmp_path / "a.bvh", motion, {n: n for n in JOINTS}, size=1.5))
     assert apart(clip, motion) < 0.012

@@ -41,7 +41,7 @@ def chosen(folder: Path) -> dict[str, list[str]]:
 
 
 def test_every_file_is_sound_and_says_what_its_capture_is_used_for():
-    sheets = [sidecar.read(path) for path in FILES]
+    sheets = [sidecar.read_sheet(path) for path in FILES]
     assert len(sheets) > 100
     for path, sheet in zip(FILES, sheets, strict=True):
         assert sidecar.shipped(Path("anywhere", path.parent.name, f"{sheet.clip}.bvh")) == path
@@ -79,7 +79,7 @@ def test_annotating_keeps_what_the_program_says_of_them(folder, tmp_path, capsys
     shutil.copytree(folder, tmp_path / "mine")
     assert main(["annotate", str(tmp_path / "mine"), "--no-pictures"]) == 0
     assert "cmu/cmu_07_01.bvh: 2.6 s, idle, walk; kept your use\n" in capsys.readouterr().out
-    written = sidecar.read(tmp_path / "mine" / "cmu" / "cmu_07_01.nsm.toml")
+    written = sidecar.read_sheet(tmp_path / "mine" / "cmu" / "cmu_07_01.nsm.toml")
     assert written.use.walk == ((0, 78),) and written.actions["walk"] and written.contacts["LeftAnkle"]
     assert main(["annotate", str(tmp_path / "mine"), "--no-pictures"]) == 0  # and again
     mine, brought = chosen(tmp_path / "mine"), chosen(folder)

@@ -55,7 +55,7 @@ def lift() -> tuple[np.ndarray, np.ndarray]:
 
 def write(path: Path, motion: tuple[np.ndarray, np.ndarray]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    bvh_writer.write(path, *motion)
+    bvh_writer.write_bvh(path, *motion)
 
 
 def rename(path: Path) -> None:
@@ -140,7 +140,7 @@ def edited(studio: Path, tmp_path: Path, change) -> Path:
     folder = tmp_path / "edited"
     shutil.copytree(studio, folder)
     for path in folder.rglob("*" + sidecar.SUFFIX):
-        sidecar_writer.write(path, change(sidecar.read(path)))
+        sidecar_writer.write_sheet(path, change(sidecar.read_sheet(path)))
     return folder
 
 
@@ -216,7 +216,7 @@ def test_what_a_sidecar_names_is_taken_as_it_is_and_clips_without_one_are_not(tm
     assert [c.name for c in walks] == names
     assert [c.name for c in load_runs(CaptureFolder(known))] == names[1:]
     for clip in walks:
-        raw = reader.read(known / f"{clip.name}.bvh")
+        raw = reader.read_clip(known / f"{clip.name}.bvh")
         np.testing.assert_array_equal(clip.hips_position, raw.hips_position)
         np.testing.assert_array_equal(clip.local_rotations, raw.local_rotations)
     sits = [s.clip.name for s in load_sits(CaptureFolder(known))]

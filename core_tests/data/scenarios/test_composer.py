@@ -15,7 +15,7 @@ from nsm_core.body.skeleton import FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
 from nsm_core.body.thin_capsules import thin_depths
 from nsm_core.conventions import CARRY, GOAL_ACTIONS, IDLE, SIT, WALK
 from nsm_core.data import coverage
-from nsm_core.data.export import export, held_back
+from nsm_core.data.export import export, is_held_back
 from nsm_core.data.matching.inertialization import BLEND_FRAMES, soften_seam
 from nsm_core.data.scenarios.composer import Composer, load
 from nsm_core.data.scenarios.furnishing import furnish
@@ -256,7 +256,7 @@ def test_exported_arrays_are_the_takes_and_their_sensors(tmp_path_factory, folde
         clips = np.repeat(
             [name.rstrip("~") for name, _, _, _ in about["pieces"]], [n for *_, n in about["pieces"]]
         )
-        np.testing.assert_array_equal(data.arrays["validates"][rows], [held_back(c) for c in clips])
+        np.testing.assert_array_equal(data.arrays["validates"][rows], [is_held_back(c) for c in clips])
     assert data.arrays["environment"].max() > 200 and data.arrays["object_occupancy"].max() == 1
     assert (
         meta["stance"]["hips_height"] == pytest.approx(0.89, abs=0.01)
@@ -348,7 +348,7 @@ def test_coverage_counts_goals_by_kind_and_draws_them(tmp_path_factory, folder, 
     assert f"in {len(meta['takes'])} takes" in text and all(
         f"{kind}: {count} goals" in text for kind, count in asked.items() if count
     )
-    assert coverage.picture(where, tmp_path / "coverage.png").stat().st_size > 20_000
+    assert coverage.draw_coverage(where, tmp_path / "coverage.png").stat().st_size > 20_000
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match="choose another folder"):
-        coverage.picture(where, tmp_path / "file" / "coverage.png")
+        coverage.draw_coverage(where, tmp_path / "file" / "coverage.png")

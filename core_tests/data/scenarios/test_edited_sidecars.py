@@ -31,7 +31,7 @@ def studio(tmp_path_factory) -> Path:
         "stand": captures.stand(),
         "sit": captures.sit(),
     }.items():
-        bvh_writer.write(folder / f"{name}.bvh", *motion)
+        bvh_writer.write_bvh(folder / f"{name}.bvh", *motion)
     assert main(["annotate", str(folder), "--no-pictures"]) == 0
     return folder
 
@@ -41,7 +41,7 @@ def edited(studio: Path, tmp_path: Path, name: str, change) -> Path:
     folder = tmp_path / "studio"
     shutil.copytree(studio, folder)
     path = sidecar.sidecar_of(folder / f"{name}.bvh")
-    sidecar_writer.write(path, change(sidecar.read(path)))
+    sidecar_writer.write_sheet(path, change(sidecar.read_sheet(path)))
     return folder
 
 
@@ -109,7 +109,7 @@ def test_a_measured_phase_counts_and_a_proposal_leaves_the_rule_in_force(studio,
         return with_phase(sheet, {"phase": measured}, [])
 
     folder = edited(studio, tmp_path, "walk", change)
-    assert sidecar.read(folder / "walk.nsm.toml").edited() == []
+    assert sidecar.read_sheet(folder / "walk.nsm.toml").edited() == []
     assert np.isfinite(load(str(folder)).library.phase).any()
 
 
@@ -185,5 +185,5 @@ def test_a_goal_far_from_the_hips_is_told(studio, tmp_path):
 
 
 def test_only_goals_that_are_read_are_written(studio):
-    assert [g.action for g in sidecar.read(studio / "sit.nsm.toml").goals] == ["sit", "idle"]
+    assert [g.action for g in sidecar.read_sheet(studio / "sit.nsm.toml").goals] == ["sit", "idle"]
     assert "[[goals]]" not in (studio / "walk.nsm.toml").read_text()

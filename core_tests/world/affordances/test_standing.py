@@ -25,7 +25,7 @@ from nsm_core.world.affordances.standing import (
     BODY_TO_EDGE,
     TOES_CLEAR,
     choose_side,
-    edge_before,
+    edge_before_box,
     further_off,
     require_room,
 )
@@ -70,7 +70,7 @@ def on_table(edge: float, turn=0.0, depth=1.2, top=0.74) -> Box:
 @pytest.mark.parametrize("edge", [0.02, 0.08, 0.2, 0.3])
 def test_one_stands_outside_of_the_edge_and_not_further_than_needed(edge, turn):
     box, solids = on_table(edge, turn), table(turn)
-    assert edge_before(box, 0.0, box.pose[:3], turn, solids) == pytest.approx(edge, abs=0.015)
+    assert edge_before_box(box, 0.0, box.pose[:3], turn, solids) == pytest.approx(edge, abs=0.015)
     facing, stand, further = choose_side(
         box, None, rotate_planar(np.array((0.0, 3.0)), np.float64(turn)), solids=solids
     )

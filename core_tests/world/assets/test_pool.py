@@ -12,7 +12,7 @@ from nsm_core.errors import GeometryError
 from nsm_core.rotations import rotate_planar
 from nsm_core.world.assets.door_from_mesh import door_measures
 from nsm_core.world.assets.from_mesh import boxes_of, opening_of, piece_of
-from nsm_core.world.assets.pool import Entry, Pool, scaled, split
+from nsm_core.world.assets.pool import Entry, Pool, hold_back, scaled
 from nsm_core.world.scene.door import make_door
 from nsm_core.world.scene.furniture import box_mesh, cuboids, make, top_of
 
@@ -97,7 +97,9 @@ def test_a_fifth_of_every_class_is_held_back_the_same_ones_every_time(folder):
         assert sum(e.held for e in of) == least < len(of)
     assert not held & {e.name for e in pool.training().entries}
     twins = [Entry(f"{k}.glb", "box", pool.of_kind("box")[0].piece) for k in range(6)]
-    assert len({e.held for e in split(twins, 0.2)}) == 1  # the same shape under another name would be no test
+    assert (
+        len({e.held for e in hold_back(twins, 0.2)}) == 1
+    )  # the same shape under another name would be no test
     assert len(Pool.load(folder, held_back=0.5).held_back().entries) > len(held)
 
 

@@ -24,7 +24,9 @@ COLOURS = dict(
 _FIGURES = 18
 
 
-def draw(clip: Clip, annotation: Annotation, path: str | Path, measured: Array | None = None) -> Path:
+def draw_annotation(
+    clip: Clip, annotation: Annotation, path: str | Path, measured: Array | None = None
+) -> Path:
     """Write the picture of an annotated clip and return its path; ``measured`` (T,) is a second phase to
     compare, cycles.
 

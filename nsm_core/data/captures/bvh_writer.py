@@ -24,7 +24,7 @@ _USUAL_ORDERS = {
 }
 
 
-def write(path: str | Path, hips_position: Array, local_rotations: Array, fps: float = FPS) -> None:
+def write_bvh(path: str | Path, hips_position: Array, local_rotations: Array, fps: float = FPS) -> None:
     """Write hips (T, 3), metres, world, and parent-relative rotations (T, J, 4) as BVH, whole or not at all.
 
     The file is in centimetres, Y up, facing +Z.  The order of a joint's channels is the first of its usual

@@ -17,7 +17,7 @@ from .bvh_parser import parse_hierarchy
 from .joint_map import Mapping, load_mapping
 from .joint_names import bodies
 from .sheet import Sheet
-from .sidecar import read as read_sheet
+from .sidecar import read_sheet as read_sheet
 from .sidecar import shipped, sidecar_of
 
 MAPPING = "mapping.toml"
@@ -97,9 +97,11 @@ class CaptureFolder:
         return self._mappings[path]
 
     def read(self, capture: Capture) -> Clip:
-        """Read a clip by the mapping that holds for it; errors as of ``reader.read``."""
+        """Read a clip by the mapping that holds for it; errors as of ``reader.read_clip``."""
         if capture.file not in self._files:
-            self._files[capture.file] = reader.read_all(capture.file, mapping=self._mapping(capture.mapping))
+            self._files[capture.file] = reader.read_clips(
+                capture.file, mapping=self._mapping(capture.mapping)
+            )
         clips = self._files[capture.file]
         if capture.body >= len(clips):
             raise CaptureError(

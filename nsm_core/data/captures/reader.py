@@ -20,12 +20,12 @@ from .gait import remark_on_rate
 from .joint_map import SIDES, Mapping
 from .joint_names import bodies, guess_mapping
 
-__all__ = ["Bvh", "parse", "read", "read_all"]
+__all__ = ["Bvh", "parse", "read_clip", "read_clips"]
 # Metres that an offset may differ from the 23-joint skeleton's for the file to count as being on it.
 _OWN_TOLERANCE = 0.015
 
 
-def read(path: str | Path, centimetres: bool = True, mapping: Mapping | None = None) -> Clip:
+def read_clip(path: str | Path, centimetres: bool = True, mapping: Mapping | None = None) -> Clip:
     """Read a BVH file as a Clip: metres, Z up, facing -Y, 30 Hz; of several bodies the first, which ``notes``
     of the clip tell.
 
@@ -34,12 +34,12 @@ def read(path: str | Path, centimetres: bool = True, mapping: Mapping | None = N
     the names of its joints.  Raises CaptureError with the line where the file breaks off or holds no numbers,
     and SkeletonError where joints stand for none of the 23.
     """
-    return read_all(path, centimetres, mapping)[0]
+    return read_clips(path, centimetres, mapping)[0]
 
 
-def read_all(path: str | Path, centimetres: bool = True, mapping: Mapping | None = None) -> list[Clip]:
-    """Read every body of a BVH file as ``read`` does; the second's clip is named after the file with ".2"
-    behind it.
+def read_clips(path: str | Path, centimetres: bool = True, mapping: Mapping | None = None) -> list[Clip]:
+    """Read every body of a BVH file as ``read_clip`` does; the second's clip is named after the file with
+    ".2" behind it.
     """
     source = parse(path, None if mapping is None else mapping.rate)
     parts = bodies(source, mapping if mapping is not None and mapping.joints else None)

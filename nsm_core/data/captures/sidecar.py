@@ -45,7 +45,7 @@ def shipped(clip: str | Path) -> Path:
     return LABELS_FOLDER / own.parent.name / own.name
 
 
-def read(path: str | Path) -> Sheet:
+def read_sheet(path: str | Path) -> Sheet:
     """Read a sidecar; CaptureError says which section or line is wrong, and which is not known or
     said twice.
     """

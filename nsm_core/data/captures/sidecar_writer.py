@@ -44,7 +44,7 @@ _HEADER = """\
 """
 
 
-def write(path: Path, sheet: Sheet, comments: dict[int, str] | None = None) -> None:
+def write_sheet(path: Path, sheet: Sheet, comments: dict[int, str] | None = None) -> None:
     """Write a sidecar, whole or not at all; ``comments`` explain goals by their index.  OutputError where
     that cannot be done.
     """

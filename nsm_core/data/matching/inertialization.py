@@ -19,7 +19,7 @@ from nsm_core.rotations import (
 BLEND_FRAMES = 14  # how long the offset across a seam takes to fade
 
 
-def place(
+def put_on_roots(
     hips: Array, rotations: Array, root: Array, heading: Array, to_root: Array, to_heading: Array
 ) -> tuple[Array, Array]:
     """Move frames (T, ...) rigidly so that their roots (T, 2), (T,) come to lie on other roots."""

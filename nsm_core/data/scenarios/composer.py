@@ -18,7 +18,7 @@ from nsm_core.body.ik.foot_lock import lock_feet
 from nsm_core.body.skeleton import FEET, forward_kinematics
 from nsm_core.conventions import FOOT_CONTACTS, FPS
 from nsm_core.data.captures.folder import CaptureFolder
-from nsm_core.data.matching.inertialization import place, soften_seam
+from nsm_core.data.matching.inertialization import put_on_roots, soften_seam
 from nsm_core.data.matching.source import Source, gather
 from nsm_core.rotations import (
     Array,
@@ -184,7 +184,9 @@ def _played(session: Session) -> tuple[Array, Array, Array, Array]:
     rotations = quat_normalize(quat_mul(quat_from_rotvec(w[:, None, None] * step), lib.rotations[i]))
     root = lib.root[i] + w[:, None] * (lib.root[i + 1] - lib.root[i])
     heading = lib.heading[i] + w * (lib.heading[i + 1] - lib.heading[i])
-    hips, rotations = place(hips, rotations, root, heading, np.array(tape.roots), np.array(tape.headings))
+    hips, rotations = put_on_roots(
+        hips, rotations, root, heading, np.array(tape.roots), np.array(tape.headings)
+    )
     return hips, rotations, lib.contacts[i].copy(), i
 
 

@@ -30,8 +30,8 @@ SCENARIOS: dict[str, Scenario] = {
     "carry": Scenario(0.18, episode(carry.lay), single_clips.carry, carry.segments, 3, CARRIES),
     "open": Scenario(0.22, episode(open.lay), None, open.segments, 4, OPENS),
     "climb": Scenario(0.14, episode(climb.lay), None, climb.segments, 2, CLIMBS),
-    "walk": Scenario(0.1, ways.walk, single_clips.walk, draws=WALKS),
-    "run": Scenario(0.07, ways.run, single_clips.run, draws=RUNS),
+    "walk": Scenario(0.1, ways.walk, single_clips.walk_clip, draws=WALKS),
+    "run": Scenario(0.07, ways.run, single_clips.run_clip, draws=RUNS),
 }
 
 

@@ -38,12 +38,12 @@ _GAITS = ("idle", "walk", "run")
 # --- level clips ---
 
 
-def walk(session: Session) -> bool:
+def walk_clip(session: Session) -> bool:
     """Play a level clip that hardly runs."""
     return _stroll(session, False)
 
 
-def run(session: Session) -> bool:
+def run_clip(session: Session) -> bool:
     """Play a clip that runs."""
     return _stroll(session, True)
 

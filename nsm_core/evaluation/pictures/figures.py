@@ -42,7 +42,7 @@ from .drawing import (
 VIEWS = ("side", "front", "three_quarter", "top")
 
 
-def contact_sheet(
+def figure_sheet(
     positions: Array,
     path: str | Path,
     every: int | None = None,
@@ -206,7 +206,7 @@ def path_sheet(
 
     ``contacts`` is (T, 2) right and left foot or (T, 5); None detects them.  ``every`` is the number of
     frames between heading arrows; ``goals`` (G, 3) are x, y, heading.  Colour runs from the start (dark) to
-    the end (light) of the path.  Errors as in ``contact_sheet``.
+    the end (light) of the path.  Errors as in ``figure_sheet``.
     """
     positions = checked(positions)
     plt = pyplot()
@@ -286,4 +286,4 @@ def path_sheet(
     return save(plt, fig, path)
 
 
-__all__ = ["VIEWS", "box_corners", "contact_sheet", "path_sheet"]
+__all__ = ["VIEWS", "box_corners", "figure_sheet", "path_sheet"]

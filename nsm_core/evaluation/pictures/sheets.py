@@ -26,7 +26,7 @@ from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.scene.props import Prop
 
 from .drawing import corners_of, pyplot
-from .figures import contact_sheet, path_sheet
+from .figures import figure_sheet, path_sheet
 
 TILES, ROWS = 12, 3
 
@@ -63,7 +63,7 @@ def sheet(asked: TakeRequest, take: TakeResult, path: Path, title: str, rows: in
     with tempfile.TemporaryDirectory() as folder:
         for view in ("side", "front"):
             part = Path(folder) / f"{view}.png"
-            contact_sheet(
+            figure_sheet(
                 positions,
                 part,
                 view=view,
@@ -90,7 +90,7 @@ def _main(asked: TakeRequest) -> Goal:
     return next((g for g in asked.goals if BY_KEY[g.action].needs_object), asked.goals[-1])
 
 
-def draw(
+def draw_sheets(
     model: Model, folder: str | Path, only: Sequence[str], pool: Any = None, most: int = 6
 ) -> list[Path]:
     """Roll out the first trial of each setting of the parts ``only`` (at most ``most`` each) and draw it;

@@ -54,7 +54,7 @@ def inner_shelf(rng: np.random.Generator, board: float, width: float, depth: flo
     return furniture.build("shelf", boxes + [(-x + t, x - t, -y, y - 0.01, z, z + t) for z in heights])
 
 
-def support(
+def support_far(
     rng: np.random.Generator,
     kind: str,
     height: float,
@@ -91,12 +91,12 @@ def trials(starts: int = 1, settings: Sequence[int] = range(len(SETTINGS))) -> l
         rng = np.random.default_rng((SEED, 3, n))
         crate = furniture.make("crate", rng, width=size[0], depth=size[1], height=size[2])
         turn = float(rng.uniform(-np.pi, np.pi))
-        still = support(rng, *source, crate, np.zeros(2), turn)
+        still = support_far(rng, *source, crate, np.zeros(2), turn)
         box = np.array((0, 0, source[1] + size[2] / 2, turn + np.pi))
         way = turn + np.pi + float(rng.uniform(-0.7, 0.7))
         facing = way + float(rng.uniform(-0.5, 0.5))
         place = rng.uniform(2.4, 3.0) * heading_to_direction(np.array(way))
-        more = support(rng, *destination, crate, place, facing)
+        more = support_far(rng, *destination, crate, place, facing)
         goal = np.array((*place, destination[1] + size[2] / 2, facing))
         pieces = tuple(still + more)
         free = rollout.clear_of(furniture.cuboids(pieces), [carry.box_at(crate, box)])

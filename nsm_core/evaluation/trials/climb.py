@@ -10,18 +10,16 @@ import numpy as np
 
 from nsm_core.body.contacts import ANKLES, TOES
 from nsm_core.body.skeleton import HIPS, forward_kinematics
-from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest, TakeResult
 from nsm_core.evaluation.measures.objects import foot_heights
 from nsm_core.model.inference.model import Model
-from nsm_core.rotations import Array, heading_to_direction, rotate_planar
-from nsm_core.world.affordances.standing import BEHIND_WALL
+from nsm_core.rotations import Array
 from nsm_core.world.assets.pool import Pool
 from nsm_core.world.scene import furniture
 from nsm_core.world.scene.furniture import Furniture
 from nsm_core.world.scene.terrain import Terrain
-from nsm_core.world.sensors.interaction import interaction_sensor
 
+from ..furniture_goals import climb_goal
 from . import rollout
 from .part import TrialPart
 from .rollout import SEED, Report
@@ -71,28 +69,6 @@ def trials(starts: int = 10, settings: int = len(SETTINGS), pool: Pool | None = 
             start, heading = rollout.start_about(rng, np.zeros(2), free)
             result.append(ClimbTrial(n, name, start, heading, piece, turn))
     return result
-
-
-def climb_goal(piece: Furniture, place: Array, turn: float, coming_from: Array, hold: float = 1.0) -> Goal:
-    """The goal to climb ``piece``, which stands at ``place`` (2,) with heading ``turn``, for one who comes
-    from ``coming_from`` (2,).
-
-    A step is climbed from the side nearest to the start, a low wall across; the sensor looks at it from that
-    side, as in Blender.
-    """
-    half = piece.size[:2] / 2
-    local = rotate_planar(np.asarray(coming_from, dtype=np.float64)[:2] - place, np.float64(-turn))
-    wall = piece.kind == "low_wall"
-    outside = [-local[1] - half[1], local[0] - half[0], local[1] - half[1], -local[0] - half[0]]
-    quarter = max((0, 2) if wall else range(4), key=lambda q: outside[q])
-    heading = turn + quarter * np.pi / 2 + np.pi
-    stand = np.append(place, 0.0 if wall else piece.size[2]).astype(np.float64)
-    if wall:
-        stand[:2] += (half[1] + BEHIND_WALL) * heading_to_direction(np.array(heading))
-    size = piece.size[[1, 0, 2]] if quarter % 2 else piece.size
-    centre = np.append(place + rotate_planar(piece.centre[:2], np.float64(turn)), piece.centre[2])
-    volume = interaction_sensor(furniture.cuboids([(piece, place, turn)]), centre, size, heading + np.pi)
-    return Goal("climb", piece.kind, stand, float(heading), hold, volume)
 
 
 def request(trial: ClimbTrial, hold: float = 1.0, **more: Any) -> TakeRequest:

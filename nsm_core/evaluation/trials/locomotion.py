@@ -13,7 +13,7 @@ import numpy as np
 from nsm_core.control.actions.base import EXECUTED
 from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner
-from nsm_core.conventions import FPS, RUN, SIT, WALK
+from nsm_core.conventions import FPS, RUN, SIT, STYLES
 from nsm_core.errors import GoalError
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
@@ -23,10 +23,11 @@ from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene import furniture
 from nsm_core.world.scene.furniture import Furniture
 
+from ..furniture_goals import sit_goal
 from . import rollout
 from .part import TrialPart
 from .rollout import SEED, Report
-from .sit import SEATS, sit_goal
+from .sit import SEATS
 from .together import Trying, rolled
 
 OBSTACLES = ("table", "desk", "cabinet", "box", "chair", "armchair", "sofa", "stool", "shelf")
@@ -186,7 +187,7 @@ def orders(starts: int = 10, pool: Pool | None = None) -> list[Order]:
         for n in range(starts):
             rng = np.random.default_rng((SEED, 9, n))
             kind = SEATS[n % len(SEATS)]
-            piece, _ = rollout.piece_of(pool, kind, rng)
+            piece, _ = rollout.draw_piece(pool, kind, rng)
             room = float(np.linalg.norm(piece.size[:2])) / 2 + 0.5
             while True:
                 at = rng.uniform(0.9, 3.0) * heading_to_direction(np.array(rng.uniform(-np.pi, np.pi)))
@@ -206,17 +207,16 @@ def run_order(model: Model, order: Order, **more: Any) -> Trying[tuple[TakeResul
     """
     before, action = order.name.split(" to ")
     ahead = heading_to_direction(np.array(order.heading))
-    if before == "idle":
+    if order.piece is None:
         # Four directions: where one is sent, seen from where one faces.
         goal = Goal(action, "place", np.append(8 * ahead, 0), order.heading, 0.0)
         runner = TakeRunner(model, TakeRequest(np.zeros(2), 0.0, [goal], Cuboids(), contact_ik=False, **more))
-        label, begun = (WALK if action == "walk" else RUN), None
+        label, begun = STYLES.index(action), None
         while (yield runner) and runner.frames < _PATIENCE * FPS:
             if runner.director.index == 0 and runner.state.style_past[0, -1, label] > EXECUTED:
                 begun = (runner.frames - runner.director.results[0].start_frame) / FPS
                 break
         return runner.result(), _answer(order, begun)
-    assert order.piece is not None
     query = furniture.cuboids([(order.piece, np.zeros(2), 0.0)])
     start = order.start - LEAD[before] * ahead
     onward = Goal(before, "place", np.append(order.start + 3.5 * ahead, 0), order.heading, 0.0)
@@ -224,7 +224,7 @@ def run_order(model: Model, order: Order, **more: Any) -> Trying[tuple[TakeResul
     while (yield runner) and runner.frames < _PATIENCE * FPS:
         if float((runner.state.root[0, :2] - start) @ ahead) >= LEAD[before]:
             break
-    moving = float(runner.state.style_past[0, -1, WALK if before == "walk" else RUN])
+    moving = float(runner.state.style_past[0, -1, STYLES.index(before)])
     if not hasattr(runner, "interrupt"):
         return runner.result(), _answer(order, None) | {"no_hook": 1.0}
     runner.interrupt([sit_goal(order.piece, np.zeros(2), 0.0)])

@@ -43,7 +43,7 @@ def start_about(
     raise GoalError("There is no free place to start from about the object; make the scene less crowded.")
 
 
-def piece_of(pool: Pool | None, kind: str, rng: np.random.Generator) -> tuple[Furniture, bool]:
+def draw_piece(pool: Pool | None, kind: str, rng: np.random.Generator) -> tuple[Furniture, bool]:
     """A piece of a kind from a pool of meshes, or a parametric one where it has none; and whether the pool
     has some.
     """

@@ -20,10 +20,10 @@ from nsm_core.world.scene.door import make_door
 from nsm_core.world.scene.furniture import Furniture
 from nsm_core.world.scene.props import Box, Leaf
 
+from ..furniture_goals import climb_goal, sit_goal
 from . import rollout
 from .carry import LOW, TABLE, box_at, make_crate, support
-from .climb import climb_goal
-from .sit import AT_TABLE, SEATS, sit_goal, table_over
+from .sit import AT_TABLE, SEATS, table_over
 
 RADIUS = (3.0, 3.6)  # metres from the middle of the room to its things
 UNDER_TABLE = 0.5  # share of the chairs and stools that stand partly under a table
@@ -81,7 +81,7 @@ def make_room(rng: np.random.Generator, pool: Pool | None = None) -> Room:
 
 def _put_seat(room: Room, rng: np.random.Generator, pool: Pool | None, place: Array, inward: float) -> None:
     kind = str(rng.choice(SEATS))
-    piece, known = rollout.piece_of(pool, kind, rng)
+    piece, known = rollout.draw_piece(pool, kind, rng)
     room.seat = (piece, place, inward, known)
     room.still.append((piece, place, inward))
 

@@ -10,16 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from nsm_core.body.skeleton import HIP_OVER_SEAT
 from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest, TakeResult
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar
-from nsm_core.world.affordances.seat import find_seat
 from nsm_core.world.assets.pool import Pool
 from nsm_core.world.scene import furniture
-from nsm_core.world.sensors.interaction import interaction_sensor
 
+from ..furniture_goals import sit_goal
 from . import rollout
 from .part import TrialPart
 from .rollout import SEED, Report
@@ -71,7 +69,7 @@ def trials(
     for n in range(settings):
         rng = np.random.default_rng(SEED + n)
         kind = SEATS[n % len(SEATS)]
-        piece, known = rollout.piece_of(pool, kind, rng)
+        piece, known = rollout.draw_piece(pool, kind, rng)
         lo, hi = piece.mins[:, :2].min(0) - 0.4, piece.maxs[:, :2].max(0) + 0.4
         while len(result) < (n + 1) * starts:
             angle, distance = rng.uniform(-np.pi, np.pi), rng.uniform(0.9, furthest)
@@ -92,7 +90,7 @@ def trials_at_tables(
     for n in range(settings):
         rng = np.random.default_rng((SEED, 5, n))
         kind = AT_TABLE[n % len(AT_TABLE)]
-        piece, known = rollout.piece_of(pool, kind, rng)
+        piece, known = rollout.draw_piece(pool, kind, rng)
         others = (table_over(piece, rng),)
         free = rollout.clear_of(furniture.cuboids([(piece, np.zeros(2), 0.0), *others]))
         for _ in range(starts):
@@ -116,20 +114,6 @@ def table_over(
     )
     edge = seat.point[1] - rng.uniform(*TO_EDGE) - float(table.size[1]) / 2
     return table, np.array((seat.point[0], edge)), 0.0
-
-
-def sit_goal(
-    piece: furniture.Furniture, place: Array, turn: float, known: bool = False, hold: float = 1.0
-) -> Goal:
-    """The goal to sit on ``piece``, which stands at ``place`` (2,) with heading ``turn``; ``known`` as in
-    ``SitTrial``.
-    """
-    angle = np.float64(turn)
-    seat = piece.seat if known and piece.seat is not None else find_seat(piece.vertices, piece.triangles)
-    centre = np.append(place + rotate_planar(piece.centre[:2], angle), piece.centre[2])
-    volume = interaction_sensor(furniture.cuboids([(piece, place, turn)]), centre, piece.size, turn)
-    hips = np.append(place + rotate_planar(seat.point[:2], angle), seat.point[2] + HIP_OVER_SEAT)
-    return Goal("sit", piece.kind, hips, seat.heading + turn, hold, volume)
 
 
 def request(

@@ -156,7 +156,7 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     }
 
 
-def table(s: dict[str, Any]) -> str:
+def stress_table(s: dict[str, Any]) -> str:
     """The counts as text."""
     rows = [
         ("takes with values that are not numbers", f"{s['not_finite']}", "0"),

@@ -164,7 +164,7 @@ def _read(path: Path) -> dict[str, Array]:
             raise WeightsError(
                 f"{path} is not a weights file of this project; choose one that `dev.py train` wrote."
             )
-        return npz.read(path, {"metadata": "u", "parameters/": "f", "statistics/": "f"}, MOST_BYTES)
+        return npz.read_arrays(path, {"metadata": "u", "parameters/": "f", "statistics/": "f"}, MOST_BYTES)
     except FileNotFoundError as error:
         raise WeightsError(
             f"There is no weights file at {path}; check the path or run `dev.py train`."

@@ -56,7 +56,7 @@ def standing_place(box: Box, facing: float, centre: Array, heading: float, furth
     ) * heading_to_direction(np.array(heading))
 
 
-def edge_before(box: Box, facing: float, centre: Array, heading: float, solids: DistanceQuery) -> float:
+def edge_before_box(box: Box, facing: float, centre: Array, heading: float, solids: DistanceQuery) -> float:
     """Metres from the near face of a box at ``centre`` (3,) to the edge of what lies between it and its
     carrier; infinite over ``LOOK``.
     """
@@ -103,7 +103,7 @@ def further_off(
     toes = TOES_CLEAR + max(0.0, box.across(facing)[1] - CRATE_SIDE[1]) if low < FLOOR else 0.0
     if solids is None:
         return toes
-    what, edge = of or box.name, edge_before(box, facing, centre, heading, solids)
+    what, edge = of or box.name, edge_before_box(box, facing, centre, heading, solids)
     further = max(toes, edge + BODY_TO_EDGE - BODY_TO_BOX)
     if further > FURTHEST:
         # Rounded apart, so that the two never read alike.
@@ -235,7 +235,7 @@ __all__ = [
     "FURTHEST",
     "TOES_CLEAR",
     "choose_side",
-    "edge_before",
+    "edge_before_box",
     "further_off",
     "require_room",
     "standing_place",

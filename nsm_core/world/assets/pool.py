@@ -133,7 +133,7 @@ class Pool:
                     pool.entries.append(Entry(name, group, _convert(parts, Path(folder) / name, row)))
             except GeometryError as error:
                 pool.rejected.append((name, group, str(error)))
-        pool.entries = split(pool.entries, held_back)
+        pool.entries = hold_back(pool.entries, held_back)
         held = first_names([d.name for d in pool.doors], held_back)
         twins = [d.measures for d in pool.doors if d.name in held]
         pool.doors = [replace(d, held=d.measures in twins) for d in pool.doors]
@@ -243,7 +243,7 @@ def scaled(piece: Furniture, factors: ArrayLike, kind: str | None = None) -> Fur
     return Furniture(kind or piece.kind, *box_mesh(mins, maxs), mins, maxs, seat, opening)
 
 
-def split(entries: Iterable[Entry], held_back: float) -> list[Entry]:
+def hold_back(entries: Iterable[Entry], held_back: float) -> list[Entry]:
     """Hold back at least the share ``held_back`` of every class and kind, by the hash of the names, and what
     has the same shape.
     """

@@ -16,7 +16,7 @@ from nsm_core.world.scene.props import Box
 
 from .carried import CarryEpisode, Spot
 from .draws import CARRIES
-from .pick_up import choose, lay_bend
+from .pick_up import choose_bend, lay_bend
 from .supports import Support, draw_support
 
 NAME = "carry"
@@ -182,7 +182,7 @@ def bend_to(
     if support is not None:
         low, high = low - (0.5, 0, 0), high + (0.5, support.edge, 0)
     low[2] = -1.0
-    chosen = choose(session, grasps, low, high)
+    chosen = choose_bend(session, grasps, low, high)
     if chosen is None:
         return None
     spot = Spot(centre, facing, lay_bend(session, *chosen), support)

@@ -33,7 +33,7 @@ class Bend:
     end: int
 
 
-def choose(session: Session, grasps: Array, low: Array, high: Array) -> tuple[LaidSegment, int] | None:
+def choose_bend(session: Session, grasps: Array, low: Array, high: Array) -> tuple[LaidSegment, int] | None:
     """Choose a half and the frame of it at which the hands reach ``grasps`` (2, 3); None where none reaches.
 
     ``low`` and ``high`` (3,) bound the box and what is under it, which the knees keep out of; all are seen
