@@ -14,7 +14,8 @@ from nsm_core.evaluation.trials import open as doors
 from nsm_core.evaluation.trials.suite import PARTS
 from nsm_core.rotations import heading_to_direction, rotate_planar, wrap_angle
 from nsm_core.world.affordances.passage import passage
-from nsm_core.world.assets.pool import Entry, Pool, scaled
+from nsm_core.world.assets.pool import Pool, scaled
+from nsm_core.world.assets.pool_cache import Entry
 from nsm_core.world.scene import furniture
 
 

@@ -21,7 +21,8 @@ from nsm_core.data.scenarios.open.leaf_motion import swing_on
 from nsm_core.data.scenarios.take import ComposedTake, Thing, annotate, goal_tables
 from nsm_core.evaluation.measures.motion import backward_bend
 from nsm_core.rotations import rotate_planar, wrap_angle
-from nsm_core.world.assets.pool import DoorEntry, Pool
+from nsm_core.world.assets.pool import Pool
+from nsm_core.world.assets.pool_cache import DoorEntry
 from nsm_core.world.scene.furniture import cuboids
 
 pytestmark = pytest.mark.slow  # goldens compare what is composed of every action under any numpy

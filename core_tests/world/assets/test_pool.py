@@ -12,7 +12,8 @@ from nsm_core.errors import GeometryError
 from nsm_core.rotations import rotate_planar
 from nsm_core.world.assets.door_from_mesh import door_measures
 from nsm_core.world.assets.from_mesh import boxes_of, opening_of, piece_of
-from nsm_core.world.assets.pool import Entry, Pool, hold_back, scaled
+from nsm_core.world.assets.pool import Pool, hold_back, scaled
+from nsm_core.world.assets.pool_cache import Entry
 from nsm_core.world.scene.door import make_door
 from nsm_core.world.scene.furniture import box_mesh, cuboids, make, top_of
 

@@ -18,18 +18,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from nsm_core.distances import CRATE_SIDE, SEATS_DRAWN
-from nsm_core.errors import GeometryError, OutputError
-from nsm_core.files import atomic_path
+from nsm_core.errors import GeometryError
 from nsm_core.rotations import Array
 from nsm_core.validate import read_bytes, read_csv, shown
 from nsm_core.world.scene import furniture
 from nsm_core.world.scene.door import Door, make_door
 from nsm_core.world.scene.furniture import SEAT_KINDS, Furniture, box_mesh
-from nsm_core.world.scene.furniture.piece import Seat
 
 from .door_from_mesh import LIMITS, door_measures
 from .from_mesh import piece_of
 from .glb import joined, read_parts
+from .pool_cache import VERSION, DoorEntry, Entry, PoolContent, read_cache, write_cache
 
 # Kinds of furniture by the classes of an index; anything else is left out.
 KIND_OF = {
@@ -67,29 +66,6 @@ SCALE_RANGE = (1e-4, 1e4)  # of a row of the index: millimetres to kilometres
 MESH_SHARE = 0.5  # of the draws where there are both meshes and parametric pieces
 
 
-@dataclass(frozen=True)
-class Entry:
-    """A piece of the pool: its file's ``name``, class in the index, furniture kind, and whether it is held
-    back.
-    """
-
-    name: str
-    group: str
-    piece: Furniture
-    held: bool = False
-
-
-@dataclass(frozen=True)
-class DoorEntry:
-    """A door of the pool: its file's ``name``, its measures (see ``door.make_door``), and whether it is held
-    back.
-    """
-
-    name: str
-    measures: dict[str, float]
-    held: bool = False
-
-
 @dataclass
 class Pool:
     """Pieces and doors to draw from.  ``rejected`` tells why a mesh is not among them; ``mesh_share`` how
@@ -115,10 +91,10 @@ class Pool:
         if not index.is_file():
             raise GeometryError(f"The object pool {folder} has no index.csv; give the folder that holds it.")
         stamp = hashlib.sha256(
-            read_bytes(index, GeometryError) + repr((_VERSION, held_back)).encode()
+            read_bytes(index, GeometryError) + repr((VERSION, held_back)).encode()
         ).hexdigest()
-        if cache is not None and (kept := _read_cache(Path(cache), stamp)) is not None:
-            return kept
+        if cache is not None and (kept := read_cache(Path(cache), stamp)) is not None:
+            return cls(kept.entries, kept.rejected, doors=kept.doors)
         pool = cls()
         for row in read_csv(index, GeometryError, ("file", "class"), "add them, one row for each mesh"):
             name, group = row["file"], row["class"]
@@ -138,7 +114,7 @@ class Pool:
         twins = [d.measures for d in pool.doors if d.name in held]
         pool.doors = [replace(d, held=d.measures in twins) for d in pool.doors]
         if cache is not None:
-            _write_cache(Path(cache), stamp, pool)
+            write_cache(Path(cache), stamp, PoolContent(pool.entries, pool.rejected, pool.doors))
         return pool
 
     def training(self) -> Pool:
@@ -295,74 +271,3 @@ def _convert(parts: list[Any], path: Path, row: dict[str, str]) -> Furniture:
     if piece.opening is not None:
         piece.kind = "hole_wall"
     return piece
-
-
-_VERSION = 3  # of the conversion; another number makes all caches stale
-_LARGEST_CACHE = 1 << 28  # bytes
-
-
-def _write_cache(path: Path, stamp: str, pool: Pool) -> None:
-    seats = [e.piece.seat for e in pool.entries]
-    content = dict(
-        stamp=stamp,
-        entries=np.array([(e.name, e.group, e.piece.kind) for e in pool.entries]).reshape(-1, 3),
-        held=np.array([e.held for e in pool.entries]),
-        counts=np.array([len(e.piece.mins) for e in pool.entries], dtype=int),
-        boxes=np.concatenate(
-            [np.concatenate((e.piece.mins, e.piece.maxs), 1) for e in pool.entries] or [np.zeros((0, 6))]
-        ),
-        seats=np.array(
-            [(*s.point, s.height, s.width, s.depth, s.back, s.arms) if s else (np.nan,) * 8 for s in seats]
-        ).reshape(-1, 8),
-        openings=np.array([e.piece.opening or (np.nan,) * 3 for e in pool.entries]).reshape(-1, 3),
-        doors=np.array([(d.name, d.held) for d in pool.doors], dtype=str).reshape(-1, 2),
-        measures=np.array([[d.measures[k] for k in LIMITS] for d in pool.doors]).reshape(-1, len(LIMITS)),
-        rejected=np.array(pool.rejected, dtype=str).reshape(-1, 3),
-    )
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_path(path) as temporary, open(temporary, "wb") as file:
-            np.savez_compressed(file, **content)
-    except OSError as error:
-        raise OutputError(f"{path} cannot be written ({error.strerror}); name another --cache.") from error
-
-
-def _read_cache(path: Path, stamp: str) -> Pool | None:
-    """The pool of a cache, None where there is none for this index; a damaged one is made anew."""
-    try:
-        return _cached(path, stamp) if path.is_file() and path.stat().st_size < _LARGEST_CACHE else None
-    except Exception:  # whatever is wrong with it, the meshes are there to be read again
-        return None
-
-
-def _cached(path: Path, stamp: str) -> Pool | None:
-    with np.load(path) as f:
-        if str(f["stamp"]) != stamp:
-            return None
-        doors = [
-            DoorEntry(str(name), dict(zip(LIMITS, map(float, m), strict=True)), str(held) == "True")
-            for (name, held), m in zip(f["doors"], f["measures"], strict=True)
-        ]
-        ends = np.cumsum(f["counts"])
-        pool = Pool(rejected=[(str(n), str(c), str(why)) for n, c, why in f["rejected"]], doors=doors)
-        rows = zip(
-            f["entries"],
-            f["held"],
-            np.split(f["boxes"].astype(np.float32), ends[:-1]),
-            f["seats"],
-            f["openings"],
-            strict=True,
-        )
-        for (name, group, kind), held, boxes, s, opening in rows if len(ends) else ():
-            seat, gap = None, None
-            if not np.isnan(s[0]):
-                height, width, depth = (float(v) for v in s[3:6])
-                seat = Seat(s[:3].astype(np.float32), 0.0, height, width, depth, bool(s[6]), bool(s[7]))
-            if not np.isnan(opening[0]):
-                left, right, top = (float(v) for v in opening)
-                gap = (left, right, top)
-            piece = Furniture(
-                str(kind), *box_mesh(boxes[:, :3], boxes[:, 3:]), boxes[:, :3], boxes[:, 3:], seat, gap
-            )
-            pool.entries.append(Entry(str(name), str(group), piece, bool(held)))
-    return pool
