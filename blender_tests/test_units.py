@@ -9,6 +9,7 @@ import math
 import bpy
 import numpy as np
 import pytest
+from colliders_now import gather_colliders
 from mathutils import Matrix
 from scenes import box, furnish
 
@@ -17,7 +18,6 @@ from nsm_blender.keys.keying import key_take, read_back
 from nsm_blender.prepare import TakeSpec, prepare, start_of
 from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import finish, generate
-from nsm_blender.world.colliders import gather_colliders
 from nsm_blender.world.frame import WorldFrame
 from nsm_core.body.skeleton import INDEX, OFFSETS, forward_kinematics
 from nsm_core.errors import SkeletonError

@@ -30,11 +30,7 @@ MOVED: dict[str, tuple[str, ...]] = {
     "nsm_blender.armature": ("nsm_blender.rigs.armature",),
     "nsm_blender.channels": ("nsm_blender.animation.channels",),
     "nsm_blender.character": ("nsm_blender.rigs.character",),
-    "nsm_blender.colliders": (
-        "nsm_blender.world.colliders",
-        "nsm_blender.world.bvh_query",
-        "nsm_blender.world.evaluated",
-    ),
+    "nsm_blender.colliders": ("nsm_blender.world.colliders", "nsm_blender.world.bvh_query"),
     "nsm_blender.doors": ("nsm_blender.goals.open",),
     "nsm_blender.house": ("nsm_blender.demo_scene.house",),
     "nsm_blender.keying": ("nsm_blender.keys.keying",),

@@ -9,10 +9,10 @@ import math
 import bpy
 import numpy as np
 import pytest
+from colliders_now import collider_shapes, gather_colliders
 
+from nsm_blender.world.bodies import GoalBody
 from nsm_blender.world.bvh_query import BVHQuery
-from nsm_blender.world.colliders import collider_shapes, gather_colliders
-from nsm_blender.world.evaluated import object_mesh_triangles
 from nsm_blender.world.frame import WorldFrame
 from nsm_core.errors import GeometryError
 from nsm_core.world.affordances.seat import find_seat
@@ -55,6 +55,12 @@ def distance(query, *points, limit=0.5):
 def names():
     bpy.context.view_layer.update()
     return sorted(s.owner for s in collider_shapes(bpy.context.scene, bpy.context.evaluated_depsgraph_get()))
+
+
+def mesh_of(target):
+    """World vertices (V, 3) and triangles (F, 3) of an object and its children, as a goal's are read."""
+    body = GoalBody.of(target, WorldFrame())
+    return body.to_core(body.vertices).astype(np.float64), body.triangles
 
 
 def test_distances_of_a_cube_are_exact_outside_and_inside():
@@ -136,7 +142,7 @@ def test_broken_meshes_keep_their_place(damage):
     subdivide = obj.modifiers.new("Subdivide", "SUBSURF")
     subdivide.subdivision_type, subdivide.levels = "SIMPLE", 4
     bpy.context.view_layer.update()
-    whole_v, whole_t = object_mesh_triangles(obj, bpy.context.evaluated_depsgraph_get())
+    whole_v, whole_t = mesh_of(obj)
     vertices, triangles = whole_v, whole_t
     if damage == "holes":  # single triangles of 6 cm legs: narrower than a voxel once voxelised
         triangles = np.delete(triangles, rng.choice(len(triangles), 25, replace=False), axis=0)
@@ -229,7 +235,7 @@ def test_collection_instances_count_each_and_belong_to_their_empty():
         gather(exclude=[bpy.data.objects["Instance 0"]]).signed_distance(np.array([(3, 0, 0.5)]), 0.2)[0] > 0
     )
     bpy.context.view_layer.update()
-    vertices, _ = object_mesh_triangles(bpy.data.objects["Instance 0"], bpy.context.evaluated_depsgraph_get())
+    vertices, _ = mesh_of(bpy.data.objects["Instance 0"])
     np.testing.assert_allclose((vertices.min(0), vertices.max(0)), ((2.5, -0.5, 0), (3.5, 0.5, 1)), atol=1e-6)
 
 
@@ -332,7 +338,7 @@ def test_the_seat_of_a_turned_and_mirrored_chair_is_found_through_children():
     obj.parent, obj.scale = parent, (-1, 1, 1)
     parent.location, parent.rotation_euler.z = (2, 1, 0), math.radians(90)
     bpy.context.view_layer.update()
-    vertices, triangles = object_mesh_triangles(parent, bpy.context.evaluated_depsgraph_get())
+    vertices, triangles = mesh_of(parent)
     seat = find_seat(vertices, triangles)
     assert seat.height == pytest.approx(chair.seat.height, abs=0.01)
     assert seat.heading == pytest.approx(math.pi / 2, abs=0.05)
@@ -346,7 +352,7 @@ def test_a_goal_without_faces_says_what_to_do():
             bpy.context.scene.collection.objects.link(obj)
         bpy.context.view_layer.update()
         with pytest.raises(GeometryError, match=f"{obj.name} has no visible faces.*add faces"):
-            object_mesh_triangles(obj, bpy.context.evaluated_depsgraph_get())
+            mesh_of(obj)
 
 
 def test_a_mesh_with_values_that_are_not_numbers_is_named():

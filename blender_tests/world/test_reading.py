@@ -8,6 +8,7 @@ import time
 import bpy
 import numpy as np
 import pytest
+from colliders_now import collider_shapes, gather_colliders
 from mathutils import Matrix
 from scenes import box, empty, furnish
 
@@ -17,7 +18,6 @@ from nsm_blender.takes import TakeSpec, finish, generate, prepare
 from nsm_blender.world import colliders
 from nsm_blender.world.beside import beside, freely
 from nsm_blender.world.bvh_query import BVHQuery
-from nsm_blender.world.colliders import collider_shapes, gather_colliders
 from nsm_blender.world.evaluated import MeshData, Snapshot
 from nsm_blender.world.frame import WorldFrame
 from nsm_blender.world.ground import floor_under

@@ -13,48 +13,11 @@ from .ground import is_ground
 from .solids import Solid, is_litter, placed, solids_of
 
 
-def gather_colliders(
-    scene: bpy.types.Scene,
-    depsgraph: bpy.types.Depsgraph | None = None,
-    exclude: Iterable[bpy.types.Object] = (),
-    frame: WorldFrame = WorldFrame(),  # noqa: B008
-) -> BVHQuery:
-    """Build the query over everything solid in the scene as evaluated now, at its current frame, in the
-    core's ``frame``.
-
-    Solid is what ``collider_shapes`` says; the faces of room-sized meshes at floor level are floor and are
-    left out.  A scene without colliders gives a query that finds nothing.  Raises GeometryError on
-    coordinates that are not finite.
-    """
-    if depsgraph is None:
-        depsgraph = bpy.context.evaluated_depsgraph_get()
-    return query_of(collider_shapes(scene, depsgraph, list(exclude), frame))
-
-
-def collider_shapes(
-    scene: bpy.types.Scene,
-    depsgraph: bpy.types.Depsgraph,
-    exclude: Sequence[bpy.types.Object] = (),
-    frame: WorldFrame = WorldFrame(),  # noqa: B008
-) -> list[Solid]:
-    """Meshes of the scene that characters collide with, in the core's ``frame``: what looks solid in the
-    viewport.
-
-    Left out: ``exclude`` and whatever is parented to or deformed by one of it; what is hidden in the
-    viewport, shown as wire or bounds, or has materials without a surface, as fog has; copies as small as
-    grass and pebbles; and what is walked over as
-    ``ground.is_ground`` says.  What is only hidden in renders, or from the camera, or held out is solid, as
-    it is seen.  The custom property "nsm_collider" on an object wins over looks: switched off it is no
-    collider, switched on it is one, even hidden.
-    """
-    return obstacles(scene_solids(solid_seen(Snapshot.now(depsgraph), scene, exclude), frame))
-
-
 def scene_solids(
     seen: Sequence[Seen], frame: WorldFrame, said: Callable[[float], None] = lambda _: None
 ) -> list[Solid]:
-    """Read what is seen as solid, without litter but with what is walked over; ``said`` hears how far that
-    is, 0..1.
+    """Read what is seen as solid, in the core's ``frame``, without copies as small as grass and pebbles but
+    with what is walked over; ``said`` hears how far that is, 0..1.
     """
     made = zip(seen, solids_of(seen, frame, said), strict=True)
     return [solid for s, solid in made if not (s.instance and not s.said and is_litter(solid))]
@@ -66,7 +29,13 @@ def obstacles(solids: Iterable[Solid]) -> list[Solid]:
 
 
 def solid_seen(snapshot: Snapshot, scene: bpy.types.Scene, exclude: Iterable[bpy.types.Object]) -> list[Seen]:
-    """What of a snapshot looks solid, or is said to be, but for ``exclude`` and what belongs to it."""
+    """What of a snapshot characters collide with: what looks solid in the viewport.
+
+    Left out: ``exclude`` and whatever is parented to or deformed by one of it; what is hidden in the
+    viewport, shown as wire or bounds, or has materials without a surface, as fog has.  What is only hidden in
+    renders, or from the camera, or held out is solid, as it is seen.  The custom property "nsm_collider" on
+    an object wins over looks: switched off it is no collider, switched on it is one, even hidden.
+    """
     left_out = belonging_to(scene, exclude)
     return [
         s for s in snapshot.seen if s.owner not in left_out and (s.looks_solid if s.said is None else s.said)
@@ -80,7 +49,9 @@ def belonging_to(scene: bpy.types.Scene, owners: Iterable[bpy.types.Object]) -> 
 
 
 def query_of(solids: Sequence[Solid]) -> BVHQuery:
-    """The query over what is solid above the floor; the one made last for the same solids is given again."""
+    """The query over what is solid above the floor, which the faces of room-sized meshes at its height are;
+    without any it finds nothing.  The one made last for the same solids is given again.
+    """
     global _last
     key, names = placed(solids), [s.owner for s in solids]
     last = _last

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
@@ -21,19 +21,6 @@ from nsm_core.world.geometry.mesh_reading import digest
 
 _SLICE = 0.015  # seconds of reading between two looks at the window
 _DENSE = 30_000  # faces' corners from which Blender's own triangles, read one by one, take too long
-
-
-@dataclass(frozen=True)
-class Shape:
-    """One mesh in the world: ``vertices`` (V, 3) float64, Blender units, and ``triangles`` (F, 3) int64,
-    outward as modelled.
-
-    ``owner`` is the object in the scene it belongs to: itself, or the one that makes the instance.
-    """
-
-    owner: bpy.types.Object
-    vertices: Array
-    triangles: Array
 
 
 class MeshData:
@@ -268,34 +255,6 @@ def _without_surface(material: bpy.types.Material) -> bool:
     return output is not None and output.inputs["Volume"].is_linked and not output.inputs["Surface"].is_linked
 
 
-def evaluated_shapes(
-    depsgraph: bpy.types.Depsgraph, owners: Iterable[bpy.types.Object] | None = None
-) -> Iterator[Shape]:
-    """Yield every visible surface of the evaluated scene, of all objects or of ``owners`` alone; one
-    ``Snapshot`` in one go.
-
-    Raises GeometryError on coordinates that are not finite.
-    """
-    snapshot = Snapshot.now(depsgraph)
-    objects = {o.name_full: o for o in depsgraph.scene.objects}
-    wanted = objects if owners is None else {o.name_full for o in owners}
-    for seen in snapshot.of(wanted):
-        yield Shape(objects[seen.owner], *world_faces(seen))
-
-
-def world_faces(seen: Seen) -> tuple[Array, Array]:
-    """World vertices (V, 3) float64, Blender units, and triangles (F, 3) of a shown mesh; GeometryError where
-    they are no numbers.
-    """
-    vertices, triangles = seen.mesh.faces
-    with np.errstate(invalid="ignore", over="ignore"):
-        world = vertices.astype(np.float64) @ seen.matrix[:3, :3].T + seen.matrix[:3, 3]
-    require_finite(world, seen.owner)
-    if np.linalg.det(seen.matrix[:3, :3]) < 0:
-        triangles = triangles[:, ::-1]
-    return world, np.ascontiguousarray(triangles)
-
-
 def require_finite(numbers: Array, owner: str) -> None:
     """Raise GeometryError that names the object where coordinates are not numbers."""
     if not np.isfinite(numbers).all():
@@ -316,17 +275,6 @@ def require_faces(found: list, target: bpy.types.Object) -> None:
             f"{target.name} has no visible faces to sense; choose an object with a mesh, show it in the "
             "viewport, or add faces to it."
         )
-
-
-def object_mesh_triangles(target: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[Array, Array]:
-    """World vertices (V, 3), Blender units, and triangles (F, 3) of an object, its instances and its
-    children.
-
-    Children that a character's armature deforms are left out.  Raises GeometryError when there are no faces.
-    """
-    shapes = list(evaluated_shapes(depsgraph, family_of(target)))
-    require_faces(shapes, target)
-    return join(shapes)
 
 
 def join(shapes: list) -> tuple[Array, Array]:

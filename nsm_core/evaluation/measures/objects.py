@@ -68,13 +68,11 @@ def _holding(prop: Prop, body: Body, local: Array, seen: Array) -> Array:
     return np.zeros(local.shape[:2], bool)
 
 
-@_holding.register
 def _at_the_handle(leaf: Leaf, body: Body, local: Array, seen: Array) -> Array:
     near = np.linalg.norm(local - np.asarray(leaf.handle, dtype=np.float64), axis=-1) < _GRASP
     return (body.hand >= 0) & near
 
 
-@_holding.register
 def _between_hands(box: Box, body: Body, local: Array, seen: Array) -> Array:
     held = np.zeros(local.shape[:2], bool)
     for quarter in range(4):
@@ -83,6 +81,10 @@ def _between_hands(box: Box, body: Body, local: Array, seen: Array) -> Array:
             mine = (body.hand == hand) | (body.forearm == hand)
             held |= there[:, None] & mine & (np.linalg.norm(local - grasp, axis=-1) < _GRASP)
     return held
+
+
+_holding.register(Leaf, _at_the_handle)
+_holding.register(Box, _between_hands)
 
 
 def all_depths(
