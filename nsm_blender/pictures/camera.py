@@ -13,8 +13,8 @@ from nsm_core.rotations import Array
 
 from ..animation.channels import assign, new_action
 from ..keys.keying import KeyedTake
+from ..prepare import own_objects
 from ..rigs.bone_map import bone_map_of
-from ..takes import own_objects
 from ..world.frame import WorldFrame
 from .viewpoint import choose_views, soften
 
