@@ -23,7 +23,7 @@ from nsm_blender.keys.keying import discard_take, key_take
 from nsm_blender.leaving import leave
 from nsm_blender.rigs.armature import Placement
 from nsm_blender.rigs.bone_map import BoneMap, require_map
-from nsm_blender.takes import Take, TakeSpec, finish, generate
+from nsm_blender.takes import Take, TakeSpec, finish, generate, own_objects
 from nsm_core.body.skeleton import INDEX, OFFSETS, J, forward_kinematics
 from nsm_core.errors import NsmError
 from nsm_core.rotations import heading_quat, quat_from_rotvec, quat_mul, quat_rotate
@@ -43,8 +43,8 @@ What `python docs/rigs.py FOLDER` made of a folder of rigs.
 - *Fit*: how well the bones that were found fit a body.
 - *Limbs*: largest angle between a limb as evaluated and as in a motion through a wide range of poses.
 - *Walk*, *Sit*: whether the goal was reached and by how much it was missed, as seen on the rig's own bones.
-- *Slide*: how fast feet slide that should stand; *Under*: how deep they come under the floor.  Lengths are in
-  the scene's centimetres.
+- *Slide*: how fast feet slide whose joints are as low as those of our standing feet; *Under*: how deep the
+  skin comes under the floor while walking.  Lengths are in the scene's centimetres.
 
 | Rig | Bones by | Joints | Fit | Size | Limbs | Walk | Sit | Slide | Under |
 |---|---|---|---|---|---|---|---|---|---|
@@ -112,20 +112,40 @@ def walk_and_sit(rig: bpy.types.Object, scale: float) -> Take:
     return finish(generate(TakeSpec(rig, goals, name=rig.name), bpy.context.scene))
 
 
+def under_floor(take: Take) -> float:
+    """How deep the character's skin comes under the floor before it sits down, scene units."""
+    deepest = 0.0
+    for frame in range(take.keyed.frame_start, take.result.goals[0].end_frame, 4):
+        bpy.context.scene.frame_set(frame)
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        for own in own_objects(take.keyed.armature, bpy.context.scene):
+            if own.type == "MESH":
+                shown = own.evaluated_get(depsgraph)
+                mesh = shown.to_mesh()
+                places = np.empty(3 * len(mesh.vertices), np.float32)
+                mesh.vertices.foreach_get("co", places)
+                shown.to_mesh_clear()
+                matrix = np.array(shown.matrix_world)
+                heights = places.reshape(-1, 3) @ matrix[2, :3] + matrix[2, 3]
+                deepest = max(deepest, -float(heights.min()))
+    return deepest
+
+
 def row(path: Path, rig: bpy.types.Object) -> str:
     """One line of the table."""
     try:
         bone_map, scale = require_map(rig), Placement.of(rig).scale
         found = f"{bone_map.family} | {len(bone_map.joints)} of {J} | {bone_map.score:.2f} | {scale:.2f}"
         limbs = worst_limb(rig, bone_map, scale)
-        report = walk_and_sit(rig, scale).report
+        take = walk_and_sit(rig, scale)
+        report, under = take.report, 100 * under_floor(take)
     except NsmError as error:
         return f"| {path.name} {rig.name} | {error} | | | | | | | | |"
     ends = [
         f"{'yes' if goal['reached'] else 'no'}, {goal['position_error_cm'] * scale:.1f} cm"
         for goal in report["goals"]
     ]
-    slide, under = report["foot_sliding_cm_s"] * scale, report["below_floor_cm"] * scale
+    slide = report["foot_sliding_cm_s"] * scale
     return (
         f"| {path.name} {rig.name} | {found} | {limbs:.1f}° | {' | '.join(ends)} | {slide:.1f} cm/s | "
         f"{under:.1f} cm |"
