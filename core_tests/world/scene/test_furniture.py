@@ -147,3 +147,13 @@ def test_a_crate_becomes_a_box_to_carry_and_back():
         box.signed_distance(points, 1.0), world.signed_distance(points, 1.0), atol=1e-5
     )
     assert box.sensed().occupancy.min() == 1.0
+
+
+def test_seats_and_openings_are_given_or_missed_in_a_sentence():
+    rng = np.random.default_rng(5)
+    chair, wall = make("chair", rng), make("hole_wall", rng)
+    assert chair.require_seat() is chair.seat and wall.require_opening() is wall.opening
+    with pytest.raises(GeometryError, match="Nobody sits on a hole_wall; choose"):
+        wall.require_seat()
+    with pytest.raises(GeometryError, match="Nobody walks through a chair; choose"):
+        chair.require_opening()
