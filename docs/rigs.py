@@ -21,9 +21,10 @@ from nsm_blender.demo_scene.room import place
 from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.keys.keying import discard_take, key_take
 from nsm_blender.leaving import leave
+from nsm_blender.prepare import own_objects
 from nsm_blender.rigs.armature import Placement
 from nsm_blender.rigs.bone_map import BoneMap, require_map
-from nsm_blender.takes import Take, TakeSpec, finish, generate, own_objects
+from nsm_blender.takes import Take, TakeSpec, finish, generate
 from nsm_core.body.skeleton import INDEX, OFFSETS, J, forward_kinematics
 from nsm_core.errors import NsmError
 from nsm_core.rotations import heading_quat, quat_from_rotvec, quat_mul, quat_rotate
