@@ -8,16 +8,17 @@ legs' corrections during a take keep the clearances that they need; this set is 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from nsm_core.rotations import Array, quat_rotate
+from nsm_core.rotations import Array, quat_to_matrix
 from nsm_core.world.geometry.distance import DistanceQuery
 
-from .skeleton import INDEX, MIRROR, OFFSETS, forward_kinematics
+from .skeleton import INDEX, MIRROR, OFFSETS, PARENTS, forward_kinematics
 
 
 class Capsule(NamedTuple):
@@ -93,15 +94,63 @@ _SAMPLE = 0.05  # metres between the spheres that stand for a capsule
 # How level thighs are (the height of the knee under the hip, as a share of their length) where a seat begins
 # to press them, and where it has pressed them in full.
 _RISING, _SEATED = 0.6, 0.3
+_SIDES = ("", "Right", "Left")
 _WRISTS, _FOREARMS = ("RightWrist", "LeftWrist"), ("RightElbow", "LeftElbow")
+
+
+class Spheres:
+    """The spheres that fill ``CAPSULES``: S places that hang on a joint's frame, or between those of two.
+
+    ``radii`` (S,) and ``pressed`` (S,) metres, full and under a sitter; ``moved`` (S, J) the share of each joint's
+    turn that moves a sphere; ``groups`` of neighbours; ``middle`` the sphere nearest to the hips; ``hand`` (S,) is 0
+    for spheres of the right hand, 1 for the left, else -1; ``forearm`` the same; ``names`` tell the joints.
+    """
+
+    def __init__(self, capsules: Sequence[Capsule] = CAPSULES) -> None:
+        rows, radii, pressed, side, moved, names = [], [], [], [], [], []
+        joints = len(OFFSETS)
+        above = _above()
+        for c in capsules:
+            a, b = INDEX[c.a], INDEX[c.b]
+            for t in np.linspace(0, 1, 2 + int(_length(c) / _SAMPLE)):
+                row = np.zeros((joints, 4))
+                row[a] += (1 - t) * np.array((1.0, *c.from_a))
+                row[b] += t * np.array((1.0, *c.from_b))
+                rows.append(row)
+                full, thin = ((1 - t) * r[0] + t * r[1] for r in ((c.radius_a, c.radius_b), c.pressed or (0.0, 0.0)))
+                radii.append(full)
+                pressed.append(thin if c.pressed else full)
+                side.append(_SIDES.index("Left" if "Left" in c.a + c.b else "Right" if "Right" in c.a + c.b else ""))
+                moved.append(np.maximum(above[a], t * above[b]))
+                names.append(f"{c.a}-{c.b}")
+        self._matrix = np.array(rows).reshape(len(rows), -1)  # (S, 4 J): of positions and the axes of frames
+        self.radii, self.pressed, self._side = np.array(radii), np.array(pressed), np.array(side)
+        self.moved, self.names = np.array(moved), names
+        first = [name.split("-")[0] for name in names]
+        self.hand = np.array([_WRISTS.index(n) if n in _WRISTS else -1 for n in first])
+        self.forearm = np.array([_FOREARMS.index(n) if n in _FOREARMS else -1 for n in first])
+        self.groups = [np.flatnonzero([n == one for n in first]) for one in dict.fromkeys(first)]
+        self.middle = names.index("Hips-Hips")
+
+    def of(self, positions: Array, rotations: Array) -> tuple[Array, Array]:
+        """Centres (T, S, 3) world and radii (T, S), metres, of a body with joints at ``positions`` (T, J, 3) and
+        world ``rotations`` (T, J, 4).
+        """
+        count = len(positions)
+        frames = np.empty((count, len(OFFSETS), 4, 3))
+        frames[:, :, 0] = positions
+        frames[:, :, 1:] = np.swapaxes(quat_to_matrix(rotations.astype(np.float64)), -1, -2)
+        centres = self._matrix @ frames.reshape(count, -1, 3)
+        level = _level(positions)
+        share = np.stack([level[side] for side in _SIDES], axis=1)[:, self._side]
+        return centres, (1 - share) * self.radii + share * self.pressed
 
 
 @dataclass
 class Body:
     """Spheres that fill a body over T frames: ``centres`` (T, S, 3) world and ``radii`` (T, S), metres.
 
-    ``hand`` (S,) is 0 for spheres of the right hand, 1 for the left, else -1; ``forearm`` the same.
-    ``names`` (S,) tells the joints between which each lies.
+    ``hand``, ``forearm`` and ``names`` (S,) as in ``Spheres``.
     """
 
     centres: Array
@@ -116,28 +165,17 @@ class Body:
         joints.
         """
         hips, local = hips_position.astype(np.float64), local_rotations.astype(np.float64)
-        positions, rotations = forward_kinematics(hips, local, np.asarray(offsets, dtype=np.float64))
-        level = _level(positions)
-        centres, radii, hand, forearm, names = [], [], [], [], []
-        for c in CAPSULES:
-            ends = []
-            for joint, place in ((c.a, c.from_a), (c.b, c.from_b)):
-                away = np.broadcast_to(np.array(place, dtype=np.float64), hips.shape)
-                ends.append(positions[:, INDEX[joint]] + quat_rotate(rotations[:, INDEX[joint]], away))
-            side = "Left" if "Left" in c.a + c.b else "Right" if "Right" in c.a + c.b else ""
-            pressed = level[side] if c.pressed else np.zeros(len(hips))
-            for t in np.linspace(0, 1, 2 + int(_length(c) / _SAMPLE)):
-                full, thin = (
-                    (1 - t) * r[0] + t * r[1] for r in ((c.radius_a, c.radius_b), c.pressed or (0.0, 0.0))
-                )
-                centres.append((1 - t) * ends[0] + t * ends[1])
-                radii.append((1 - pressed) * full + pressed * thin)
-                hand.append(_WRISTS.index(c.a) if c.a in _WRISTS else -1)
-                forearm.append(_FOREARMS.index(c.a) if c.a in _FOREARMS else -1)
-                names.append(f"{c.a}-{c.b}")
-        return cls(
-            np.stack(centres, axis=1), np.stack(radii, axis=1), np.array(hand), np.array(forearm), names
-        )
+        centres, radii = SPHERES.of(*forward_kinematics(hips, local, np.asarray(offsets, dtype=np.float64)))
+        return cls(centres, radii, SPHERES.hand, SPHERES.forearm, SPHERES.names)
+
+
+def _above() -> Array:
+    """Which joints move a joint, (J, J)."""
+    out = np.eye(len(OFFSETS))
+    for joint, parent in enumerate(PARENTS):
+        if parent >= 0:
+            out[joint] += out[parent]
+    return out
 
 
 @cache
@@ -161,6 +199,9 @@ def _level(positions: Array) -> dict[str, Array]:
         drop = -thigh[:, 2] / np.maximum(np.linalg.norm(thigh, axis=-1), 1e-6)
         level[side] = np.clip((_RISING - drop) / (_RISING - _SEATED), 0, 1)
     return {**level, "": np.minimum(level["Right"], level["Left"])}
+
+
+SPHERES = Spheres()
 
 
 def penetration_depths(

@@ -1,99 +1,206 @@
-"""From the network's pose to the one that is kept: feet, hips, trunk and hands meet the scene, and props
-follow the hands.
+"""From the network's motion to the one that is kept: the whole take is solved at once when it is complete.
+
+While a take grows, its frames are noted with what they ask for: hands on props, hips on seats, feet that
+stand.  Then feet are planted from landing to lift-off, and body and limbs follow with the least change, out
+of everything solid.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from nsm_core.body.ik.foot_plant import ContactIK, SeatTarget
-from nsm_core.body.ik.hand_clearance import HandClearance
-from nsm_core.body.ik.heels import Heels
-from nsm_core.body.ik.leg_clearance import LegClearance
-from nsm_core.body.ik.leg_paths import LegPaths
-from nsm_core.body.ik.reaching import Pose
-from nsm_core.body.ik.toe_clearance import ToeClearance
-from nsm_core.body.ik.trunk_clearance import TrunkClearance
-from nsm_core.conventions import CLIMB, SIT
+from nsm_core.body.capsules import SPHERES
+from nsm_core.body.contacts import ANKLES, TOES
+from nsm_core.body.ik.clearance import Clearance, Solid
+from nsm_core.body.ik.footsteps import Footsteps, Ground, footsteps
+from nsm_core.body.ik.seating import settle
+from nsm_core.body.ik.solver import Pose, Stiffness, Task, solve
+from nsm_core.body.ik.tasks import PointTask, TurnTask
+from nsm_core.body.ik.tree import HUMAN, Tree
+from nsm_core.body.ik.two_bone import place_limbs
+from nsm_core.body.skeleton import ARMS, FEET, HIPS, INDEX, JOINTS
+from nsm_core.conventions import FOOT_CONTACTS, HIP_CONTACT
 from nsm_core.rotations import Array
-from nsm_core.world.geometry.distance import Union
-from nsm_core.world.scene.solids import Scene
-from nsm_core.world.scene.terrain import Floor, Terrain
+from nsm_core.signals import smooth_step
+from nsm_core.world.geometry.distance import DistanceQuery
+from nsm_core.world.scene.props import Prop
+from nsm_core.world.scene.terrain import Terrain
 
-from .actions.base import Grasp
-from .actions.box_grasp import Carrying
+from .actions.base import Grasp, SeatTarget
+from .actions.hold import Lead, Seen
 from .goals import Moment
 
+# Standard deviations that are left to what is asked, metres and radians.
+FOOT, FOOT_TURN, SEAT, HAND, HEAD_TURN, HAND_TURN = 0.001, 0.03, 0.003, 0.002, 0.1, 0.25
+FIRM = 0.3  # share of its way from which on a hand is led in full
+GRASPS = (0.6, 1.0)  # share of its way over which a hand comes to touch what it holds
+INSIDE = 0.3  # metres by which what holds a thing may be inside it
+# Joints by what their names hold, and the radians by which they give way.
+_GIVES = (("Hips", 0.08), ("Chest", 0.12), ("Neck", 0.2), ("Head", 0.2), ("Collar", 0.08), ("Shoulder", 0.5),
+          ("Elbow", 0.6), ("Wrist", 0.3), ("Hip", 0.4), ("Knee", 0.6), ("Ankle", 0.5), ("Toe", 0.05))  # fmt: skip
+_HIPS_GIVE = np.array((0.05, 0.05, 0.06))
+_HINGES = {"Knee": (1.0, 0.0, 0.0), "RightElbow": (0.0, 0.0, 1.0), "LeftElbow": (0.0, 0.0, -1.0)}
+_ACROSS = 0.05  # radians by which hinges turn about other axes
+_LIMBS = tuple(leg[:3] for leg in FEET)
 
-class Finishing:
-    """Corrects one character's poses, one call a frame; with ``ik`` False only props move."""
 
-    def __init__(
-        self, scene: Scene, ik: bool = True, terrain: Terrain | None = None, low: Terrain | None = None
-    ) -> None:
-        """``terrain`` and ``low`` as in ``ContactIK``."""
-        self.scene, self.ik = scene, ik
-        self._terrain, self._floor = terrain, Floor(low)
-        self._locked: list[Any] = []
-        self._contact = ContactIK(terrain=terrain, low=low)
-        self._heels, self._legs = Heels(), LegClearance(scene.environment, terrain)
-        self._toes = ToeClearance()
-        self._trunk, self._hands = TrunkClearance(scene.environment), HandClearance(scene.environment)
+def stiffness(names: Sequence[str] = JOINTS) -> Stiffness:
+    """How a person's joints of these names give way."""
+    turns = np.array([next(g for key, g in _GIVES if name.endswith(key) or name.startswith(key)) for name in names])
+    hinges = {
+        j: (np.array(axis), _ACROSS)
+        for j, name in enumerate(names)
+        for key, axis in _HINGES.items()
+        if name.endswith(key)
+    }
+    return Stiffness(_HIPS_GIVE, turns, hinges)
 
-    def apply(
+
+@dataclass
+class Note:
+    """What a frame asks for beside the pose: see ``PostProcess.note``."""
+
+    hips: Array
+    local: Array
+    contacts: Array
+    heading: float
+    seat: SeatTarget | None
+    level: float
+    leads: list[Lead]
+    touching: dict[str, tuple[float, float]]  # by the prop's name, how far either hand touches it, 0..1
+
+
+@dataclass
+class PostProcess:
+    """The notes of one take, and what its motion is solved among: ``still`` solids, ``terrain`` that feet stand
+    on, ``low`` what of it one walks over.
+    """
+
+    still: DistanceQuery
+    terrain: Terrain
+    low: Terrain
+    tree: Tree = HUMAN
+    notes: list[Note] = field(default_factory=list)
+
+    def note(
         self,
         hips: Array,
-        rotations: Array,
+        local: Array,
         moment: Moment,
         seat: SeatTarget | None,
         grasps: Sequence[Grasp],
-        level: float = 0.0,
-    ) -> tuple[Array, Array]:
-        """Return new hips (3,) and local rotations (23, 4) and move the props in hand.
-
-        ``hips``, ``rotations`` and ``moment`` are the network's of this frame, on a floor at the height
-        ``level``; ``seat`` what is sat on, ``grasps`` the hands at work on props.
+        level: float,
+    ) -> None:
+        """Note a frame: the network's ``hips`` (3,), ``local`` rotations (23, 4) and ``moment``, on a floor at the
+        height ``level``; ``seat`` what is sat on.  The ``grasps`` go on by a frame and move their props.
         """
-        kept_hips, kept = hips, rotations
-        if self.ik:
-            kept_hips, kept = self._contact.apply(
-                hips, rotations, moment.contacts, seat, moment.heading, level
-            )
-            low = any(isinstance(g, Carrying) and g.low for g in grasps)
-            self._legs.query = self.scene.but() if low else self.scene.environment
-            kept_hips, kept = self._legs.apply(
-                kept_hips, kept, max(float(moment.style[CLIMB]), float(low)), self._contact.locked
-            )
-            carries = self._toes.back.any() or any(isinstance(g, Carrying) for g in grasps)
-            kept = self._toes.apply(kept_hips, kept, self.scene.but() if carries else None)
-            kept = self._heels.apply(kept_hips, kept, float(moment.style[SIT]), seat[0] if seat else None)
-            self._trunk.query = self.scene.but(*(g.prop for g in grasps))
-            kept = self._trunk.apply(kept_hips, kept, float(moment.style[SIT]))
-        if grasps:
-            pose = Pose(kept_hips.astype(np.float64), kept.astype(np.float64), moment.wrists)
-            for grasp in grasps:
-                grasp.apply(pose, moment.root.astype(np.float64), moment.contacts)
-            kept_hips, kept = pose.hips.astype(hips.dtype), pose.local.astype(rotations.dtype)
-        if self.ik:
-            held = tuple(max((g.holds(side) for g in grasps), default=0.0) for side in (0, 1))
-            solids = (self.scene.but(*(g.prop for g in grasps if g.touches(side))) for side in (0, 1))
-            right, left = (Union((s, self._floor)) for s in solids)
-            kept = self._hands.apply(kept_hips, kept, held, (right, left) if grasps else (right, right))
-        self._locked.append(self._contact.locked)
-        return kept_hips, kept
+        seen = Seen(hips.astype(np.float64), local.astype(np.float64), moment.wrists)
+        leads: list[Lead] = []
+        touching = {}
+        for grasp in grasps:
+            grasp.apply(seen, moment.root.astype(np.float64), moment.contacts)
+            leads += grasp.leads
+            if grasp.prop is not None:
+                shares = {lead.hand: lead.share for lead in grasp.leads}
+                right, left = (shares.get(h, 0.0) if grasp.touches(h) else 0.0 for h in (0, 1))
+                touching[grasp.prop.name] = right, left
+        self.notes.append(Note(hips, local, moment.contacts, moment.heading, seat, level, leads, touching))
 
-    def clear_legs(self, hips: Array, rotations: Array, climbing: Array) -> Iterator[None]:
-        """Bend the ways of the legs of the newest T frames, in place, where a climber's still are in
-        something; see ``LegPaths``.
+    def solve(self, props: Sequence[tuple[Prop, Array]]) -> Generator[None, None, tuple[Array, Array]]:
+        """Return hips (T, 3) and local rotations (T, 23, 4) of the take; yields now and then.
 
-        ``hips`` (T, 3) and ``rotations`` (T, 23, 4) as ``apply`` has returned them, ``climbing`` (T,) the
-        climb label.
+        ``props`` are what moves, with the poses (T, 4) that it has had.
         """
-        if self.ik:
-            locked = np.array(self._locked[-len(hips) :])
-            yield from LegPaths(self.scene.environment, self._terrain).clear(
-                hips, rotations, locked, climbing
-            )
+        notes = self.notes
+        contacts = np.stack([n.contacts for n in notes])
+        hips, local, seated = settle(
+            np.stack([n.hips for n in notes]).astype(np.float64),
+            np.stack([n.local for n in notes]).astype(np.float64),
+            np.array([n.heading for n in notes]),
+            contacts[:, HIP_CONTACT],
+            [n.seat for n in notes],
+        )
+        pose = Pose(self.tree, hips, local)
+        yield
+        ground = Ground(self.terrain, self.low, np.array([n.level for n in notes]))
+        feet = footsteps(pose.positions[:, TOES], pose.world[:, ANKLES], contacts[:, FOOT_CONTACTS], ground)
+        yield
+        targets, shares = self._hands(pose)
+        tasks = [*_stand(feet), *_sit(pose, seated), *_reach(pose, targets, shares)]
+        tasks.append(TurnTask(INDEX["Head"], pose.world[:, INDEX["Head"]], np.full(len(notes), HEAD_TURN)))
+        limit = Clearance(self._solids(props), left_out=_of_feet())
+        pose = yield from solve(pose, [*tasks, limit], stiffness())
+        return pose.hips, self._exactly(pose, feet, targets, shares)
+
+    def _hands(self, pose: Pose) -> tuple[Array, Array]:
+        """Where wrists are to be (T, 2, 3), right and left, and how firmly (T, 2)."""
+        targets, shares = pose.positions[:, [arm[2] for arm in ARMS]].copy(), np.zeros((len(self.notes), 2))
+        for t, note in enumerate(self.notes):
+            for lead in note.leads:
+                if lead.share >= shares[t, lead.hand]:
+                    targets[t, lead.hand], shares[t, lead.hand] = lead.target, lead.share
+        return targets, shares
+
+    def _solids(self, props: Sequence[tuple[Prop, Array]]) -> list[Solid]:
+        solids = [Solid(self.still)]
+        for prop, poses in props:
+            touching = np.array([n.touching.get(prop.name, (0.0, 0.0)) for n in self.notes])
+            share = INSIDE * smooth_step((touching - GRASPS[0]) / (GRASPS[1] - GRASPS[0]))
+            free = np.zeros((len(poses), len(SPHERES.radii)))
+            for side in (0, 1):
+                free += share[:, side, None] * ((SPHERES.hand == side) | (SPHERES.forearm == side))
+            solids.append(Solid(prop.query, poses, free if free.any() else None))
+        return solids
+
+    def _exactly(self, pose: Pose, feet: Footsteps, targets: Array, shares: Array) -> Array:
+        """Local rotations with limbs put exactly where they are to be: what the solver left is small."""
+        local = place_limbs(pose.hips, pose.local, _LIMBS, feet.ankles, feet.rotations)
+        for side, arm in enumerate(ARMS):
+            firm = np.flatnonzero(shares[:, side] > 0)
+            if len(firm):
+                wrist = pose.positions[firm, arm[2]]
+                share = smooth_step(shares[firm, side] / FIRM)[:, None]
+                at = wrist + share * (targets[firm, side] - wrist)
+                local[firm] = place_limbs(pose.hips[firm], local[firm], (arm,), at[:, None])
+        return np.asarray(local)
+
+
+def _stand(feet: Footsteps) -> list[Task]:
+    tasks: list[Task] = []
+    for side, ankle in enumerate(ANKLES):
+        # A swinging foot has some play, one that stands has none.
+        slack = np.where(feet.planted[:, side], 1.0, 4.0)
+        tasks.append(PointTask(ankle, feet.ankles[:, side], FOOT * slack))
+        tasks.append(TurnTask(ankle, feet.rotations[:, side], FOOT_TURN * slack))
+    return tasks
+
+
+def _sit(pose: Pose, weight: Array) -> list[Task]:
+    if not weight.any():
+        return []
+    deviation = np.where(weight > 0, SEAT / np.maximum(weight, 1e-3), np.inf)
+    return [PointTask(HIPS, pose.hips.copy(), deviation)]
+
+
+def _reach(pose: Pose, targets: Array, shares: Array) -> list[Task]:
+    tasks: list[Task] = []
+    for side, arm in enumerate(ARMS):
+        share = shares[:, side]
+        if share.any():
+            firm = smooth_step(share / FIRM)
+            deviation = np.where(share > 0, HAND / np.maximum(firm, 1e-3), np.inf)
+            tasks.append(PointTask(arm[2], targets[:, side], deviation))
+            turn = np.where(share > 0, HAND_TURN / np.maximum(firm, 1e-3), np.inf)
+            tasks.append(TurnTask(arm[2], pose.world[:, arm[2]], turn))
+    return tasks
+
+
+def _of_feet() -> Array:
+    """Spheres (S,) of the feet, whose ways are found before."""
+    return np.array([name.split("-")[0].endswith(("Ankle", "Toe")) for name in SPHERES.names])
+
+
+__all__ = ["Note", "PostProcess", "stiffness"]

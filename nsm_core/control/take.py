@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from nsm_core.body.skeleton import ARMS, HIPS, forward_kinematics, root_of
-from nsm_core.conventions import CLIMB, CONTACTS, FOOT_CONTACTS, FPS
+from nsm_core.conventions import CONTACTS, FOOT_CONTACTS, FPS
 from nsm_core.errors import GoalError
 from nsm_core.model.features.codec import SensorReading, build_inputs, no_object, read_outputs
 from nsm_core.model.features.layout import Inputs
@@ -36,7 +36,7 @@ from .batch import step_together
 from .director import Director, rotation_error
 from .goals import Goal, GoalResult, Moment
 from .posing import pose_of, standing_start
-from .post_process import Finishing
+from .post_process import PostProcess
 from .relief import Relief
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
@@ -120,12 +120,13 @@ class TakeRunner:
         )
         self.relief = Relief(request.ground, root[:2])
         self.terrain = merged((request.ground, ground_of(goals, request.environment)))
-        self._finishing = Finishing(self.scene, request.contact_ik, self.terrain, request.ground)
+        self._post = PostProcess(request.environment, self.terrain, request.ground)
         self._ms = dict.fromkeys(STAGES, 0.0)
         self._frames: list[tuple[Array, ...]] = []
         self._poses: dict[str, list[Array]] = {name: [] for name in self.props}
         self._mending: Any = None
-        self._mended = 0  # frames that are as they stay, and the work on those that follow
+        self._mended = 0  # frames that are as they stay
+        self._reached: dict[int, int] = {}  # frames in which goals were judged, by their number
         contact = np.zeros(len(CONTACTS), np.float32)
         contact[FOOT_CONTACTS] = 1
         self.memory = model.start()
@@ -212,21 +213,24 @@ class TakeRunner:
             self._ms[stage] += 1000 * spent
 
     def mend(self) -> bool:
-        """Go on bending legs that are in what is climbed; False when they are clear, and at once in a take
-        without a climb.
-        """
-        if self._mended == self.frames:
+        """Go on solving the whole take; False when that is done.  A take without contact IK stays as it is."""
+        if self._mended == self.frames or not self.request.contact_ik:
             return False
         if self._mending is None:
-            columns = zip(*self._frames[self._mended :], strict=True)
-            hips, local, *_, style, _ = (np.stack(c) for c in columns)
-            self._mending = self._finishing.clear_legs(hips, local, style[:, CLIMB]), hips, local
-        steps, hips, local = self._mending
-        if next(steps, True) is None:
+            props = [(prop, np.stack(self._poses[name])) for name, prop in self.props.items()]
+            self._mending = self._post.solve(props)
+        start = time.perf_counter()
+        try:
+            next(self._mending)
             return True
-        for t, frame in enumerate(self._frames[self._mended :]):
-            self._frames[self._mended + t] = (hips[t], local[t], *frame[2:])
+        except StopIteration as done:
+            hips, local = done.value
+        finally:
+            self._spend(ik=time.perf_counter() - start)
+        for t, frame in enumerate(self._frames):
+            self._frames[t] = (hips[t].astype(frame[0].dtype), local[t].astype(frame[1].dtype), *frame[2:])
         self._mended = self.frames
+        self._measure_kept()
         return False
 
     def interrupt(self, goals: list[Goal]) -> None:
@@ -292,7 +296,7 @@ class TakeRunner:
         hips, rotations = pose_of(s)
         hips = hips + np.array((0, 0, level), dtype=hips.dtype)
         seat = d.stage.seat() if d.stage is not None else None
-        kept_hips, kept = self._finishing.apply(hips, rotations, self._moment(contact), seat, d.grasps, level)
+        self._post.note(hips, rotations, self._moment(contact), seat, d.grasps, level)
         for grasp in d.grasps:
             taken = grasp.errors.get("taken")
             if taken is not None and taken.frame < 0:
@@ -301,8 +305,8 @@ class TakeRunner:
             self._poses[name].append(pose)
         self._frames.append(
             (
-                kept_hips,
-                kept,
+                hips,
+                rotations,
                 hips,
                 rotations,
                 contact.copy(),
@@ -318,8 +322,7 @@ class TakeRunner:
         result = d.results[d.index]
         if d.index < 0 or result.seconds <= 0 or np.isfinite(result.position_error_cm):
             return
-        hips, rotations, network_hips = self._frames[-1][:3]
-        heading = float(root_of(forward_kinematics(hips, rotations)[0])[1])
+        network_hips = self._frames[-1][2]
         result.place, result.facing, result.axes = d.stage.target()  # type: ignore[union-attr]
         if isinstance(d.goals[d.index].prop, Box):  # it was not set down where it should be
             pose = d.goals[d.index].prop.pose  # type: ignore[union-attr]
@@ -328,9 +331,26 @@ class TakeRunner:
                 result, pose[:3], float(pose[3])
             )
             return
-        result.position_error_cm, result.rotation_error_deg = goal_errors(result, hips, heading)
         own = goal_errors(result, network_hips, float(self.state.root[0, 2]))
         result.network_position_error_cm, result.network_rotation_error_deg = own
+        result.position_error_cm, result.rotation_error_deg = own  # until the take is solved
+        self._reached[d.index] = self.frames - 1
+
+    def _measure_kept(self) -> None:
+        """Write the errors of the motion that is kept, of hips at the goals and of hands where they have taken hold."""
+        results = self.director.results
+        for index, frame in self._reached.items():
+            hips, rotations = self._frames[frame][:2]
+            heading = float(root_of(forward_kinematics(hips, rotations)[0])[1])
+            errors = goal_errors(results[index], hips, heading)
+            results[index].position_error_cm, results[index].rotation_error_deg = errors
+        for result, goal in zip(results, self.director.goals, strict=True):
+            taken = result.taken
+            if taken is not None and 0 <= taken.frame < self.frames:
+                hips, rotations = self._frames[taken.frame][:2]
+                wrists = forward_kinematics(hips, rotations)[0][_WRISTS]
+                pose = np.zeros(4) if goal.prop is None else self._poses[goal.prop.name][taken.frame]
+                result.hand_error_cm, result.hand_rotation_deg = taken.errors(wrists, pose)
 
 
 def roll(

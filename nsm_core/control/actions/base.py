@@ -8,8 +8,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from nsm_core.body.ik.foot_plant import SeatTarget
-from nsm_core.body.ik.reaching import Pose
 from nsm_core.control.goals import Goal, Moment
 from nsm_core.rotations import Array
 from nsm_core.world.geometry.distance import DistanceQuery
@@ -18,7 +16,10 @@ from nsm_core.world.scene.props import Prop
 from nsm_core.world.scene.solids import Scene
 
 from .approach import Command, Ground
+from .hold import Lead, Seen
 
+# Where hips (3,) are to settle, metres, and the heading to sit at; None while one still turns.
+SeatTarget = tuple[Array, float | None]
 EXECUTED = 0.9  # a label over this counts as executed (design of the response times)
 
 
@@ -66,8 +67,13 @@ class Grasp(Protocol):
     def active(self) -> bool:
         """Whether it still has to be called."""
 
-    def apply(self, pose: Pose, root: Array, contacts: Array) -> None:
-        """Go on by one frame and correct ``pose`` in place; ``root`` (3,), network ``contacts`` (5,)."""
+    def apply(self, seen: Seen, root: Array, contacts: Array) -> None:
+        """Go on by one frame and move the prop; ``root`` (3,), network ``contacts`` (5,)."""
+
+    @property
+    def leads(self) -> list[Lead]:
+        """Where its hands are to be in this frame."""
+        ...
 
     def holds(self, hand: int) -> float:
         """How far a hand is led by it, 0..1."""

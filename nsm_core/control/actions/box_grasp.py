@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from nsm_core.body.ik.elbow_clearance import Elbows
-from nsm_core.body.ik.reaching import Hold, Pose
 from nsm_core.control.goals import Taken
 from nsm_core.conventions import DT, HAND_CONTACTS
 from nsm_core.distances import WRIST_BEHIND
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_angle
 from nsm_core.signals import smooth_step
-from nsm_core.world.geometry.distance import DistanceQuery, Union
+from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.berth import Berth, kept_out
 from nsm_core.world.scene.props import Box
+
+from .hold import Hold, Lead, Seen
 
 # Seconds at least in which the box leaves its resting pose for the one that the hands give it; metres a
 # second at most.
@@ -76,7 +76,7 @@ class Carrying:
             ik,
         )
         self.state = "reach"
-        self.hold, self._elbows = Hold([0, 1], further), Elbows()
+        self.hold = Hold([0, 1], further)
         self.errors: dict[str, Any] = {}  # of the hands and of the place, in the names of GoalResult
         self._recent: list[Array] = []
         self._offset, self._since = np.zeros(4), 0
@@ -93,14 +93,12 @@ class Carrying:
         self._leaving, self._settling = True, SETTLING
         self._late = np.zeros(4)  # how far the box stays behind the hands, lest it goes into something
         self._seen = box.pose.copy()  # the box as the network has it in its hands
-        self._around = Union((solids, box))  # what hands go round on their way
         self._show(self._from)
 
     @property
     def active(self) -> bool:
         """Whether it still has to be called."""
-        returning = self.hold.busy or bool(self._elbows.swivel.any())
-        return self.state in ("reach", "held", "falling") or (self.state == "placed" and returning)
+        return self.state in ("reach", "held", "falling") or (self.state == "placed" and self.hold.busy)
 
     @property
     def low(self) -> bool:
@@ -111,6 +109,11 @@ class Carrying:
     def holds(self, hand: int) -> float:
         """How far a hand is led by it, 0..1."""
         return self.hold.weight if self.state in ("reach", "held") else 0.0
+
+    @property
+    def leads(self) -> list[Lead]:
+        """Where its hands are to be in this frame."""
+        return self.hold.leads
 
     def touches(self, hand: int) -> bool:
         """Whether a hand is meant to touch the prop, and so is not kept off it: one that is not yet led to it
@@ -147,31 +150,29 @@ class Carrying:
         """Leave the box to another hold of it: these hands only return."""
         self.let_go()
 
-    def apply(self, pose: Pose, root: Array, contacts: Array) -> None:
-        """Move the box by one frame and correct ``pose`` in place; ``root`` (3,), network
+    def apply(self, seen: Seen, root: Array, contacts: Array) -> None:
+        """Move the box by one frame; ``root`` (3,), network
         ``contacts`` (5,).
         """
         grasping = False
         if self.state == "reach":
             self._show(self._from)
-            distances = np.linalg.norm(pose.wrists + np.append(self._from, 0.0) - self.grasps(), axis=1)
+            distances = np.linalg.norm(seen.wrists + np.append(self._from, 0.0) - self.grasps(), axis=1)
             self.hold.approach(distances, contacts[HAND_CONTACTS])
             if self.hold.complete(self.ik):
                 grasping, self.state, self._since = True, "held", 0
                 self._recent = []
-                self._offset = self.prop.pose - self._in_hands(pose.wrists, root) - (*self._from, 0.0, 0.0)
+                self._offset = self.prop.pose - self._in_hands(seen.wrists, root) - (*self._from, 0.0, 0.0)
                 self._offset[3] = wrap_angle(self._offset[3])
                 self._seen = self.prop.pose - (*self._from, 0.0, 0.0)
                 self._settling = max(SETTLING, float(np.linalg.norm(self._from)) / SETTLE_SPEED)
         elif self.state == "held":
-            self._follow(pose.wrists, root, contacts[HAND_CONTACTS])
+            self._follow(seen.wrists, root, contacts[HAND_CONTACTS])
         elif self.state == "falling":
             self._drop()
-        moved = pose if self.ik else Pose(pose.hips, pose.local, pose.wrists)
-        self.hold.apply(moved, self.grasps(), self._around)
-        self._elbows.apply(moved, self.prop, self.hold.busy)
+        self.hold.apply(seen, self.grasps())
         if grasping:
-            self._measure_grasp(pose)
+            self._measure_grasp(seen)
 
     # --- held
     # ------------------------------------------------------------------------------------------------------
@@ -236,7 +237,7 @@ class Carrying:
         # Hands that say they have let go near the place have missed it: the box is set down all the same.
         self._loose = self._loose + 1 if labels.max() < LOOSE else 0
         start = LOOSE_FROM if self._loose > LOOSE_FRAMES else start
-        near = self._since * DT > LEAST_HELD and speed < SLOW and far < start
+        near = self.ik and self._since * DT > LEAST_HELD and speed < SLOW and far < start
         drawing = near if not self._draw else far < 2 * DRAW_FURTHER
         if not self._draw:
             self._draw_time = max(DRAW_TIME, (far + float(np.linalg.norm(self._to))) / DRAW_SPEED)
@@ -252,6 +253,10 @@ class Carrying:
         self._apart = self._apart + 1 if float(np.linalg.norm(wrists[1] - wrists[0])) > width + APART else 0
         if self._apart > LOOSE_FRAMES and not self._draw:
             self.let_go()
+            return
+        if not self.ik and self._loose > LOOSE_FRAMES and self._since * DT > LEAST_HELD:
+            self._put_down(wrists)  # nothing draws it to its place: it falls from where it is let go
+            self.state, self._fall = "falling", 0.0
             return
         if self._draw >= 1:
             self._drawn += 1
@@ -324,12 +329,7 @@ class Carrying:
         if pose[2] <= ground + half + 1e-6:
             self.state = "placed"
 
-    def _measure_grasp(self, pose: Pose) -> None:
+    def _measure_grasp(self, seen: Seen) -> None:
         taken = self.errors["taken"] = Taken([0, 1], self.prop.to_local(self.grasps()))
-        for name, wrists in (
-            ("hand", pose.arms()[1]),
-            ("network_hand", pose.wrists + np.append(self._from, 0.0)),
-        ):
-            self.errors[f"{name}_error_cm"], self.errors[f"{name}_rotation_deg"] = taken.errors(
-                wrists, self.prop.pose
-            )
+        network = taken.errors(seen.wrists + np.append(self._from, 0.0), self.prop.pose)
+        self.errors["network_hand_error_cm"], self.errors["network_hand_rotation_deg"] = network

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from nsm_core.body.ik.reaching import Hold, Pose
 from nsm_core.control.goals import Taken
 from nsm_core.conventions import DT, HAND_CONTACTS
 from nsm_core.errors import GoalError
@@ -16,7 +15,8 @@ from nsm_core.world.affordances.passage import Passage
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.props import Leaf
 
-from .leaf_room import NEARLY, LeafRoom, Spheres, leaf_spheres
+from .hold import Hold, Lead, Seen
+from .leaf_room import NEARLY, LeafRoom, leaf_spheres
 
 LET_GO_PUSH, LET_GO_PULL = np.radians(70), np.radians(72)  # angles of the leaf at which the hand lets go
 FASTEST, EASE = 2.5, 0.5  # radians a second of the leaf; share of the way to the hand's angle in a frame
@@ -78,9 +78,6 @@ class Opening:
         self.widest = _widest(leaf, solids)
         self._slip, self._along = 0, 0
         self._room = LeafRoom(leaf)
-        self._last: tuple[Spheres, Spheres] | None = (
-            None  # the body and its trunk in the last frame, as they were kept
-        )
         self._least, self._soft, self._most = (
             -np.inf,
             -np.inf,
@@ -103,6 +100,11 @@ class Opening:
     def holds(self, hand: int) -> float:
         """How far a hand is led by it, 0..1."""
         return self.hold.weight if hand == self.way.hand else 0.0
+
+    @property
+    def leads(self) -> list[Lead]:
+        """Where its hand is to be in this frame."""
+        return self.hold.leads
 
     def touches(self, hand: int) -> bool:
         """Whether a hand is meant to touch the prop, and so is not kept off it."""
@@ -130,14 +132,14 @@ class Opening:
         self.let_go()
         self.state = "free"
 
-    def apply(self, pose: Pose, root: Array, contacts: Array) -> None:
+    def apply(self, seen: Seen, root: Array, contacts: Array) -> None:
         """Turn the leaf by one frame and correct ``pose`` in place; ``root`` (3,), network
         ``contacts`` (5,).
         """
         hand = self.way.hand
-        wrist = pose.wrists[hand]
+        wrist = seen.wrists[hand]
         grasping = False
-        self._feel(pose)
+        self._feel(seen)
         if self.state == "reach":
             self.hold.approach(
                 np.array([np.linalg.norm(wrist - self.grip())]), contacts[[HAND_CONTACTS[hand]]]
@@ -149,7 +151,7 @@ class Opening:
             self._since += 1
             rest = 1 - float(smooth_step(self._since * DT / SETTLING))
             wanted = self._angle_of(wrist) + rest * self._offset
-            if self._stands_back(root) and self._since * DT > SETTLING:
+            if self.ik and self._stands_back(root) and self._since * DT > SETTLING:
                 self._pace = min(self._pace + PULLING * DT / SETTLING, PULLING)
                 wanted = max(wanted, self.angle + self._pace * DT / EASE)
             self._turn(max(wanted, self._pushed(root)))
@@ -169,29 +171,25 @@ class Opening:
         place = self._held_at()
         if self.state == "released" and self.hold.weight > 0:
             place = self._slipped()
-        self.hold.apply(pose if self.ik else Pose(pose.hips, pose.local, pose.wrists), place[None])
-        self._last = leaf_spheres(pose, self._arm)  # it may have leant to the handle
+        self.hold.apply(seen, place[None])
         if grasping:
             taken = self.errors["taken"] = Taken([hand], self.prop.to_local(self.grip())[None])
-            for name, wrists in (("hand", pose.arms()[1]), ("network_hand", pose.wrists)):
-                self.errors[f"{name}_error_cm"] = taken.errors(wrists, self.prop.pose)[0]
+            self.errors["network_hand_error_cm"] = taken.errors(seen.wrists, self.prop.pose)[0]
 
     @property
     def _arm(self) -> int | None:
         """The arm that touches the leaf on purpose."""
         return self.way.hand if self.state in ("reach", "held") or self.hold.busy else None
 
-    def _feel(self, pose: Pose) -> None:
+    def _feel(self, seen: Seen) -> None:
         """See how far the body, as it is and as it was last when it had leant to the handle, lets the leaf
         turn.
         """
-        whole, trunk = leaf_spheres(pose, self._arm)
-        bodies = [whole, self._last[0]] if self._last is not None else [whole]
-        self.hold.lean_share = self._room.share_to_lean(self._last[1] if self._last is not None else trunk)
+        whole, trunk = leaf_spheres(seen, self._arm)
+        self.hold.lean_share = self._room.share_to_lean(trunk)
         if self.state in ("held", "released"):
-            limits = [self._room.limits(*b) for b in bodies]
-            self._least, self._most = max(least for least, _ in limits), min(most for _, most in limits)
-            self._soft = max(self._room.limits(*b, NEARLY)[0] for b in bodies)
+            self._least, self._most = self._room.limits(*whole)
+            self._soft = self._room.limits(*whole, NEARLY)[0]
 
     def passed(self, root: Array) -> bool:
         """Whether the body is through the opening."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.ik.reaching import Pose
-from nsm_core.body.skeleton import END_SITES, INDEX, forward_kinematics
+from nsm_core.body.skeleton import END_SITES, INDEX
 from nsm_core.body.thin_capsules import THIN_CAPSULES
 from nsm_core.rotations import Array, quat_rotate
 from nsm_core.world.scene.props import Leaf
+
+from .hold import Seen
 
 TOUCH = 0.008  # metres between the body and a leaf at the nearest
 NEARLY, SOON = (
@@ -25,11 +26,11 @@ _SIDES = ("Right", "Left")
 Spheres = tuple[Array, Array]
 
 
-def leaf_spheres(pose: Pose, without: int | None = None) -> tuple[Spheres, Spheres]:
+def leaf_spheres(seen: Seen, without: int | None = None) -> tuple[Spheres, Spheres]:
     """Centres (S, 3) world and radii (S,), metres, of a body's capsules, but the arm ``without`` (0 right, 1
     left); of its trunk alone.
     """
-    joints, turns = forward_kinematics(pose.hips, pose.local)
+    joints, turns = seen.joints
     first, last = joints[_ENDS] + quat_rotate(turns[_ENDS], _OFF)
     share = np.linspace(0, 1, _SAMPLES)[:, None]
     kept = np.ones(len(THIN_CAPSULES), dtype=bool) if without is None else ~_OF_ARM[without]

@@ -9,14 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from nsm_core.body.ik.foot_plant import SeatTarget
 from nsm_core.control.goals import Goal, Moment
 from nsm_core.conventions import SIT
 from nsm_core.distances import STAND_AHEAD
 from nsm_core.rotations import Array, heading_to_direction, wrap_angle
 
 from .approach import Command
-from .base import Stage
+from .base import SeatTarget, Stage
 
 TURNED, UP, BESIDE = (
     np.radians(12),

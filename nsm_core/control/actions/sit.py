@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.ik.foot_plant import SeatTarget
 from nsm_core.control.goals import Goal, Moment
 from nsm_core.conventions import SIT
 from nsm_core.distances import STAND_AHEAD
@@ -14,7 +13,7 @@ from nsm_core.rotations import Array, heading_to_direction, wrap_angle
 from nsm_core.world.planning.floor_plan import FloorPlan
 
 from .approach import Approach, Command, Ground
-from .base import EXECUTED, Performer, Stage
+from .base import EXECUTED, Performer, SeatTarget, Stage
 
 # metres of room: an open front has 0.17, and a thin board between two looked at heights seems this far off
 BLOCKED = 0.14

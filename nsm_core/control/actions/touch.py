@@ -10,17 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from nsm_core.body.ik.reaching import Hold, Pose
-from nsm_core.body.ik.two_bone import limb_frames
 from nsm_core.body.skeleton import ARMS, END_SITES, JOINTS
-from nsm_core.control.goals import Goal, Moment
+from nsm_core.control.goals import Goal, Moment, Taken
 from nsm_core.conventions import HAND_CONTACTS, SIT
-from nsm_core.rotations import Array, heading_to_direction, quat_rotate, rotate_planar, wrap_angle
+from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_angle
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan
 
 from .approach import Approach, Command, Ground
 from .base import Performer, Stage
+from .hold import Hold, Lead, Seen
 
 # Standing places that are tried, in this order: metres from the point, and turns about it.
 AWAY, TURNS = (0.5, 0.45, 0.55, 0.6), np.radians((0.0, 25.0, -25.0, 50.0, -50.0))
@@ -35,7 +34,6 @@ SKIN = 0.02  # metres from the tip of the bones to the thing: fingers are as thi
 LED = 0.5  # metres that a hand is led beyond where the network has it, which tells how long it takes
 TOUCHES = 0.03  # metres between fingers and point that count as touching
 ACROSS = 0.05  # metres that a point lies on the other side of the body before the left hand is taken
-SETTLE = 0.5  # share of the change with which the wrist follows how the hand is turned
 _TIPS = np.array([END_SITES[JOINTS[arm[2]]] for arm in ARMS], dtype=np.float64)
 
 
@@ -80,7 +78,7 @@ class Touching:
     @property
     def touches_it(self) -> bool:
         """Whether the fingers are there."""
-        return self.state == "held" and self.errors["hand_error_cm"] < 100 * TOUCHES
+        return self.state == "held" and self.hold.lacking < TOUCHES
 
     def holds(self, hand: int) -> float:
         """How far a hand is led by it, 0..1."""
@@ -100,31 +98,26 @@ class Touching:
         """Leave the hand to another."""
         self.let_go()
 
-    def apply(self, pose: Pose, root: Array, contacts: Array) -> None:
-        """Lead the hand by one frame, in place of ``pose``; ``root`` (3,), network ``contacts`` (5,)."""
+    @property
+    def leads(self) -> list[Lead]:
+        """Where its hand is to be in this frame."""
+        return self.hold.leads
+
+    def apply(self, seen: Seen, root: Array, contacts: Array) -> None:
+        """Lead the hand by one frame; ``root`` (3,), network ``contacts`` (5,)."""
         if self._fingers is None:  # as they will point with the arm held out
-            way = self.point - pose.arms()[0][self.hand]
-            self._fingers = way * (
-                float(np.linalg.norm(_TIPS[self.hand])) / max(float(np.linalg.norm(way)), 1e-9)
-            )
+            way = self.point - seen.shoulders[self.hand]
+            length = float(np.linalg.norm(_TIPS[self.hand]))
+            self._fingers = way * (length / max(float(np.linalg.norm(way)), 1e-9))
         place = self.point - self._fingers
         if self.state == "reach":
             # Nothing is asked of the network, whose hand hangs at its side: it is drawn wherever it is.
             self.hold.approach(np.zeros(1), contacts[[HAND_CONTACTS[self.hand]]])
-        network = np.asarray(pose.wrists, dtype=np.float64)[self.hand]
-        body = pose if self.ik else Pose(pose.hips, pose.local, pose.wrists)
-        self.hold.apply(body, place[None], self.solids)
-        joints, rotations, _ = limb_frames(body.hips, body.local, ARMS)
-        fingers = quat_rotate(rotations[self.hand, 2], _TIPS[self.hand])
-        self._fingers = self._fingers + SETTLE * (fingers - self._fingers)
+        self.hold.apply(seen, place[None])
         if self.state == "reach" and self.hold.complete(self.ik):
             self.state = "held"
-        if self.state == "held":
-            tip = (joints[self.hand, 2] if self.ik else network) + fingers
-            self.errors = {
-                "hand_error_cm": 100 * float(np.linalg.norm(tip - self.point)),
-                "network_hand_error_cm": 100 * float(np.linalg.norm(network - place)),
-            }
+            network = float(np.linalg.norm(seen.wrists[self.hand] - place))
+            self.errors = {"network_hand_error_cm": 100 * network, "taken": Taken([self.hand], place[None])}
 
 
 class Touch(Stage):

@@ -1,0 +1,261 @@
+"""Where feet stand in a whole take, and their ways from one place to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsm_core.body.contacts import RESTING, TOE_OFFSET, foot_heading, sole_depth
+from nsm_core.body.skeleton import TOE_HEIGHT
+from nsm_core.conventions import FPS
+from nsm_core.rotations import Array, heading_quat, heading_to_direction, quat_mul, quat_rotate, wrap_angle
+from nsm_core.signals import gaussian_smooth, intervals, smooth_step
+from nsm_core.world.scene.terrain import Terrain
+
+LOCK, UNLOCK = 0.5, 0.3  # of the contact label
+GLIDING, TORN = 0.7, 1.0  # m/s: a foot that moves faster is not planted; one that does is let go
+LOW_TOE, HIGH_TOE = 0.08, 0.14  # metres over its ground at which a toe may stand: on the floor, on top of things
+SHORTEST, GAP = 3, 2  # frames of a stand at least; of a lift that is none
+# Metres and radians by which the pose may leave a stand; of stands longer than LONG frames, where the foot is
+# then set anew, raised by STEP_LIFT in STEP_FRAMES.
+SPREAD, LONG_SPREAD, LONG = 0.14, 0.06, 36
+PIVOT, LONG_PIVOT = np.radians(40), np.radians(25)
+STEP_FRAMES, STEP_LIFT = 12, 0.04
+FADE = 9  # frames over which a correction fades where the next stand is far
+CLEARANCE, FAST = 0.028, 0.5  # metres that a swinging foot clears the floor by once it is that fast, m/s
+TIP, MIDDLE, HEEL = 0.075, -0.08, -0.17  # metres from the toe joint along the foot
+EDGE = 0.02  # metres that a foot clears an edge by, and keeps off a riser
+STEP_IN = 0.12  # metres over its sole up to which a foot stands on what is under it
+_BACK = np.arange(0.0, 0.19, 0.01)
+
+
+@dataclass
+class Footsteps:
+    """Where feet are to be: ``ankles`` (T, 2, 3) and ankle ``rotations`` (T, 2, 4), world; ``planted`` (T, 2)."""
+
+    ankles: Array
+    rotations: Array
+    planted: Array
+
+
+@dataclass
+class Ground:
+    """Heights of what feet stand on: ``all`` of it, and ``low`` what of it one walks over, whose level the
+    motion has already, ``level`` (T,) metres.
+    """
+
+    all: Terrain
+    low: Terrain
+    level: Array
+
+    def height(self, places: Array) -> Array:
+        """Heights (...) at floor places (..., 2)."""
+        if not self.all:
+            return np.zeros(places.shape[:-1])
+        return self.all.height(places.reshape(-1, 2)).reshape(places.shape[:-1])
+
+
+def footsteps(toes: Array, feet: Array, labels: Array, ground: Ground) -> Footsteps:
+    """Plant the feet of a whole take: toe joints (T, 2, 3), ankle rotations (T, 2, 4), contact labels (T, 2).
+
+    In every stand the toe joint keeps one place and the foot one heading, from landing to lift-off; between two
+    stands the correction goes over from one to the other with the speed of the foot at both ends.
+    """
+    toes, feet = toes.copy(), feet.copy()
+    if ground.low:
+        toes[..., 2] += _own_level(toes, ground)
+    planted = np.zeros(toes.shape[:2], bool)
+    rest: list[int] = []  # frames about which the other foot is set anew
+    for side in (0, 1):
+        runs = _stands(toes[:, side], labels[:, side], ground)
+        runs, steps = _set_anew(toes[:, side], foot_heading(feet[:, side]), runs, rest)
+        rest = steps
+        toes[:, side], feet[:, side] = _pinned(toes[:, side], feet[:, side], runs, ground)
+        for a, b in runs:
+            planted[a:b, side] = True
+    for side in (0, 1):
+        toes[:, side, 2] += _raised(toes[:, side], feet[:, side], planted[:, side], ground)
+    return Footsteps(toes - quat_rotate(feet, TOE_OFFSET), feet, planted)
+
+
+def _own_level(toes: Array, ground: Ground) -> Array:
+    """Metres (T, 2) by which feet are raised from the level of the walker to the low ground under them."""
+    under = ground.low.height(toes[..., :2].reshape(-1, 2)).reshape(toes.shape[:2])
+    return gaussian_smooth(_widest(under, 2), 2.0) - ground.level[:, None]
+
+
+def _widest(values: Array, frames: int) -> Array:
+    """The largest of (T, ...) within so many frames."""
+    pad = [(frames, frames)] + [(0, 0)] * (values.ndim - 1)
+    view = np.lib.stride_tricks.sliding_window_view(np.pad(values, pad, mode="edge"), 2 * frames + 1, axis=0)
+    return np.asarray(view.max(-1))
+
+
+def _stands(toe: Array, label: Array, ground: Ground) -> list[tuple[int, int]]:
+    """Half-open intervals of frames in which a foot stands, by its label and by how the pose moves it."""
+    speed = _speed(toe)
+    height = toe[:, 2] - ground.height(toe[:, :2])
+    low = height < np.where(ground.height(toe[:, :2]) > 0, HIGH_TOE, LOW_TOE)
+    on, stands = np.zeros(len(toe), bool), False
+    for t in range(len(toe)):
+        if stands:
+            stands = label[t] > UNLOCK and speed[t] < TORN
+        else:
+            stands = label[t] > LOCK and speed[t] < GLIDING and bool(low[t])
+        on[t] = stands
+    if len(on):
+        on[0] = on[0] or (low[0] and speed[0] < RESTING)
+    for a, b in intervals(~on):
+        if b - a <= GAP and a > 0 and b < len(on):
+            on[a:b] = True
+    return [(a, b) for a, b in intervals(on) if b - a >= SHORTEST or a == 0]
+
+
+def _speed(toe: Array) -> Array:
+    if len(toe) < 2:
+        return np.zeros(len(toe))
+    return np.linalg.norm(np.gradient(toe[:, :2], axis=0), axis=1) * FPS
+
+
+def _set_anew(
+    toe: Array, heading: Array, runs: Sequence[tuple[int, int]], other: Sequence[int]
+) -> tuple[list[tuple[int, int]], list[int]]:
+    """Divide stands from which the pose goes too far: the stands, and the frames at which the foot is set anew.
+
+    That is put off while the ``other`` foot is set anew.
+    """
+    out: list[tuple[int, int]] = []
+    steps: list[int] = []
+    heading = np.unwrap(heading)
+    for a, b in runs:
+        spread, pivot = (LONG_SPREAD, LONG_PIVOT) if b - a > LONG else (SPREAD, PIVOT)
+        start, t = a, a + 1
+        low, high = toe[a, :2].copy(), toe[a, :2].copy()
+        turned_low = turned_high = float(heading[a])
+        while t < b:
+            low, high = np.minimum(low, toe[t, :2]), np.maximum(high, toe[t, :2])
+            turned_low, turned_high = min(turned_low, heading[t]), max(turned_high, heading[t])
+            too_far = np.linalg.norm(high - low) > 2 * spread or turned_high - turned_low > 2 * pivot
+            if too_far and t - start > SHORTEST:
+                at = t
+                while any(abs(at - o) < STEP_FRAMES for o in other) and at < b - 1:
+                    at += 1
+                first, last = max(start + SHORTEST, at - STEP_FRAMES // 2), min(at + STEP_FRAMES // 2, b)
+                out.append((start, first))
+                steps.append(at)
+                start = t = last
+                if start >= b:
+                    break
+                low, high = toe[start, :2].copy(), toe[start, :2].copy()
+                turned_low = turned_high = float(heading[start])
+            t += 1
+        if start < b and (b - start >= SHORTEST or start == a):
+            out.append((start, b))
+    return out, steps
+
+
+def _pinned(toe: Array, foot: Array, runs: Sequence[tuple[int, int]], ground: Ground) -> tuple[Array, Array]:
+    """Toe joints (T, 3) and rotations (T, 4) of one foot that stands still in each of ``runs``."""
+    heading = np.unwrap(foot_heading(foot))
+    shift, turn = np.zeros((len(toe), 3)), np.zeros(len(toe))
+    for a, b in runs:
+        h = heading[a:b]
+        middle, spread = float(np.median(h)), float(np.ptp(h))
+        firm = float(np.clip((np.radians(60) - spread) / np.radians(20), 0, 1))
+        turn[a:b] = firm * (middle - h)
+        place = toe[a:b, :2].mean(0)
+        under = _stand_height(place, middle, float(np.median(toe[a:b, 2])), ground)
+        place = place + _off_risers(place, middle, under, ground)
+        shift[a:b, :2] = place - toe[a:b, :2]
+        shift[a:b, 2] = under + TOE_HEIGHT - toe[a:b, 2]
+    _bridge(shift, runs, np.gradient(toe, axis=0) if len(toe) > 1 else np.zeros_like(toe))
+    _bridge(turn[:, None], runs, np.gradient(heading)[:, None] if len(toe) > 1 else np.zeros((len(toe), 1)))
+    for (_, a), (b, _) in zip(runs[:-1], runs[1:], strict=True):
+        if b - a <= STEP_FRAMES + 1 and np.ptp(toe[a:b, 2]) < 0.02:  # a foot that is set anew is raised
+            shift[a:b, 2] += STEP_LIFT * np.sin(np.pi * (np.arange(b - a) + 1) / (b - a + 1)) ** 2
+    return toe + shift, quat_mul(heading_quat(turn), foot)
+
+
+def _stand_height(place: Array, heading: float, toe_height: float, ground: Ground) -> float:
+    """Height of what a foot stands on at a place (2,): the highest ground under its ball that is not far over
+    its sole.
+    """
+    if not ground.all:
+        return 0.0
+    ahead = heading_to_direction(np.array(heading))
+    heights = ground.height(np.stack((place, place + MIDDLE * ahead)))
+    below = heights[heights < toe_height - TOE_HEIGHT + STEP_IN]
+    return float(below.max() if len(below) else heights.min())
+
+
+def _off_risers(place: Array, heading: float, under: float, ground: Ground) -> Array:
+    """Metres (2,) by which a stand is moved along the foot so that neither tip nor heel is in a riser, nor the
+    heel beyond an edge from which it would hang.
+    """
+    if not ground.all:
+        return np.zeros(2)
+    ahead = heading_to_direction(np.array(heading))
+    tips = place + (TIP + EDGE) * ahead - _BACK[:, None] * ahead
+    heels = place + (HEEL - EDGE) * ahead + _BACK[:, None] * ahead
+    limit = under + 2 * EDGE
+    for ends, sign in ((tips, -1.0), (heels, 1.0)):
+        free = ground.height(ends) < limit
+        if not free[0] and free.any():
+            return np.asarray(sign * _BACK[int(np.argmax(free))] * ahead)
+    return np.zeros(2)
+
+
+def _bridge(values: Array, runs: Sequence[tuple[int, int]], pace: Array) -> None:
+    """Fill (T, n) corrections between stands, in place, so that what moves by ``pace`` (T, n) a frame of itself
+    leaves and reaches its stands with no jump of speed.
+    """
+    count = len(values)
+    for (_, end), (start, _) in zip([(0, 0), *runs], [*runs, (count, count)], strict=True):
+        gap = start - end
+        if gap <= 0:
+            continue
+        steps = np.arange(1, gap + 1)
+        n = min(FADE, gap + 1)
+        out = np.zeros((gap, values.shape[1]))
+        if end > 0 and start < count and gap <= 2 * FADE:
+            u = (steps / (gap + 1))[:, None]
+            a, b = values[end - 1], values[start]
+            va, vb = -pace[end - 1] * (gap + 1), -pace[start] * (gap + 1)
+            h = 1 - smooth_step(u)
+            out = h * a + (1 - h) * b + (u * (1 - u) ** 2) * va - (u**2 * (1 - u)) * vb
+        else:
+            if end > 0:
+                u = np.clip(steps / n, 0, 1)[:, None]
+                out += (1 - smooth_step(u)) * values[end - 1] - (u * (1 - u) ** 2) * pace[end - 1] * n
+            if start < count:
+                u = np.clip((gap + 1 - steps) / n, 0, 1)[:, None]
+                out += (1 - smooth_step(u)) * values[start] + (u * (1 - u) ** 2) * pace[start] * n
+        values[end:start] = out
+
+
+def _raised(toe: Array, foot: Array, planted: Array, ground: Ground) -> Array:
+    """Metres (T,) by which a foot is raised: out of the ground, and over floor and edges while it swings."""
+    ahead = heading_to_direction(foot_heading(foot))
+    points = np.stack([toe[:, :2] + k * ahead for k in (0.0, MIDDLE, HEEL, TIP)], axis=1)
+    heights = ground.height(points)
+    deep = sole_depth(toe, foot, np.maximum(heights[:, 0], np.where(planted, 0.0, heights[:, 3])), heights[:, 2])
+    if planted.all():
+        return gaussian_smooth(_widest(deep, 1), 1.0)
+    fast = smooth_step(_speed(toe) / FAST)
+    over = np.where(ground.height(toe[:, :2]) > 0, EDGE, CLEARANCE) * fast
+    lowest = toe[:, 2] - TOE_HEIGHT
+    need = np.where(planted, 0.0, np.maximum(_widest(heights, 2).max(1) + over - lowest, 0.0))
+    swing = np.ones(len(toe))
+    for a, b in intervals(~planted):
+        k = np.arange(b - a)
+        before = np.full(b - a, np.inf) if a == 0 else k + 1.0
+        after = np.full(b - a, np.inf) if b == len(toe) else (b - a) - k
+        swing[a:b] = smooth_step(np.minimum(before, after) / 4.0)
+        # A lift has no more than one top: what is needed in the middle is not given up on the way.
+        need[a:b] = gaussian_smooth(_widest(need[a:b], 2), 1.5) if b - a > 2 else need[a:b]
+    return np.maximum(gaussian_smooth(_widest(deep, 1), 1.0), need * swing)
+
+
+__all__ = ["Footsteps", "Ground", "footsteps", "wrap_angle"]

@@ -1,0 +1,153 @@
+"""Whole-body inverse kinematics of whole takes: tasks are met and limits kept by the least change of the motion.
+
+A damped Gauss-Newton in the dual form, batched over frames.  In every round all frames are linearised, each
+takes the least step (by the joints' stiffness) that meets its tasks, and the steps are smoothed over time
+before they are taken: so what a task or a limit asks of one frame its neighbours come and go with, and no
+correction appears within a frame.  Each round smooths less; what smoothing has taken from a step the next
+round asks for again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul, quat_rotate, quat_to_matrix
+from nsm_core.signals import gaussian_smooth
+
+from .tree import Tree
+
+ROUNDS = (4.0, 3.0, 3.0, 2.0, 1.5, 1.0)  # frames by which steps are smoothed, round by round
+MOST_TURN, MOST_SHIFT = 0.35, 0.12  # radians and metres of one step
+_OFF = 1e4  # deviation of rows that ask for nothing
+
+
+@dataclass
+class Rows:
+    """R wishes of every frame, linear in its pose: ``error`` (T, R) that a step is to take away, ``deviation``
+    (T, R) that may be left of it (standard deviation, the same unit), ``jacobian`` (T, R, 3 + 3 J).
+    """
+
+    error: Array
+    deviation: Array
+    jacobian: Array
+
+
+@dataclass
+class Pose:
+    """A motion while it is solved: hips (T, 3), local rotations (T, J, 4), and what follows from them."""
+
+    tree: Tree
+    hips: Array
+    local: Array
+    positions: Array = field(init=False)
+    world: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.positions, self.world = self.tree.forward(self.hips, self.local)
+
+    @property
+    def above(self) -> Array:
+        """World rotations (T, J, 4) of the joints' parents."""
+        out = np.empty_like(self.world)
+        out[:, 0] = (1, 0, 0, 0)
+        out[:, 1:] = self.world[:, np.array(self.tree.parents[1:])]
+        return out
+
+    def moved(self, step: Array) -> Pose:
+        """The motion after a step (T, 3 + 3 J): of the hips, metres, and of each joint, world rotation vectors."""
+        turns = quat_from_rotvec(step[:, 3:].reshape(len(step), -1, 3))
+        above = self.above
+        local = quat_mul(quat_mul(quat_conjugate(above), quat_mul(turns, above)), self.local)
+        local /= np.linalg.norm(local, axis=-1, keepdims=True)
+        return Pose(self.tree, self.hips + step[:, :3], local)
+
+    def of_points(self, points: Array, moved: Array, ways: Array) -> Array:
+        """Jacobian (T, R, 3 + 3 J) of how far ``points`` (T, R, 3) move along unit ``ways`` (T, R, 3).
+
+        ``moved`` (R, J) or (T, R, J) tells the share of each joint's turn that moves a point.
+        """
+        arms = points[:, :, None] - self.positions[:, None]  # (T, R, J, 3)
+        x, y, z = arms[..., 0], arms[..., 1], arms[..., 2]
+        a, b, c = ways[..., 0, None], ways[..., 1, None], ways[..., 2, None]
+        out = np.empty((*points.shape[:2], 1 + len(self.tree.parents), 3))
+        out[..., 0, :] = ways
+        out[..., 1:, 0] = moved * (y * c - z * b)
+        out[..., 1:, 1] = moved * (z * a - x * c)
+        out[..., 1:, 2] = moved * (x * b - y * a)
+        return out.reshape(*points.shape[:2], -1)
+
+
+class Task(Protocol):
+    """Anything that wishes something of every frame of a motion."""
+
+    def rows(self, pose: Pose) -> Rows:
+        """Its wishes, linearised at ``pose``."""
+        ...
+
+
+@dataclass(frozen=True)
+class Stiffness:
+    """How unwillingly a pose changes: standard deviations of a step.
+
+    ``hips`` (3,) metres along x, y and z; ``turns`` (J,) radians of each joint; ``hinges`` by joint: the axis
+    (3,), in the joint's own frame, about which it turns at that, and the radians by which it turns about others.
+    """
+
+    hips: Array
+    turns: Array
+    hinges: dict[int, tuple[Array, float]]
+
+    def apply(self, pose: Pose, jacobian: Array) -> Array:
+        """Jacobian (T, R, 3 + 3 J) times the covariance of a step."""
+        out = jacobian * np.concatenate((self.hips**2, np.repeat(self.turns**2, 3)))
+        for joint, (axis, other) in self.hinges.items():
+            span = slice(3 + 3 * joint, 6 + 3 * joint)
+            hinge = quat_rotate(pose.world[:, joint], np.broadcast_to(axis, pose.hips.shape))[:, None]
+            along = (jacobian[..., span] * hinge).sum(-1, keepdims=True) * hinge
+            out[..., span] = other**2 * (jacobian[..., span] - along) + self.turns[joint] ** 2 * along
+        return out
+
+
+def solve(
+    pose: Pose,
+    tasks: Sequence[Task],
+    stiffness: Stiffness,
+    rounds: Sequence[float] = ROUNDS,
+    keep: Array | None = None,
+) -> Generator[None, None, Pose]:
+    """Return the motion that meets ``tasks`` with the least change; yields after each round.
+
+    ``rounds`` are the frames by which each smooths its steps; ``keep`` (T,) 0..1 how much of its step a frame takes.
+    """
+    for smooth in rounds:
+        rows = [task.rows(pose) for task in tasks]
+        step = least_step(pose, rows, stiffness)
+        if smooth:
+            step = gaussian_smooth(step, smooth)
+        pose = pose.moved(step if keep is None else step * keep[:, None])
+        yield
+    return pose
+
+
+def least_step(pose: Pose, rows: Sequence[Rows], stiffness: Stiffness) -> Array:
+    """The least step (T, 3 + 3 J) by ``stiffness`` that takes the rows' errors away: C J' (J C J' + R)^-1 e."""
+    jacobian = np.concatenate([r.jacobian for r in rows], axis=1)
+    error = np.concatenate([r.error for r in rows], axis=1)
+    deviation = np.concatenate([r.deviation for r in rows], axis=1)
+    weighed = stiffness.apply(pose, jacobian)
+    square = weighed @ np.swapaxes(jacobian, 1, 2)
+    index = np.arange(square.shape[1])
+    square[:, index, index] += np.minimum(deviation, _OFF) ** 2
+    step = (np.swapaxes(weighed, 1, 2) @ np.linalg.solve(square, error[..., None]))[..., 0]
+    turns = step[:, 3:].reshape(len(step), -1, 3)
+    turns *= np.minimum(1, MOST_TURN / np.maximum(np.linalg.norm(turns, axis=-1, keepdims=True), 1e-9))
+    shift = step[:, :3]
+    shift *= np.minimum(1, MOST_SHIFT / np.maximum(np.linalg.norm(shift, axis=-1, keepdims=True), 1e-9))
+    return step
+
+
+__all__ = ["ROUNDS", "Pose", "Rows", "Stiffness", "Task", "least_step", "quat_to_matrix", "solve"]
