@@ -17,6 +17,7 @@ PAD = 0.004  # metres between flesh and solids that are asked for
 NEAR = 0.07  # metres off the flesh up to which spheres are looked at again in each round
 DEVIATION = 0.004
 MOST_ROWS = 10  # of a frame: its deepest spheres
+LOWEST, _DOWN = 0.35, -0.5  # metres over the floor under which no way leads down; the slope of such a way
 _REACH = 1.25  # metres about the hips within which a body lies
 _STEP = 0.004  # metres by which points are moved to see which way distances grow
 
@@ -113,7 +114,10 @@ class Clearance:
                 lack = lack - solid.free[t, s]
             deep = np.flatnonzero(lack > 0)
             t, s, lack, distance = t[deep], s[deep], lack[deep], distance[deep]
-            parts.append((t, s, lack, solid.normals(t, centres[t, s], distance)))
+            ways = solid.normals(t, centres[t, s], distance)
+            # Nobody leaves a solid that stands on the floor through its underside.
+            low = (ways[:, 2] < _DOWN) & (centres[t, s, 2] < LOWEST)
+            parts.append((t, s, np.where(low, 0.0, lack), ways))
         return self._of(pose, centres, parts)
 
     def _of(self, pose: Pose, centres: Array, parts: list[tuple[Array, ...]]) -> Rows:

@@ -26,9 +26,11 @@ STEP_FRAMES, STEP_LIFT = 12, 0.04
 FADE = 9  # frames over which a correction fades where the next stand is far
 CLEARANCE, FAST = 0.028, 0.5  # metres that a swinging foot clears the floor by once it is that fast, m/s
 TIP, MIDDLE, HEEL = 0.075, -0.08, -0.17  # metres from the toe joint along the foot
+RISE = 0.06  # metres a frame by which a foot is raised at most, about
 EDGE = 0.02  # metres that a foot clears an edge by, and keeps off a riser
 STEP_IN = 0.12  # metres over its sole up to which a foot stands on what is under it
 _BACK = np.arange(0.0, 0.19, 0.01)
+_ASIDE = np.array(sorted(np.arange(-0.28, 0.281, 0.01), key=abs))  # the least first
 
 
 @dataclass
@@ -77,6 +79,7 @@ def footsteps(toes: Array, feet: Array, labels: Array, ground: Ground) -> Footst
             planted[a:b, side] = True
     for side in (0, 1):
         toes[:, side, 2] += _raised(toes[:, side], feet[:, side], planted[:, side], ground)
+        toes[:, side, :2] += _held_off(toes[:, side], feet[:, side], planted[:, side], ground)
     return Footsteps(toes - quat_rotate(feet, TOE_OFFSET), feet, planted)
 
 
@@ -101,7 +104,7 @@ def _stands(toe: Array, label: Array, ground: Ground) -> list[tuple[int, int]]:
     on, stands = np.zeros(len(toe), bool), False
     for t in range(len(toe)):
         if stands:
-            stands = label[t] > UNLOCK and speed[t] < TORN
+            stands = label[t] > UNLOCK and speed[t] < TORN and height[t] < HIGH_TOE
         else:
             stands = label[t] > LOCK and speed[t] < GLIDING and bool(low[t])
         on[t] = stands
@@ -191,20 +194,13 @@ def _stand_height(place: Array, heading: float, toe_height: float, ground: Groun
 
 
 def _off_risers(place: Array, heading: float, under: float, ground: Ground) -> Array:
-    """Metres (2,) by which a stand is moved along the foot so that neither tip nor heel is in a riser, nor the
-    heel beyond an edge from which it would hang.
-    """
+    """Metres (2,) by which a stand is moved along the foot, the least, so that no part of it is in a riser."""
     if not ground.all:
         return np.zeros(2)
     ahead = heading_to_direction(np.array(heading))
-    tips = place + (TIP + EDGE) * ahead - _BACK[:, None] * ahead
-    heels = place + (HEEL - EDGE) * ahead + _BACK[:, None] * ahead
-    limit = under + 2 * EDGE
-    for ends, sign in ((tips, -1.0), (heels, 1.0)):
-        free = ground.height(ends) < limit
-        if not free[0] and free.any():
-            return np.asarray(sign * _BACK[int(np.argmax(free))] * ahead)
-    return np.zeros(2)
+    along = np.arange(HEEL - EDGE, TIP + EDGE + 1e-6, EDGE)
+    free = (ground.height(place + (_ASIDE[:, None] + along)[..., None] * ahead) < under + 2 * EDGE).all(1)
+    return np.asarray(_ASIDE[np.argmax(free)] * ahead) if free.any() else np.zeros(2)
 
 
 def _bridge(values: Array, runs: Sequence[tuple[int, int]], pace: Array) -> None:
@@ -238,24 +234,42 @@ def _bridge(values: Array, runs: Sequence[tuple[int, int]], pace: Array) -> None
 def _raised(toe: Array, foot: Array, planted: Array, ground: Ground) -> Array:
     """Metres (T,) by which a foot is raised: out of the ground, and over floor and edges while it swings."""
     ahead = heading_to_direction(foot_heading(foot))
-    points = np.stack([toe[:, :2] + k * ahead for k in (0.0, MIDDLE, HEEL, TIP)], axis=1)
-    heights = ground.height(points)
-    deep = sole_depth(toe, foot, np.maximum(heights[:, 0], np.where(planted, 0.0, heights[:, 3])), heights[:, 2])
-    if planted.all():
-        return gaussian_smooth(_widest(deep, 1), 1.0)
+    heights = ground.height(np.stack([toe[:, :2] + k * ahead for k in (0.0, MIDDLE, HEEL, TIP)], axis=1))
+    under = np.where(planted, np.minimum(heights[:, 0], toe[:, 2] - TOE_HEIGHT), heights[:, 0])
+    deep = sole_depth(toe, foot, under, np.minimum(under, heights[:, 2]))
+    out = gaussian_smooth(_widest(deep, 1), 1.0)
     fast = smooth_step(_speed(toe) / FAST)
-    over = np.where(ground.height(toe[:, :2]) > 0, EDGE, CLEARANCE) * fast
-    lowest = toe[:, 2] - TOE_HEIGHT
-    need = np.where(planted, 0.0, np.maximum(_widest(heights, 2).max(1) + over - lowest, 0.0))
-    swing = np.ones(len(toe))
+    over = np.where(heights[:, 0] > 0, EDGE, CLEARANCE) * fast
+    sole = toe[:, 2] - TOE_HEIGHT
+    need = np.where(planted, 0.0, np.maximum(_widest(heights, 1).max(1) + over - sole, 0.0))
     for a, b in intervals(~planted):
         k = np.arange(b - a)
         before = np.full(b - a, np.inf) if a == 0 else k + 1.0
         after = np.full(b - a, np.inf) if b == len(toe) else (b - a) - k
-        swing[a:b] = smooth_step(np.minimum(before, after) / 4.0)
-        # A lift has no more than one top: what is needed in the middle is not given up on the way.
-        need[a:b] = gaussian_smooth(_widest(need[a:b], 2), 1.5) if b - a > 2 else need[a:b]
-    return np.maximum(gaussian_smooth(_widest(deep, 1), 1.0), need * swing)
+        lift = need[a:b]
+        slow = max(4.0, float(lift.max()) / RISE)  # frames in which it is raised
+        lift = gaussian_smooth(_widest(lift, int(slow / 2)), slow / 4) if b - a > 2 else lift
+        out[a:b] = np.maximum(out[a:b], lift * smooth_step(before / slow) * smooth_step(after / slow))
+    return out
+
+
+def _held_off(toe: Array, foot: Array, planted: Array, ground: Ground) -> Array:
+    """Metres (T, 2) by which a swinging foot is held back before a riser that it is too low for, or on behind it."""
+    out = np.zeros((len(toe), 2))
+    if not ground.all:
+        return out
+    ahead = heading_to_direction(foot_heading(foot))
+    limit = (toe[:, 2] - TOE_HEIGHT + EDGE)[:, None]
+    for part, sign in ((np.arange(0.0, TIP + EDGE, EDGE), -1.0), (np.arange(HEEL - EDGE, 0.0, EDGE), 1.0)):
+        along = (part + sign * _BACK[:, None])[None, ..., None]
+        free = (ground.height(toe[:, None, None, :2] + along * ahead[:, None, None]) < limit[..., None]).all(2)
+        off = np.where(free.any(1), _BACK[free.argmax(1)], 0.0) * ~planted
+        for a, b in intervals(~planted):
+            if off[a:b].any() and b - a > 2:
+                ends = smooth_step((np.minimum(np.arange(b - a), b - a - 1 - np.arange(b - a)) + 1) / 3.0)
+                off[a:b] = gaussian_smooth(_widest(off[a:b], 1), 1.5) * ends
+        out += sign * off[:, None] * ahead
+    return out
 
 
 __all__ = ["Footsteps", "Ground", "footsteps", "wrap_angle"]

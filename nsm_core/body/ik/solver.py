@@ -22,6 +22,7 @@ from .tree import Tree
 
 ROUNDS = (4.0, 3.0, 3.0, 2.0, 1.5, 1.0)  # frames by which steps are smoothed, round by round
 MOST_TURN, MOST_SHIFT = 0.35, 0.12  # radians and metres of one step
+MOST_AWAY = 0.18  # metres that hips leave the motion by
 _OFF = 1e4  # deviation of rows that ask for nothing
 
 
@@ -117,18 +118,22 @@ def solve(
     tasks: Sequence[Task],
     stiffness: Stiffness,
     rounds: Sequence[float] = ROUNDS,
-    keep: Array | None = None,
 ) -> Generator[None, None, Pose]:
     """Return the motion that meets ``tasks`` with the least change; yields after each round.
 
-    ``rounds`` are the frames by which each smooths its steps; ``keep`` (T,) 0..1 how much of its step a frame takes.
+    ``rounds`` are the frames by which each smooths its steps.
     """
+    start = pose.hips
     for smooth in rounds:
         rows = [task.rows(pose) for task in tasks]
         step = least_step(pose, rows, stiffness)
         if smooth:
             step = gaussian_smooth(step, smooth)
-        pose = pose.moved(step if keep is None else step * keep[:, None])
+        # What a limb cannot do the hips do, but not without end.
+        away = pose.hips + step[:, :3] - start
+        size = np.linalg.norm(away, axis=1, keepdims=True)
+        step[:, :3] -= away * (1 - np.minimum(1, MOST_AWAY / np.maximum(size, 1e-9)))
+        pose = pose.moved(step)
         yield
     return pose
 
