@@ -9,6 +9,7 @@ legs' corrections during a take keep the clearances that they need; this set is 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
@@ -117,10 +118,14 @@ class Spheres:
                 row[a] += (1 - t) * np.array((1.0, *c.from_a))
                 row[b] += t * np.array((1.0, *c.from_b))
                 rows.append(row)
-                full, thin = ((1 - t) * r[0] + t * r[1] for r in ((c.radius_a, c.radius_b), c.pressed or (0.0, 0.0)))
+                full, thin = (
+                    (1 - t) * r[0] + t * r[1] for r in ((c.radius_a, c.radius_b), c.pressed or (0.0, 0.0))
+                )
                 radii.append(full)
                 pressed.append(thin if c.pressed else full)
-                side.append(_SIDES.index("Left" if "Left" in c.a + c.b else "Right" if "Right" in c.a + c.b else ""))
+                side.append(
+                    _SIDES.index("Left" if "Left" in c.a + c.b else "Right" if "Right" in c.a + c.b else "")
+                )
                 moved.append(np.maximum(above[a], t * above[b]))
                 names.append(f"{c.a}-{c.b}")
         self._matrix = np.array(rows).reshape(len(rows), -1)  # (S, 4 J): of positions and the axes of frames
@@ -131,6 +136,17 @@ class Spheres:
         self.forearm = np.array([_FOREARMS.index(n) if n in _FOREARMS else -1 for n in first])
         self.groups = [np.flatnonzero([n == one for n in first]) for one in dict.fromkeys(first)]
         self.middle = names.index("Hips-Hips")
+
+    def only(self, index: Array) -> Spheres:
+        """Those of ``index`` (N,) alone."""
+        part = copy(self)
+        for name in ("_matrix", "radii", "pressed", "_side", "moved", "hand", "forearm"):
+            setattr(part, name, getattr(self, name)[index])
+        part.names = [self.names[k] for k in index]
+        first = [name.split("-")[0] for name in part.names]
+        part.groups = [np.flatnonzero([n == one for n in first]) for one in dict.fromkeys(first)]
+        part.middle = 0
+        return part
 
     def of(self, positions: Array, rotations: Array) -> tuple[Array, Array]:
         """Centres (T, S, 3) world and radii (T, S), metres, of a body with joints at ``positions`` (T, J, 3) and

@@ -15,6 +15,7 @@ import numpy as np
 from nsm_core.body.capsules import SPHERES
 from nsm_core.body.contacts import ANKLES, TOES
 from nsm_core.body.ik.clearance import Clearance, Solid
+from nsm_core.body.ik.foot_clearance import FOOT_SPHERES, keep_clear
 from nsm_core.body.ik.footsteps import Footsteps, Ground, footsteps
 from nsm_core.body.ik.seating import settle
 from nsm_core.body.ik.solver import Pose, Stiffness, Task, solve
@@ -49,7 +50,9 @@ _LIMBS = tuple(leg[:3] for leg in FEET)
 
 def stiffness(names: Sequence[str] = JOINTS) -> Stiffness:
     """How a person's joints of these names give way."""
-    turns = np.array([next(g for key, g in _GIVES if name.endswith(key) or name.startswith(key)) for name in names])
+    turns = np.array(
+        [next(g for key, g in _GIVES if name.endswith(key) or name.startswith(key)) for name in names]
+    )
     hinges = {
         j: (np.array(axis), _ACROSS)
         for j, name in enumerate(names)
@@ -70,7 +73,8 @@ class Note:
     seat: SeatTarget | None
     level: float
     leads: list[Lead]
-    touching: dict[str, tuple[float, float]]  # by the prop's name, how far either hand touches it, 0..1
+    # By the prop's name, how far either hand touches it, 0..1, and whether forearms lie along it.
+    touching: dict[str, tuple[float, float, bool]]
 
 
 @dataclass
@@ -106,7 +110,7 @@ class PostProcess:
             if grasp.prop is not None:
                 shares = {lead.hand: lead.share for lead in grasp.leads}
                 right, left = (shares.get(h, 0.0) if grasp.touches(h) else 0.0 for h in (0, 1))
-                touching[grasp.prop.name] = right, left
+                touching[grasp.prop.name] = right, left, grasp.forearms
         self.notes.append(Note(hips, local, moment.contacts, moment.heading, seat, level, leads, touching))
 
     def solve(self, props: Sequence[tuple[Prop, Array]]) -> Generator[None, None, tuple[Array, Array]]:
@@ -126,12 +130,15 @@ class PostProcess:
         pose = Pose(self.tree, hips, local)
         yield
         ground = Ground(self.terrain, self.low, np.array([n.level for n in notes]))
+        solids = self._solids(props)
         feet = footsteps(pose.positions[:, TOES], pose.world[:, ANKLES], contacts[:, FOOT_CONTACTS], ground)
+        yield
+        yield from keep_clear(feet, pose, solids)
         yield
         targets, shares = self._hands(pose)
         tasks = [*_stand(feet), *_sit(pose, seated), *_reach(pose, targets, shares)]
         tasks.append(TurnTask(INDEX["Head"], pose.world[:, INDEX["Head"]], np.full(len(notes), HEAD_TURN)))
-        limit = Clearance(self._solids(props), left_out=_of_feet())
+        limit = Clearance(solids, left_out=FOOT_SPHERES)
         pose = yield from solve(pose, [*tasks, limit], stiffness())
         return pose.hips, self._exactly(pose, feet, targets, shares)
 
@@ -147,11 +154,12 @@ class PostProcess:
     def _solids(self, props: Sequence[tuple[Prop, Array]]) -> list[Solid]:
         solids = [Solid(self.still)]
         for prop, poses in props:
-            touching = np.array([n.touching.get(prop.name, (0.0, 0.0)) for n in self.notes])
-            share = INSIDE * smooth_step((touching - GRASPS[0]) / (GRASPS[1] - GRASPS[0]))
+            touching = np.array([n.touching.get(prop.name, (0.0, 0.0, False)) for n in self.notes])
+            share = INSIDE * smooth_step((touching[:, :2] - GRASPS[0]) / (GRASPS[1] - GRASPS[0]))
             free = np.zeros((len(poses), len(SPHERES.radii)))
             for side in (0, 1):
-                free += share[:, side, None] * ((SPHERES.hand == side) | (SPHERES.forearm == side))
+                free += share[:, side, None] * (SPHERES.hand == side)
+                free += (share[:, side] * touching[:, 2])[:, None] * (SPHERES.forearm == side)
             solids.append(Solid(prop.query, poses, free if free.any() else None))
         return solids
 
@@ -196,11 +204,6 @@ def _reach(pose: Pose, targets: Array, shares: Array) -> list[Task]:
             turn = np.where(share > 0, HAND_TURN / np.maximum(firm, 1e-3), np.inf)
             tasks.append(TurnTask(arm[2], pose.world[:, arm[2]], turn))
     return tasks
-
-
-def _of_feet() -> Array:
-    """Spheres (S,) of the feet, whose ways are found before."""
-    return np.array([name.split("-")[0].endswith(("Ankle", "Toe")) for name in SPHERES.names])
 
 
 __all__ = ["Note", "PostProcess", "stiffness"]

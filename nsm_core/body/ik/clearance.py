@@ -33,6 +33,12 @@ class Solid:
     poses: Array | None = None
     free: Array | None = None
 
+    def during(self, span: slice) -> Solid:
+        """The same over some of the frames."""
+        if self.poses is None:
+            return self
+        return Solid(self.query, self.poses[span], None if self.free is None else self.free[span])
+
     def distance(self, frames: Array, points: Array, reach: float) -> Array:
         """Distances (N,), metres, at most ``reach``, of world ``points`` (N, 3) in ``frames`` (N,)."""
         if not len(points):
@@ -53,7 +59,9 @@ class Solid:
         return np.where(size > 0.3, way / np.maximum(size, 1e-9), 0.0)
 
 
-def near_spheres(solid: Solid, centres: Array, radii: Array, spheres: Spheres, margin: float) -> tuple[Array, Array]:
+def near_spheres(
+    solid: Solid, centres: Array, radii: Array, spheres: Spheres, margin: float
+) -> tuple[Array, Array]:
     """Frames (N,) and spheres (N,) that are less than ``margin`` metres off a solid, coarse to fine.
 
     ``centres`` (T, S, 3) world and ``radii`` (T, S).
@@ -92,20 +100,21 @@ class Clearance:
     left_out: Array
     spheres: Spheres = SPHERES
     refresh: int = 3  # rounds after which it is looked anew which spheres are near
-    _near: list[tuple[Array, Array]] = field(default_factory=list)
-    _round: int = 0
+    _near: dict[int, list[tuple[Array, Array]]] = field(default_factory=dict)
+    _rounds: dict[int, int] = field(default_factory=dict)
 
-    def rows(self, pose: Pose) -> Rows:
+    def rows(self, pose: Pose, span: slice) -> Rows:
         centres, radii = self.spheres.of(pose.positions, pose.world)
-        if self._round % self.refresh == 0:
-            self._near = []
-            for solid in self.solids:
+        solids, first = [solid.during(span) for solid in self.solids], span.start
+        done = self._rounds[first] = self._rounds.get(first, -1) + 1
+        if done % self.refresh == 0:
+            self._near[first] = []
+            for solid in solids:
                 t, s = near_spheres(solid, centres, radii, self.spheres, NEAR)
                 seen = ~self.left_out[s]
-                self._near.append((t[seen], s[seen]))
-        self._round += 1
+                self._near[first].append((t[seen], s[seen]))
         parts = []
-        for solid, (t, s) in zip(self.solids, self._near, strict=True):
+        for solid, (t, s) in zip(solids, self._near[first], strict=True):
             if not len(t):
                 continue
             distance = solid.distance(t, centres[t, s], float(radii.max()) + 0.02)
@@ -125,7 +134,11 @@ class Clearance:
         if parts:
             frames, index, lack, ways = (np.concatenate(column) for column in zip(*parts, strict=True))
         if not parts or not len(frames):
-            return Rows(np.zeros((count, 0)), np.ones((count, 0)), np.zeros((count, 0, 3 + 3 * len(pose.tree.parents))))
+            return Rows(
+                np.zeros((count, 0)),
+                np.ones((count, 0)),
+                np.zeros((count, 0, 3 + 3 * len(pose.tree.parents))),
+            )
         order = np.lexsort((-lack, frames))
         frames, index, lack, ways = frames[order], index[order], lack[order], ways[order]
         rank = np.arange(len(frames)) - np.searchsorted(frames, frames)
@@ -136,9 +149,9 @@ class Clearance:
         jacobian = np.zeros((count, width, 3 + 3 * len(pose.tree.parents)))
         error[frames, rank] = lack
         deviation[frames, rank] = DEVIATION
-        part = Pose.__new__(Pose)
-        part.tree, part.positions = pose.tree, pose.positions[frames]
-        own = part.of_points(centres[frames, index][:, None], self.spheres.moved[index][:, None], ways[:, None])
+        own = pose.part(frames).of_points(
+            centres[frames, index][:, None], self.spheres.moved[index][:, None], ways[:, None]
+        )
         jacobian[frames, rank] = own[:, 0]
         return Rows(error, deviation, jacobian)
 

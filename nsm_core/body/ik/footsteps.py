@@ -10,13 +10,16 @@ import numpy as np
 from nsm_core.body.contacts import RESTING, TOE_OFFSET, foot_heading, sole_depth
 from nsm_core.body.skeleton import TOE_HEIGHT
 from nsm_core.conventions import FPS
-from nsm_core.rotations import Array, heading_quat, heading_to_direction, quat_mul, quat_rotate, wrap_angle
+from nsm_core.rotations import Array, heading_quat, heading_to_direction, quat_mul, quat_rotate
 from nsm_core.signals import gaussian_smooth, intervals, smooth_step
 from nsm_core.world.scene.terrain import Terrain
 
 LOCK, UNLOCK = 0.5, 0.3  # of the contact label
 GLIDING, TORN = 0.7, 1.0  # m/s: a foot that moves faster is not planted; one that does is let go
-LOW_TOE, HIGH_TOE = 0.08, 0.14  # metres over its ground at which a toe may stand: on the floor, on top of things
+LOW_TOE, HIGH_TOE = (
+    0.08,
+    0.14,
+)  # metres over its ground at which a toe may stand: on the floor, on top of things
 SHORTEST, GAP = 3, 2  # frames of a stand at least; of a lift that is none
 # Metres and radians by which the pose may leave a stand; of stands longer than LONG frames, where the foot is
 # then set anew, raised by STEP_LIFT in STEP_FRAMES.
@@ -24,9 +27,9 @@ SPREAD, LONG_SPREAD, LONG = 0.14, 0.06, 36
 PIVOT, LONG_PIVOT = np.radians(40), np.radians(25)
 STEP_FRAMES, STEP_LIFT = 12, 0.04
 FADE = 9  # frames over which a correction fades where the next stand is far
-CLEARANCE, FAST = 0.028, 0.5  # metres that a swinging foot clears the floor by once it is that fast, m/s
+CLEARANCE, FAST = 0.03, 0.35  # metres that a swinging foot clears the floor by once it is that fast, m/s
 TIP, MIDDLE, HEEL = 0.075, -0.08, -0.17  # metres from the toe joint along the foot
-RISE = 0.06  # metres a frame by which a foot is raised at most, about
+RISE, QUICK = 0.05, 3.5  # metres a frame by which a foot is raised at most, about; frames at least
 EDGE = 0.02  # metres that a foot clears an edge by, and keeps off a riser
 STEP_IN = 0.12  # metres over its sole up to which a foot stands on what is under it
 _BACK = np.arange(0.0, 0.19, 0.01)
@@ -35,11 +38,15 @@ _ASIDE = np.array(sorted(np.arange(-0.28, 0.281, 0.01), key=abs))  # the least f
 
 @dataclass
 class Footsteps:
-    """Where feet are to be: ``ankles`` (T, 2, 3) and ankle ``rotations`` (T, 2, 4), world; ``planted`` (T, 2)."""
+    """Where feet are to be: ``ankles`` (T, 2, 3) and ankle ``rotations`` (T, 2, 4), world; ``planted`` (T, 2).
+
+    ``runs`` are the half-open intervals of the right and the left foot's stands.
+    """
 
     ankles: Array
     rotations: Array
     planted: Array
+    runs: tuple[list[tuple[int, int]], ...]
 
 
 @dataclass
@@ -69,18 +76,19 @@ def footsteps(toes: Array, feet: Array, labels: Array, ground: Ground) -> Footst
     if ground.low:
         toes[..., 2] += _own_level(toes, ground)
     planted = np.zeros(toes.shape[:2], bool)
-    rest: list[int] = []  # frames about which the other foot is set anew
+    steps: list[int] = []  # frames about which the other foot is set anew
+    stands: list[list[tuple[int, int]]] = []
     for side in (0, 1):
         runs = _stands(toes[:, side], labels[:, side], ground)
-        runs, steps = _set_anew(toes[:, side], foot_heading(feet[:, side]), runs, rest)
-        rest = steps
+        runs, steps = _set_anew(toes[:, side], foot_heading(feet[:, side]), runs, steps)
+        stands.append(runs)
         toes[:, side], feet[:, side] = _pinned(toes[:, side], feet[:, side], runs, ground)
         for a, b in runs:
             planted[a:b, side] = True
     for side in (0, 1):
         toes[:, side, 2] += _raised(toes[:, side], feet[:, side], planted[:, side], ground)
         toes[:, side, :2] += _held_off(toes[:, side], feet[:, side], planted[:, side], ground)
-    return Footsteps(toes - quat_rotate(feet, TOE_OFFSET), feet, planted)
+    return Footsteps(toes - quat_rotate(feet, TOE_OFFSET), feet, planted, tuple(stands))
 
 
 def _own_level(toes: Array, ground: Ground) -> Array:
@@ -247,7 +255,7 @@ def _raised(toe: Array, foot: Array, planted: Array, ground: Ground) -> Array:
         before = np.full(b - a, np.inf) if a == 0 else k + 1.0
         after = np.full(b - a, np.inf) if b == len(toe) else (b - a) - k
         lift = need[a:b]
-        slow = max(4.0, float(lift.max()) / RISE)  # frames in which it is raised
+        slow = max(QUICK, float(lift.max()) / RISE)  # frames in which it is raised
         lift = gaussian_smooth(_widest(lift, int(slow / 2)), slow / 4) if b - a > 2 else lift
         out[a:b] = np.maximum(out[a:b], lift * smooth_step(before / slow) * smooth_step(after / slow))
     return out
@@ -262,7 +270,9 @@ def _held_off(toe: Array, foot: Array, planted: Array, ground: Ground) -> Array:
     limit = (toe[:, 2] - TOE_HEIGHT + EDGE)[:, None]
     for part, sign in ((np.arange(0.0, TIP + EDGE, EDGE), -1.0), (np.arange(HEEL - EDGE, 0.0, EDGE), 1.0)):
         along = (part + sign * _BACK[:, None])[None, ..., None]
-        free = (ground.height(toe[:, None, None, :2] + along * ahead[:, None, None]) < limit[..., None]).all(2)
+        free = (ground.height(toe[:, None, None, :2] + along * ahead[:, None, None]) < limit[..., None]).all(
+            2
+        )
         off = np.where(free.any(1), _BACK[free.argmax(1)], 0.0) * ~planted
         for a, b in intervals(~planted):
             if off[a:b].any() and b - a > 2:
@@ -272,4 +282,4 @@ def _held_off(toe: Array, foot: Array, planted: Array, ground: Ground) -> Array:
     return out
 
 
-__all__ = ["Footsteps", "Ground", "footsteps", "wrap_angle"]
+__all__ = ["Footsteps", "Ground", "footsteps"]

@@ -15,13 +15,14 @@ from typing import Protocol
 
 import numpy as np
 
-from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul, quat_rotate, quat_to_matrix
+from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul, quat_rotate
 from nsm_core.signals import gaussian_smooth
 
 from .tree import Tree
 
 ROUNDS = (4.0, 3.0, 3.0, 2.0, 1.5, 1.0)  # frames by which steps are smoothed, round by round
 MOST_TURN, MOST_SHIFT = 0.35, 0.12  # radians and metres of one step
+AT_ONCE = 48  # frames that are worked on at a time: their numbers stay near the processor
 MOST_AWAY = 0.18  # metres that hips leave the motion by
 _OFF = 1e4  # deviation of rows that ask for nothing
 
@@ -49,6 +50,13 @@ class Pose:
 
     def __post_init__(self) -> None:
         self.positions, self.world = self.tree.forward(self.hips, self.local)
+
+    def part(self, span: slice | Array) -> Pose:
+        """Some of its frames."""
+        part = Pose.__new__(Pose)
+        part.tree, part.hips, part.local = self.tree, self.hips[span], self.local[span]
+        part.positions, part.world = self.positions[span], self.world[span]
+        return part
 
     @property
     def above(self) -> Array:
@@ -85,8 +93,8 @@ class Pose:
 class Task(Protocol):
     """Anything that wishes something of every frame of a motion."""
 
-    def rows(self, pose: Pose) -> Rows:
-        """Its wishes, linearised at ``pose``."""
+    def rows(self, pose: Pose, span: slice) -> Rows:
+        """Its wishes of the frames ``span``, linearised at ``pose``, which holds those frames alone."""
         ...
 
 
@@ -119,14 +127,19 @@ def solve(
     stiffness: Stiffness,
     rounds: Sequence[float] = ROUNDS,
 ) -> Generator[None, None, Pose]:
-    """Return the motion that meets ``tasks`` with the least change; yields after each round.
+    """Return the motion that meets ``tasks`` with the least change; yields often.
 
     ``rounds`` are the frames by which each smooths its steps.
     """
-    start = pose.hips
+    start, count = pose.hips, len(pose.hips)
     for smooth in rounds:
-        rows = [task.rows(pose) for task in tasks]
-        step = least_step(pose, rows, stiffness)
+        steps = []
+        for first in range(0, count, AT_ONCE):
+            span = slice(first, min(first + AT_ONCE, count))
+            part = pose.part(span)
+            steps.append(least_step(part, [task.rows(part, span) for task in tasks], stiffness))
+            yield
+        step = np.concatenate(steps)
         if smooth:
             step = gaussian_smooth(step, smooth)
         # What a limb cannot do the hips do, but not without end.
@@ -155,4 +168,4 @@ def least_step(pose: Pose, rows: Sequence[Rows], stiffness: Stiffness) -> Array:
     return step
 
 
-__all__ = ["ROUNDS", "Pose", "Rows", "Stiffness", "Task", "least_step", "quat_to_matrix", "solve"]
+__all__ = ["ROUNDS", "Pose", "Rows", "Stiffness", "Task", "least_step", "solve"]

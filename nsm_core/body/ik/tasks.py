@@ -25,15 +25,15 @@ class PointTask:
     deviation: Array
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
-    def rows(self, pose: Pose) -> Rows:
+    def rows(self, pose: Pose, span: slice) -> Rows:
         point = pose.positions[:, self.joint]
         if any(self.offset):
             point = point + quat_rotate(pose.world[:, self.joint], np.broadcast_to(self.offset, point.shape))
         count = len(point)
         points, ways = np.repeat(point[:, None], 3, 1), np.broadcast_to(_WAYS, (count, 3, 3))
         moved = pose.tree.above[self.joint]
-        deviation = np.broadcast_to(self.deviation.reshape(count, -1), (count, 3))
-        error = np.where(np.isfinite(deviation), self.target - point, 0.0)
+        deviation = np.broadcast_to(self.deviation[span].reshape(count, -1), (count, 3))
+        error = np.where(np.isfinite(deviation), self.target[span] - point, 0.0)
         return Rows(error, deviation, pose.of_points(points, moved, ways))
 
 
@@ -45,10 +45,10 @@ class TurnTask:
     target: Array
     deviation: Array
 
-    def rows(self, pose: Pose) -> Rows:
+    def rows(self, pose: Pose, span: slice) -> Rows:
         count, joints = len(pose.hips), len(pose.tree.parents)
-        gap = quat_to_rotvec(quat_mul(self.target, quat_conjugate(pose.world[:, self.joint])))
-        deviation = np.broadcast_to(self.deviation[:, None], (count, 3))
+        gap = quat_to_rotvec(quat_mul(self.target[span], quat_conjugate(pose.world[:, self.joint])))
+        deviation = np.broadcast_to(self.deviation[span, None], (count, 3))
         jacobian = np.zeros((3, 1 + joints, 3))
         jacobian[:, 1:] = pose.tree.above[self.joint][None, :, None] * _WAYS[:, None]
         jacobian = np.broadcast_to(jacobian.reshape(3, -1), (count, 3, 3 + 3 * joints))

@@ -62,6 +62,7 @@ class Grasp(Protocol):
 
     prop: Prop | None
     errors: dict[str, Any]
+    forearms: bool  # whether forearms lie along what the hands hold
 
     @property
     def active(self) -> bool:

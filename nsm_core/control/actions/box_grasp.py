@@ -48,6 +48,8 @@ class Carrying:
     ``state`` is "reach", "held", "placed" (hands still return), "falling" (let go in the air) or "free".
     """
 
+    forearms = True
+
     def __init__(
         self,
         box: Box,

@@ -67,6 +67,8 @@ class Opening:
     ``state`` is "reach", "held", "released" (the leaf swings on) or "free".
     """
 
+    forearms = False
+
     def __init__(self, leaf: Leaf, way: Passage, solids: DistanceQuery, ik: bool = True) -> None:
         """Prepare to open ``leaf``, which is moved in place, among ``solids`` (its own wall may be part of
         them).
