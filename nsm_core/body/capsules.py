@@ -108,7 +108,8 @@ class Spheres:
     """
 
     def __init__(self, capsules: Sequence[Capsule] = CAPSULES) -> None:
-        rows, radii, pressed, side, moved, names = [], [], [], [], [], []
+        rows, radii, pressed, side, moved = [], [], [], [], []
+        names: list[str] = []
         joints = len(OFFSETS)
         above = _above()
         for c in capsules:

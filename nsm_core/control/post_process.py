@@ -18,11 +18,12 @@ from nsm_core.body.ik.clearance import Clearance, Solid
 from nsm_core.body.ik.foot_clearance import FOOT_SPHERES, keep_clear
 from nsm_core.body.ik.footsteps import Footsteps, Ground, footsteps
 from nsm_core.body.ik.seating import settle
-from nsm_core.body.ik.solver import Pose, Stiffness, Task, solve
+from nsm_core.body.ik.solver import Pose, Task, solve
+from nsm_core.body.ik.stiffness import stiffness
 from nsm_core.body.ik.tasks import PointTask, TurnTask
 from nsm_core.body.ik.tree import HUMAN, Tree
 from nsm_core.body.ik.two_bone import place_limbs
-from nsm_core.body.skeleton import ARMS, FEET, HIPS, INDEX, JOINTS
+from nsm_core.body.skeleton import ARMS, FEET, HIPS, INDEX
 from nsm_core.conventions import FOOT_CONTACTS, HIP_CONTACT
 from nsm_core.rotations import Array
 from nsm_core.signals import smooth_step
@@ -39,27 +40,7 @@ FOOT, FOOT_TURN, SEAT, HAND, HEAD_TURN, HAND_TURN = 0.001, 0.03, 0.003, 0.002, 0
 FIRM = 0.3  # share of its way from which on a hand is led in full
 GRASPS = (0.6, 1.0)  # share of its way over which a hand comes to touch what it holds
 INSIDE = 0.3  # metres by which what holds a thing may be inside it
-# Joints by what their names hold, and the radians by which they give way.
-_GIVES = (("Hips", 0.08), ("Chest", 0.12), ("Neck", 0.2), ("Head", 0.2), ("Collar", 0.08), ("Shoulder", 0.5),
-          ("Elbow", 0.6), ("Wrist", 0.3), ("Hip", 0.4), ("Knee", 0.6), ("Ankle", 0.5), ("Toe", 0.05))  # fmt: skip
-_HIPS_GIVE = np.array((0.05, 0.05, 0.06))
-_HINGES = {"Knee": (1.0, 0.0, 0.0), "RightElbow": (0.0, 0.0, 1.0), "LeftElbow": (0.0, 0.0, -1.0)}
-_ACROSS = 0.05  # radians by which hinges turn about other axes
 _LIMBS = tuple(leg[:3] for leg in FEET)
-
-
-def stiffness(names: Sequence[str] = JOINTS) -> Stiffness:
-    """How a person's joints of these names give way."""
-    turns = np.array(
-        [next(g for key, g in _GIVES if name.endswith(key) or name.startswith(key)) for name in names]
-    )
-    hinges = {
-        j: (np.array(axis), _ACROSS)
-        for j, name in enumerate(names)
-        for key, axis in _HINGES.items()
-        if name.endswith(key)
-    }
-    return Stiffness(_HIPS_GIVE, turns, hinges)
 
 
 @dataclass
@@ -206,4 +187,4 @@ def _reach(pose: Pose, targets: Array, shares: Array) -> list[Task]:
     return tasks
 
 
-__all__ = ["Note", "PostProcess", "stiffness"]
+__all__ = ["Note", "PostProcess"]

@@ -129,7 +129,7 @@ class Clearance:
             parts.append((t, s, np.where(low, 0.0, lack), ways))
         return self._of(pose, centres, parts)
 
-    def _of(self, pose: Pose, centres: Array, parts: list[tuple[Array, ...]]) -> Rows:
+    def _of(self, pose: Pose, centres: Array, parts: Sequence[tuple[Array, ...]]) -> Rows:
         count = len(pose.hips)
         if parts:
             frames, index, lack, ways = (np.concatenate(column) for column in zip(*parts, strict=True))

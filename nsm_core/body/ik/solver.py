@@ -168,4 +168,14 @@ def least_step(pose: Pose, rows: Sequence[Rows], stiffness: Stiffness) -> Array:
     return step
 
 
-__all__ = ["ROUNDS", "Pose", "Rows", "Stiffness", "Task", "least_step", "solve"]
+def solved(pose: Pose, tasks: Sequence[Task], stiffness: Stiffness, rounds: Sequence[float] = ROUNDS) -> Pose:
+    """``solve`` in one go."""
+    work = solve(pose, tasks, stiffness, rounds)
+    while True:
+        try:
+            next(work)
+        except StopIteration as done:
+            return done.value  # type: ignore[no-any-return]
+
+
+__all__ = ["ROUNDS", "Pose", "Rows", "Stiffness", "Task", "least_step", "solve", "solved"]
