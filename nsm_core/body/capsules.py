@@ -2,8 +2,8 @@
 alike.
 
 They are fitted to the bundled mannequin: its surface lies within 1.5 cm of them, standing or bent.  Every end
-hangs on a joint of its own, so that a character of other proportions has a body of its own.  (The hands' and
-legs' corrections during a take keep the clearances that they need; this set is for measuring alone.)
+hangs on a joint of its own, so that a character of other proportions has a body of its own.  Takes are kept out of
+solids by the same set that measures them.
 """
 
 from __future__ import annotations
@@ -131,7 +131,8 @@ class Spheres:
                 names.append(f"{c.a}-{c.b}")
         self._matrix = np.array(rows).reshape(len(rows), -1)  # (S, 4 J): of positions and the axes of frames
         self.radii, self.pressed, self._side = np.array(radii), np.array(pressed), np.array(side)
-        self.moved, self.names = np.array(moved), names
+        self.moved = np.array(moved)
+        self.names: list[str] = names
         first = [name.split("-")[0] for name in names]
         self.hand = np.array([_WRISTS.index(n) if n in _WRISTS else -1 for n in first])
         self.forearm = np.array([_FOREARMS.index(n) if n in _FOREARMS else -1 for n in first])

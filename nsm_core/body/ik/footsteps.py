@@ -29,7 +29,7 @@ STEP_FRAMES, STEP_LIFT = 12, 0.04
 FADE = 9  # frames over which a correction fades where the next stand is far
 CLEARANCE, FAST = 0.03, 0.35  # metres that a swinging foot clears the floor by once it is that fast, m/s
 TIP, MIDDLE, HEEL = 0.075, -0.08, -0.17  # metres from the toe joint along the foot
-RISE, QUICK = 0.05, 3.5  # metres a frame by which a foot is raised at most, about; frames at least
+RISE, QUICK = 0.05, 3.0  # metres a frame by which a foot is raised at most, about; frames at least
 EDGE = 0.02  # metres that a foot clears an edge by, and keeps off a riser
 STEP_IN = 0.12  # metres over its sole up to which a foot stands on what is under it
 _BACK = np.arange(0.0, 0.19, 0.01)
@@ -176,7 +176,7 @@ def _pinned(toe: Array, foot: Array, runs: Sequence[tuple[int, int]], ground: Gr
         middle, spread = float(np.median(h)), float(np.ptp(h))
         firm = float(np.clip((np.radians(60) - spread) / np.radians(20), 0, 1))
         turn[a:b] = firm * (middle - h)
-        place = toe[a:b, :2].mean(0)
+        place = np.median(toe[a:b, :2], axis=0)
         under = _stand_height(place, middle, float(np.median(toe[a:b, 2])), ground)
         place = place + _off_risers(place, middle, under, ground)
         shift[a:b, :2] = place - toe[a:b, :2]
