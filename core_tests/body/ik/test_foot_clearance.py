@@ -32,7 +32,9 @@ def test_a_leg_of_a_table_is_passed_and_stands_stay_still():
     hips, local, contacts = walk()
     pose = Pose(HUMAN, hips.astype(np.float64), local.astype(np.float64))
     toes = pose.positions[:, TOES]
-    steps = footsteps(toes, pose.world[:, ANKLES], blurred(contacts), Ground(Terrain(), Terrain(), np.zeros(120)))
+    steps = footsteps(
+        toes, pose.world[:, ANKLES], blurred(contacts), Ground(Terrain(), Terrain(), np.zeros(120))
+    )
     a, b = steps.runs[0][1]
     at = steps.ankles[a, 0]
     leg = block((at[0] - 0.1, at[1] - 0.08, 0.0), (at[0] - 0.03, at[1] - 0.02, 0.7))

@@ -104,10 +104,14 @@ class Clearance:
     _rounds: dict[int, int] = field(default_factory=dict)
 
     def rows(self, pose: Pose, span: slice) -> Rows:
-        centres, radii = self.spheres.of(pose.positions, pose.world)
-        solids, first = [solid.during(span) for solid in self.solids], span.start
+        first = span.start
         done = self._rounds[first] = self._rounds.get(first, -1) + 1
-        if done % self.refresh == 0:
+        anew = done % self.refresh == 0
+        if not anew and not any(len(t) for t, _ in self._near[first]):
+            return self._of(pose, pose.positions, [])
+        centres, radii = self.spheres.of(pose.positions, pose.world)
+        solids = [solid.during(span) for solid in self.solids]
+        if anew:
             self._near[first] = []
             for solid in solids:
                 t, s = near_spheres(solid, centres, radii, self.spheres, NEAR)
