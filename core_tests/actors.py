@@ -7,8 +7,8 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-
 from nsm_core.body.ik.reaching import Pose
+
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import ANKLE_HEIGHT, ARMS, FEET, INDEX, J, forward_kinematics
 from nsm_core.control.director import Director

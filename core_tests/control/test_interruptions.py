@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from nsm_core.body.ik.reaching import Hold, Pose
+
 from nsm_core.body.skeleton import ARMS, J
 from nsm_core.control.director import TURNING
 from nsm_core.control.goals import Goal

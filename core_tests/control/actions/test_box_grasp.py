@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from actors import Actor, drive
-
 from nsm_core.body.ik.reaching import Pose
+
 from nsm_core.body.skeleton import INDEX, J
 from nsm_core.control.actions.box_grasp import Carrying
 from nsm_core.control.goals import Goal

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from nsm_core.body.ik.reaching import Pose
+
 from nsm_core.body.skeleton import J
 from nsm_core.control.actions.leaf_room import SOON, TOUCH, LeafRoom, leaf_spheres
 from nsm_core.world.scene.door import make_door

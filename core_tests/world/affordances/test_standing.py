@@ -6,10 +6,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from nsm_core.body.ik.elbow_clearance import Elbows
 from nsm_core.body.ik.reaching import Pose
 from nsm_core.body.ik.toe_clearance import ToeClearance
+
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import ARMS, FEET, J, forward_kinematics
 from nsm_core.control.actions.box_grasp import Carrying
