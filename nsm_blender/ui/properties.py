@@ -149,7 +149,10 @@ class NsmSettings(bpy.types.PropertyGroup):
         name="Seed", description="Another seed gives another take of the same goals", default=0, min=0
     )
     contact_ik: BoolProperty(
-        name="Contact IK", description="Hold planted feet still and seat the hips exactly", default=True
+        name="Contact IK",
+        description="Plant the feet, seat the hips, put hands on what they hold and keep the body out of "
+        "solids, over the whole take; off shows the motion of the network alone",
+        default=True,
     )
     results: CollectionProperty(type=NsmResult)
     takes: CollectionProperty(type=NsmTake)

@@ -1,6 +1,7 @@
 """One take: a character performs a queue of goals in a scene, one network step a frame.
 
-Per frame: direct (goals), sense, feed, predict, read and blend, then contact IK on the pose that is kept.
+Per frame: direct (goals), sense, feed, predict, read and blend; a take that is complete is solved as a whole
+(``post_process``): feet planted, hips seated, hands on what they hold, the body out of solids.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ class TakeResult:
     """A finished take of T frames at 30 Hz.
 
     ``hips_position`` (T, 3) and ``local_rotations`` (T, 23, 4) as they are keyed, ``network_hips`` and
-    ``network_rotations`` the same before contact IK; ``contacts`` (T, 5), ``root`` (T, 3), ``action`` labels
+    ``network_rotations`` the same before the take is solved; ``contacts`` (T, 5), ``root`` (T, 3), ``action`` labels
     (T, 7), ``experts`` (T, K) gating coefficients, K 0 for a network that blends none; ``stage_ms`` mean
     milliseconds per frame by stage; ``props`` poses (T, 4) of every prop of the goals by its name: x, y, z
     and heading.
@@ -160,7 +161,7 @@ class TakeRunner:
     def step(self) -> bool:
         """Make one frame; False when the take is over (no frame was made then).
 
-        Once the last frame is made, what only whole takes show is mended, a little at a call.
+        Once the last frame is made, the whole take is solved, a little at a call.
         """
         return step_together((self,))[0]
 
@@ -263,7 +264,9 @@ class TakeRunner:
         self.terrain.add(ground_of(goals, self.request.environment))  # the feet know this very ground
 
     def result(self) -> TakeResult:
-        """Everything made so far."""
+        """Everything made so far, solved."""
+        while self.mend():
+            pass
         columns = [np.stack(c) for c in zip(*self._frames, strict=True)]
         hips, rotations, network_hips, network_rotations, contacts, root, style, experts = columns
         steps = max(self.frames - 1, 1)
