@@ -7,19 +7,20 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from nsm_core.body.ik.reaching import Pose
 
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import ANKLE_HEIGHT, ARMS, FEET, INDEX, J, forward_kinematics
+from nsm_core.control.actions.hold import Seen
 from nsm_core.control.director import Director
 from nsm_core.control.goals import Goal, Moment
-from nsm_core.control.post_process import Finishing
+from nsm_core.control.post_process import PostProcess
 from nsm_core.control.take import own_props
 from nsm_core.conventions import CARRY, FOOT_CONTACTS, GOAL_ACTIONS, HAND_CONTACTS, IDLE, OPEN, STYLES, WALK
 from nsm_core.rotations import heading_quat, quat_from_rotvec, rotate_planar, wrap_angle
 from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene.solids import Scene
+from nsm_core.world.scene.terrain import Terrain
 
 ROOM = (np.array((-4.0, -7.0)), np.array((5.0, 3.0)))
 LEGS = (FEET[0][:3], FEET[1][:3])
@@ -28,7 +29,7 @@ HANGING = np.array(((-0.24, -0.05, 0.78), (0.24, -0.05, 0.78)))
 
 class Actor:
     """Walks at 1.2 m/s to where the series leads, reaches for what is commanded, holds it, and lets go when
-    it is there.
+    it is there.  As in a take its frames are noted while it acts; ``kept`` solves them when it is over.
 
     ``error`` (3,) metres by which its hands miss, ``skew`` radians by which the axis of its hands is turned,
     ``grips`` False for hands that never come near.
@@ -49,10 +50,12 @@ class Actor:
         self.scene = Scene(self.solids, self.props.values())
         self.root = np.array(root, dtype=np.float64)
         plan, rng = FloorPlan(self.solids, ROOM), np.random.default_rng(options.pop("seed", 0))
-        ik = options.pop("ik", True)
+        self.ik = options.pop("ik", True)
         limit = options.pop("time_limit", 20.0)
-        self.director = Director(self.goals, plan, self.root.astype(np.float32), rng, limit, self.scene, ik)
-        self.finishing = Finishing(self.scene, ik)
+        self.director = Director(
+            self.goals, plan, self.root.astype(np.float32), rng, limit, self.scene, self.ik
+        )
+        self.post = PostProcess(self.solids, Terrain(), Terrain())
         self.error, self.skew, self.grips = np.array(error), skew, grips
         self.wrists, self.labels, self.crouch = self._world(HANGING), np.zeros(2), 0.0
         self.style, self.speed, self.distance = np.zeros(len(STYLES)), 0.0, 0.0
@@ -158,7 +161,7 @@ class Actor:
             touch[hand] = np.linalg.norm(self.wrists[hand] - grip) < 0.03
         elif hot != {"open"} and grasp.state == "held":
             # Ahead of the leaf by what a hand that swings it is, as far as the arm reaches.
-            leaf, shoulder = grasp.prop, Pose(*self.frames[-1]["pose"], self.wrists).arms()[0][hand]
+            leaf, shoulder = grasp.prop, Seen(*self.frames[-1]["network"], self.wrists).shoulders[hand]
             places = [
                 leaf.grip(grasp.way.side, leaf.angle + lead) + self.error for lead in (0.2, 0.12, 0.06, 0.0)
             ]
@@ -170,10 +173,13 @@ class Actor:
         hips, local = self.pose()
         director = self.director
         seat = director.stage.seat() if director.stage is not None else None
-        kept_hips, kept = self.finishing.apply(hips, local, self.moment(), seat, director.grasps)
+        self.post.note(hips, local, self.moment(), seat, director.grasps, 0.0)
+        for grasp in director.grasps:
+            taken = grasp.errors.get("taken")
+            if taken is not None and taken.frame < 0:
+                taken.frame = len(self.frames)
         self.frames.append(
             {
-                "pose": (kept_hips, kept),
                 "network": (hips, local),
                 "root": self.root.copy(),
                 "wrists": self.wrists.copy(),
@@ -206,11 +212,35 @@ class Actor:
         return np.array([f["props"][name] for f in self.frames])
 
     @cached_property
+    def kept(self) -> tuple[np.ndarray, np.ndarray]:
+        """Hips (T, 3) and local rotations (T, 23, 4) that are kept: ask when it is over."""
+        hips, local = (np.array(c) for c in zip(*(f["network"] for f in self.frames), strict=True))
+        return (
+            solved(self.post, [(p, self.track(n)) for n, p in self.props.items()])
+            if self.ik
+            else (hips, local)
+        )
+
+    @cached_property
     def joints(self) -> np.ndarray:
-        """Joints (T, 23, 3) as they are kept; ask when it is over."""
-        return forward_kinematics(
-            *(np.array(c) for c in zip(*(f["pose"] for f in self.frames), strict=True))
-        )[0]
+        """Joints (T, 23, 3) as they are kept."""
+        return forward_kinematics(*self.kept)[0]
+
+    def hand_errors(self, goal: int) -> tuple[float, float]:
+        """Centimetres and degrees by which the kept hands miss what they take, in the frame in which they do."""
+        taken = self.director.results[goal].taken
+        wrists = self.joints[taken.frame, [arm[2] for arm in ARMS]]
+        return taken.errors(wrists, self.frames[taken.frame]["props"][self.goals[goal].prop.name])
+
+
+def solved(post: PostProcess, props=()) -> tuple[np.ndarray, np.ndarray]:
+    """Hips and local rotations of a take, solved to its end."""
+    solving = post.solve(props)
+    while True:
+        try:
+            next(solving)
+        except StopIteration as done:
+            return done.value
 
 
 def drive(goals: list[Goal], **options) -> Actor:

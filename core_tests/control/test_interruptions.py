@@ -6,9 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from nsm_core.body.ik.reaching import Hold, Pose
 
-from nsm_core.body.skeleton import ARMS, J
 from nsm_core.control.director import TURNING
 from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest, TakeRunner
@@ -16,7 +14,6 @@ from nsm_core.errors import GoalError
 from nsm_core.evaluation.measures.motion import jumps
 from nsm_core.model.features.state import PIVOT
 from nsm_core.model.inference.model import Model, load_model
-from nsm_core.rotations import quat_from_rotvec
 from nsm_core.world.geometry.distance import Cuboids
 
 
@@ -94,25 +91,3 @@ def test_commands_fade_over_when_another_goal_breaks_in(model):
     assert np.abs(places[TURNING][:, :2] - places[0][:, :2]).max() > 0.9 * whole, (
         "it is over within a third of a second"
     )
-
-
-def test_hands_that_let_go_while_the_body_rises_go_on_with_it():
-    """The offset from the pose fades, so wrists keep the speed of the body they hang on."""
-    hold, local = Hold([0, 1]), np.zeros((J, 4))
-    local[:, 0] = 1
-    local[[arm[0] for arm in ARMS]] = quat_from_rotvec(np.array(((0.8, 0.0, 0.0), (0.8, 0.0, 0.0))))
-    local[[arm[1] for arm in ARMS]] = quat_from_rotvec(np.array(((0.0, 0.0, 0.9), (0.0, 0.0, -0.9))))
-    offset = np.array((0.0, 0.05, -0.06))
-    heights = []
-    for frame in range(40):
-        pose = Pose(np.array((0.0, 0.0, 0.8 + 0.04 * frame)), local.copy(), np.zeros((2, 3)))
-        places = pose.arms()[1] + offset
-        if frame < 20:
-            hold.weight = 1.0
-        elif frame == 20:
-            hold.release()
-        hold.apply(pose, places)
-        heights.append(pose.arms()[1][:, 2])
-    rise = np.diff(heights, axis=0)
-    assert rise[19:].min() > 0.03 and np.abs(np.diff(rise, axis=0)).max() < 0.012
-    assert not hold.busy

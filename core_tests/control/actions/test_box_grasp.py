@@ -7,10 +7,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from actors import Actor, drive
-from nsm_core.body.ik.reaching import Pose
 
 from nsm_core.body.skeleton import INDEX, J
 from nsm_core.control.actions.box_grasp import Carrying
+from nsm_core.control.actions.hold import Seen
 from nsm_core.control.goals import Goal
 from nsm_core.conventions import GOAL_ACTIONS, HAND_CONTACTS
 from nsm_core.errors import GoalError
@@ -73,7 +73,7 @@ def test_box_is_brought_and_stands_where_it_should(carried):
     assert carry.position_error_cm < 1 and carry.rotation_error_deg < 1
     # The hands' own errors are those that the script makes.
     assert 2 < carry.network_position_error_cm < 6 and 3 < carry.network_rotation_error_deg < 8
-    assert carry.hand_error_cm < 1 and carry.hand_rotation_deg < 1
+    assert carried.hand_errors(0)[0] < 1 and carried.hand_errors(0)[1] < 1
     assert 2 < carry.network_hand_error_cm < 8 and 3 < carry.network_hand_rotation_deg < 8
     assert np.isnan(walk.hand_error_cm)
 
@@ -236,13 +236,17 @@ def test_boxes_on_the_floor_are_walked_around():
     assert np.linalg.norm(at - box.pose[:2], axis=1).min() > 0.35
 
 
-def test_without_ik_the_body_is_the_networks_and_the_box_still_comes():
-    actor = drive([to_table(on_floor())], solids=TABLE, ik=False)
-    assert actor.director.results[0].reached
-    assert all(
-        np.array_equal(a, b) for f in actor.frames for a, b in zip(f["pose"], f["network"], strict=True)
-    )
-    np.testing.assert_allclose(actor.track("Box")[-1][:3], ON_TABLE, atol=0.01)
+def test_without_ik_nothing_draws_the_box_to_its_place():
+    """It stands where the hands of the network let it go, as far off as they are."""
+    error = np.array((0.02, 0.03, 0.0))
+    actor = drive([to_table(on_floor())], solids=TABLE, ik=False, error=error)
+    carry, track = actor.director.results[0], actor.track("Box")
+    np.testing.assert_allclose(track[-1][:3] - ON_TABLE, error, atol=0.01)
+    assert carry.position_error_cm > 3 and carry.network_position_error_cm > 3
+    assert np.linalg.norm(np.diff(track[:, :3], axis=0), axis=1).max() * 30 < 2.5
+    hands = np.array([f["wrists"].mean(0) for f in actor.frames])
+    late = [k for k, s in enumerate(states(actor)) if s == "held"][20:]  # the box has settled in the hands
+    assert np.ptp((hands - track[:, :3])[late], axis=0)[:2].max() < 0.12
 
 
 def test_held_box_is_taken_over_by_the_next_order_for_it():
@@ -300,7 +304,7 @@ def test_box_is_not_held_over_its_place(top):
     table = Cuboids([((0.0, -2.3), 0.0, np.array([(-0.6, -0.35, 0.0)]), np.array([(0.6, 0.35, top)]))])
     goal = np.array((0.0, -2.1, top + SIZE[2] / 2, 0.0))
     box = crate((0.0, -0.5, 0.9, 0.0))
-    carrying = Carrying(box, 0.0, goal, table, ik=False)
+    carrying = Carrying(box, 0.0, goal, table)
     over, heights = goal + (0.0, 0.0, 0.3, 0.0), []
     wrists = carrying.grasps()
     contacts = np.zeros(5, np.float32)
@@ -316,7 +320,7 @@ def test_box_is_not_held_over_its_place(top):
             if arrived is None and np.linalg.norm(way[0]) < 0.03:
                 arrived = frame
         root = np.append(wrists.mean(0)[:2] + (0, 0.4), 0.0)
-        carrying.apply(Pose(np.append(root[:2], 0.9), local.copy(), wrists), root, contacts)
+        carrying.apply(Seen(np.append(root[:2], 0.9), local.copy(), wrists), root, contacts)
         heights.append(box.pose[2] - goal[2])
         if arrived is not None and heights[-1] < 0.005:
             break

@@ -1,18 +1,13 @@
-"""Boxes away from edges: where one stands, what is refused, the way over an edge and between boards, a body
-kept out of things.
-"""
+"""Boxes away from edges: where one stands, what is refused, the way over an edge and between boards."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from nsm_core.body.ik.elbow_clearance import Elbows
-from nsm_core.body.ik.reaching import Pose
-from nsm_core.body.ik.toe_clearance import ToeClearance
 
-from nsm_core.body.ik.two_bone import place_limbs
-from nsm_core.body.skeleton import ARMS, FEET, J, forward_kinematics
+from nsm_core.body.skeleton import J
 from nsm_core.control.actions.box_grasp import Carrying
+from nsm_core.control.actions.hold import Seen
 from nsm_core.conventions import HAND_CONTACTS
 from nsm_core.distances import BODY_TO_BOX
 from nsm_core.errors import GoalError
@@ -20,7 +15,7 @@ from nsm_core.evaluation.measures.objects import box_in_solids
 from nsm_core.evaluation.trials import carry_far
 from nsm_core.evaluation.trials.together import alone
 from nsm_core.model.inference.model import load_model
-from nsm_core.rotations import quat_from_rotvec, rotate_planar
+from nsm_core.rotations import rotate_planar
 from nsm_core.world.affordances.standing import (
     BODY_TO_EDGE,
     TOES_CLEAR,
@@ -125,7 +120,7 @@ def carried_to(
     there.
     """
     box = crate(start)
-    carrying = Carrying(box, 0.0, goal, solids, ik=False)
+    carrying = Carrying(box, 0.0, goal, solids)
     carrying.send(goal, further)
     wrists, local, poses = carrying.grasps(), np.zeros((J, 4)), []
     local[:, 0] = 1
@@ -137,7 +132,7 @@ def carried_to(
             way = box.to_world(box.grasps(0.0), over) - wrists
             wrists = wrists + way * min(1.0, 0.03 / max(float(np.linalg.norm(way[0])), 1e-9))
         root = np.append(wrists.mean(0)[:2] + (0, 0.4), 0.0)
-        carrying.apply(Pose(np.append(root[:2], 0.9), local.copy(), wrists), root, contacts)
+        carrying.apply(Seen(np.append(root[:2], 0.9), local.copy(), wrists), root, contacts)
         poses.append(box.pose.copy())
     return box, np.array(poses)
 
@@ -160,52 +155,6 @@ def test_a_box_goes_between_boards_from_the_front():
         box, poses = carried_to(goal, solids, np.array((0.0, 2.0, held, 0.0)), 0.0)
         np.testing.assert_allclose(poses[-1], goal, atol=0.01)
         assert box_in_solids(box, poses, solids) < 0.01
-
-
-def standing() -> tuple[np.ndarray, np.ndarray]:
-    local = np.zeros((J, 4))
-    local[:, 0] = 1
-    return np.array((0.0, 0.0, 0.93)), local
-
-
-def test_elbows_go_round_the_corners_of_a_wide_crate():
-    size = np.array((0.6, 0.5, 0.5))
-    box, elbows = crate((0, -0.46, 1.2, 0.0), size), Elbows()
-    deep = []
-    for _ in range(40):
-        hips, local = standing()
-        # Hanging: elbows stay low when wrists are raised.
-        for arm, sign in zip(ARMS, (-1.0, 1.0), strict=True):
-            local[arm[0]] = quat_from_rotvec(np.array((0, sign * 1.35, 0)))
-        # Further than one holds it, so that arms must go round.
-        further = box.to_world(box.grasps(0.0)) - (0, 0.04, 0)
-        pose = Pose(hips, place_limbs(hips, local, ARMS, further), np.zeros((2, 3)))
-        wrists = pose.arms()[1]
-        elbows.apply(pose, box, True)
-        np.testing.assert_allclose(pose.arms()[1], wrists, atol=1e-6)
-        joints = forward_kinematics(pose.hips, pose.local)[0]
-        upper, middle, lower = (joints[[arm[k] for arm in ARMS]] for k in range(3))
-        points = np.concatenate((upper + 0.7 * (middle - upper), middle, middle + 0.4 * (lower - middle)))
-        deep.append(float((0.04 - box.signed_distance(points.astype(np.float32), 0.2)).max()))
-    assert deep[0] > 0.01 and deep[-1] < 0 and np.abs(np.diff(deep)).max() < 0.03
-
-
-def test_a_foot_too_far_ahead_comes_back_and_returns():
-    hips, local = standing()
-    toes = ToeClearance()
-
-    def tips(kept):
-        return forward_kinematics(hips, kept)[0][[leg[3] for leg in FEET], 1].min()
-
-    before = tips(local)
-    # Seven centimetres of toe lie before the joint, so that four of them are in it.
-    block = Cuboids([((0, before - 0.53), 0.0, np.array([(-1, -0.5, 0.0)]), np.array([(1, 0.5, 0.4)]))])
-    for _ in range(60):
-        kept = toes.apply(hips, local, block)
-    assert 0.05 < tips(kept) - before < 0.09
-    for _ in range(60):
-        kept = toes.apply(hips, local, None)
-    assert tips(kept) == pytest.approx(before, abs=1e-6) and not toes.back.any()
 
 
 @pytest.mark.slow
