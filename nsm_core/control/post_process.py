@@ -25,7 +25,7 @@ from nsm_core.body.ik.tree import HUMAN, Tree
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import ARMS, FEET, HIPS, INDEX
 from nsm_core.conventions import FOOT_CONTACTS, HIP_CONTACT
-from nsm_core.rotations import Array
+from nsm_core.rotations import Array, quat_mul
 from nsm_core.signals import smooth_step
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.props import Prop
@@ -116,21 +116,30 @@ class PostProcess:
         yield
         yield from keep_clear(feet, pose, solids)
         yield
-        targets, shares = self._hands(pose)
-        tasks = [*_stand(feet), *_sit(pose, seated), *_reach(pose, targets, shares)]
+        targets, shares, turns = self._hands(pose)
+        # Arms go first, so that the trunk gives no more than what they lack.
+        pose = Pose(self.tree, pose.hips, _led(pose, pose.local, targets, shares, turns))
+        tasks = [*_stand(feet), *_sit(pose, seated), *_reach(targets, shares, turns)]
         tasks.append(TurnTask(INDEX["Head"], pose.world[:, INDEX["Head"]], np.full(len(notes), HEAD_TURN)))
         limit = Clearance(solids, left_out=FOOT_SPHERES)
         pose = yield from solve(pose, [*tasks, limit], stiffness())
-        return pose.hips, self._exactly(pose, feet, targets, shares)
+        local = place_limbs(pose.hips, pose.local, _LIMBS, feet.ankles, feet.rotations)
+        return pose.hips, _led(pose, local, targets, shares)
 
-    def _hands(self, pose: Pose) -> tuple[Array, Array]:
-        """Where wrists are to be (T, 2, 3), right and left, and how firmly (T, 2)."""
-        targets, shares = pose.positions[:, [arm[2] for arm in ARMS]].copy(), np.zeros((len(self.notes), 2))
+    def _hands(self, pose: Pose) -> tuple[Array, Array, Array]:
+        """Where wrists are to be (T, 2, 3), right and left, how firmly (T, 2), and their world rotations
+        (T, 2, 4).
+        """
+        wrists = [arm[2] for arm in ARMS]
+        targets, turns = pose.positions[:, wrists].copy(), pose.world[:, wrists].copy()
+        shares = np.zeros((len(self.notes), 2))
         for t, note in enumerate(self.notes):
             for lead in note.leads:
                 if lead.share >= shares[t, lead.hand]:
                     targets[t, lead.hand], shares[t, lead.hand] = lead.target, lead.share
-        return targets, shares
+                    if lead.turn is not None:
+                        turns[t, lead.hand] = quat_mul(lead.turn, pose.world[t, wrists[lead.hand]])
+        return targets, shares, turns
 
     def _solids(self, props: Sequence[tuple[Prop, Array]]) -> list[Solid]:
         solids = [Solid(self.still)]
@@ -144,17 +153,21 @@ class PostProcess:
             solids.append(Solid(prop.query, poses, free if free.any() else None))
         return solids
 
-    def _exactly(self, pose: Pose, feet: Footsteps, targets: Array, shares: Array) -> Array:
-        """Local rotations with limbs put exactly where they are to be: what the solver left is small."""
-        local = place_limbs(pose.hips, pose.local, _LIMBS, feet.ankles, feet.rotations)
-        for side, arm in enumerate(ARMS):
-            firm = np.flatnonzero(shares[:, side] > 0)
-            if len(firm):
-                wrist = pose.positions[firm, arm[2]]
-                share = smooth_step(shares[firm, side] / FIRM)[:, None]
-                at = wrist + share * (targets[firm, side] - wrist)
-                local[firm] = place_limbs(pose.hips[firm], local[firm], (arm,), at[:, None])
-        return np.asarray(local)
+
+def _led(pose: Pose, local: Array, targets: Array, shares: Array, turns: Array | None = None) -> Array:
+    """Local rotations with arms that put wrists where they are led, as firmly as they are; hands keep their
+    world rotations, or have ``turns``.
+    """
+    local = np.array(local)
+    for side, arm in enumerate(ARMS):
+        firm = np.flatnonzero(shares[:, side] > 0)
+        if len(firm):
+            wrist = pose.positions[firm, arm[2]]
+            share = smooth_step(shares[firm, side] / FIRM)[:, None]
+            at = wrist + share * (targets[firm, side] - wrist)
+            turn = None if turns is None else turns[firm, side, None]
+            local[firm] = place_limbs(pose.hips[firm], local[firm], (arm,), at[:, None], turn)
+    return local
 
 
 def _stand(feet: Footsteps) -> list[Task]:
@@ -174,7 +187,7 @@ def _sit(pose: Pose, weight: Array) -> list[Task]:
     return [PointTask(HIPS, pose.hips.copy(), deviation)]
 
 
-def _reach(pose: Pose, targets: Array, shares: Array) -> list[Task]:
+def _reach(targets: Array, shares: Array, turns: Array) -> list[Task]:
     tasks: list[Task] = []
     for side, arm in enumerate(ARMS):
         share = shares[:, side]
@@ -183,7 +196,7 @@ def _reach(pose: Pose, targets: Array, shares: Array) -> list[Task]:
             deviation = np.where(share > 0, HAND / np.maximum(firm, 1e-3), np.inf)
             tasks.append(PointTask(arm[2], targets[:, side], deviation))
             turn = np.where(share > 0, HAND_TURN / np.maximum(firm, 1e-3), np.inf)
-            tasks.append(TurnTask(arm[2], pose.world[:, arm[2]], turn))
+            tasks.append(TurnTask(arm[2], turns[:, side], turn))
     return tasks
 
 

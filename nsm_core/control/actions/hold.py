@@ -52,11 +52,15 @@ class Seen:
 
 @dataclass(frozen=True)
 class Lead:
-    """Where a ``hand`` (0 right, 1 left) is to be, ``target`` (3,) of its wrist, world, and how firmly, 0..1."""
+    """Where a ``hand`` (0 right, 1 left) is to be, ``target`` (3,) of its wrist, world, and how firmly, 0..1.
+
+    ``turn`` (4,) is what the hand is turned by from how the pose has it, about world axes; None leaves it.
+    """
 
     hand: int
     target: Array
     share: float
+    turn: Array | None = None
 
 
 class Hold:

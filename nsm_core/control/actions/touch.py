@@ -6,6 +6,7 @@ with.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,14 @@ import numpy as np
 from nsm_core.body.skeleton import ARMS, END_SITES, JOINTS
 from nsm_core.control.goals import Goal, Moment, Taken
 from nsm_core.conventions import HAND_CONTACTS, SIT
-from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_angle
+from nsm_core.rotations import (
+    Array,
+    heading_to_direction,
+    quat_from_rotvec,
+    quat_rotate,
+    rotate_planar,
+    wrap_angle,
+)
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan
 
@@ -71,6 +79,7 @@ class Touching:
         self.hold = Hold([hand], LED)
         self.errors: dict[str, Any] = {}
         self._fingers: Array | None = None  # from the wrist to the tips, world
+        self._turn: Array | None = None  # of the hand, about world axes, so that they point there
 
     @property
     def active(self) -> bool:
@@ -102,8 +111,12 @@ class Touching:
 
     @property
     def leads(self) -> list[Lead]:
-        """Where its hand is to be in this frame."""
-        return self.hold.leads
+        """Where its hand is to be in this frame, and where its fingers point."""
+        return [replace(lead, turn=self._pointed(lead.share)) for lead in self.hold.leads]
+
+    def _pointed(self, share: float) -> Array | None:
+        """What the hand is turned by (4,) that is led this firmly."""
+        return None if self._turn is None else np.asarray(quat_from_rotvec(share * self._turn))
 
     def apply(self, seen: Seen, root: Array, contacts: Array) -> None:
         """Lead the hand by one frame; ``root`` (3,), network ``contacts`` (5,)."""
@@ -116,10 +129,20 @@ class Touching:
             # Nothing is asked of the network, whose hand hangs at its side: it is drawn wherever it is.
             self.hold.approach(np.zeros(1), contacts[[HAND_CONTACTS[self.hand]]])
         self.hold.apply(seen, place[None])
+        if self.hold.busy:
+            wrist = ARMS[self.hand][2]
+            self._turn = _between(quat_rotate(seen.joints[1][wrist], _TIPS[self.hand]), self._fingers)
         if self.state == "reach" and self.hold.complete(self.ik):
             self.state = "held"
             network = float(np.linalg.norm(seen.wrists[self.hand] - place))
             self.errors = {"network_hand_error_cm": 100 * network, "taken": Taken([self.hand], place[None])}
+
+
+def _between(a: Array, b: Array) -> Array:
+    """Rotation vector (3,) of the least turn that takes the direction of ``a`` (3,) to that of ``b`` (3,)."""
+    axis = np.cross(a, b)
+    size = float(np.linalg.norm(axis))
+    return np.asarray(axis * (np.arctan2(size, float(a @ b)) / max(size, 1e-9)))
 
 
 class Touch(Stage):
