@@ -39,7 +39,8 @@ from .goals import Moment
 FOOT, FOOT_TURN, SEAT, HAND, HEAD_TURN, HAND_TURN = 0.001, 0.03, 0.003, 0.002, 0.1, 0.25
 FIRM = 0.3  # share of its way from which on a hand is led in full
 GRASPS = (0.6, 1.0)  # share of its way over which a hand comes to touch what it holds
-INSIDE = 0.3  # metres by which what holds a thing may be inside it
+# Metres by which a hand that holds a thing may be inside it, and the forearm along it.
+INSIDE, ALONG = 0.3, 0.02
 _LIMBS = tuple(leg[:3] for leg in FEET)
 
 
@@ -145,11 +146,11 @@ class PostProcess:
         solids = [Solid(self.still)]
         for prop, poses in props:
             touching = np.array([n.touching.get(prop.name, (0.0, 0.0, False)) for n in self.notes])
-            share = INSIDE * smooth_step((touching[:, :2] - GRASPS[0]) / (GRASPS[1] - GRASPS[0]))
+            share = smooth_step((touching[:, :2] - GRASPS[0]) / (GRASPS[1] - GRASPS[0]))
             free = np.zeros((len(poses), len(SPHERES.radii)))
             for side in (0, 1):
-                free += share[:, side, None] * (SPHERES.hand == side)
-                free += (share[:, side] * touching[:, 2])[:, None] * (SPHERES.forearm == side)
+                free += INSIDE * share[:, side, None] * (SPHERES.hand == side)
+                free += ALONG * (share[:, side] * touching[:, 2])[:, None] * (SPHERES.forearm == side)
             solids.append(Solid(prop.query, poses, free if free.any() else None))
         return solids
 
