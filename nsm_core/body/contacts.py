@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
 from nsm_core.conventions import FPS
 from nsm_core.rotations import Array, direction_to_heading, quat_rotate
 
-from .skeleton import ANKLE_HEIGHT, FEET, OFFSETS
+from .skeleton import ANKLE_HEIGHT, FEET, OFFSETS, TOE_HEIGHT
 
 ANKLES, TOES = [foot[2] for foot in FEET], [foot[3] for foot in FEET]
 # The toe joint is never lower than this over the floor, metres (the reference code's clamp).
@@ -42,17 +44,47 @@ def detect_foot_contacts(
     return votes > half
 
 
+@dataclass(frozen=True, eq=False)
+class Sole:
+    """The soles of a character: ``toe`` (3,) its toe joint in the rest frame of the ankle, ``heel`` (3,) the underside
+    of the heel seen from the toe joint, ``toe_height`` that of the toe joint over a floor it stands on; metres.
+    """
+
+    toe: Array = field(default_factory=lambda: TOE_OFFSET)
+    heel: Array = field(default_factory=lambda: HEEL_FROM_TOE)
+    toe_height: float = TOE_HEIGHT
+
+    @classmethod
+    def of(cls, offsets: Array) -> Sole:
+        """Those of a character with joints at ``offsets`` (23, 3) that stands on its soles in the rest pose."""
+        offsets = np.asarray(offsets, dtype=np.float64)
+        toe = offsets[TOES].mean(0) * (0, 1, 1)
+        ankle = float(sum(offsets[[leg[k] for leg in FEET], 2].mean() for k in range(3)) + offsets[0, 2])
+        size = float(np.hypot(*toe[1:]) / np.hypot(*TOE_OFFSET[1:]))
+        heel = np.array((0.0, size * HEEL_FROM_ANKLE[1], -ankle)) - toe
+        return cls(toe, heel, float(ankle + toe[2]))
+
+    def depth(
+        self, toes: Array, feet: Array, ground: Array | float = 0.0, heel_ground: Array | float | None = None
+    ) -> Array:
+        """How far (...) feet reach under the ground, metres, at least 0: toe joints (..., 3) world, ankle rotations
+        (..., 4) world.  ``ground`` is its height (...) under the foot, ``heel_ground`` that under the heel where it
+        differs.
+        """
+        heel = quat_rotate(feet, self.heel)[..., 2]
+        under = ground if heel_ground is None else heel_ground
+        least = self.toe_height - (TOE_HEIGHT - TOE_CLEARANCE)
+        return np.maximum(0, np.maximum(least - (toes[..., 2] - ground), -(toes[..., 2] - under + heel)))
+
+
 def sole_depth(
     toes: Array, feet: Array, ground: Array | float = 0.0, heel_ground: Array | float | None = None
 ) -> Array:
-    """How far (...) feet reach under the ground, metres, at least 0: toe joints (..., 3) world, ankle
-    rotations (..., 4) world.
+    """``Sole.depth`` of the bundled body."""
+    return _SOLE.depth(toes, feet, ground, heel_ground)
 
-    ``ground`` is its height (...) under the foot, ``heel_ground`` that under the heel where it differs.
-    """
-    heel = quat_rotate(feet, HEEL_FROM_TOE)[..., 2]
-    under = ground if heel_ground is None else heel_ground
-    return np.maximum(0, np.maximum(TOE_CLEARANCE - (toes[..., 2] - ground), -(toes[..., 2] - under + heel)))
+
+_SOLE = Sole()
 
 
 def foot_heading(feet: Array) -> Array:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from nsm_core.body.capsules import SPHERES
-from nsm_core.body.contacts import ANKLES, TOES
+from nsm_core.body.contacts import ANKLES, TOES, Sole
 from nsm_core.body.ik.clearance import Clearance, Solid
 from nsm_core.body.ik.foot_clearance import FOOT_SPHERES, keep_clear
 from nsm_core.body.ik.footsteps import Footsteps, Ground, footsteps
@@ -22,7 +22,7 @@ from nsm_core.body.ik.solver import Pose, Task, solve
 from nsm_core.body.ik.stiffness import stiffness
 from nsm_core.body.ik.tasks import PointTask, TurnTask
 from nsm_core.body.ik.tree import HUMAN, Tree
-from nsm_core.body.ik.two_bone import place_limbs
+from nsm_core.body.ik.two_bone import place_on
 from nsm_core.body.skeleton import ARMS, FEET, HIPS, INDEX
 from nsm_core.conventions import FOOT_CONTACTS, HIP_CONTACT
 from nsm_core.rotations import Array, quat_mul
@@ -113,7 +113,8 @@ class PostProcess:
         yield
         ground = Ground(self.terrain, self.low, np.array([n.level for n in notes]))
         solids = self._solids(props)
-        feet = footsteps(pose.positions[:, TOES], pose.world[:, ANKLES], contacts[:, FOOT_CONTACTS], ground)
+        labels, sole = contacts[:, FOOT_CONTACTS], Sole.of(self.tree.offsets)
+        feet = footsteps(pose.positions[:, TOES], pose.world[:, ANKLES], labels, ground, sole)
         yield
         yield from keep_clear(feet, pose, solids)
         yield
@@ -124,7 +125,7 @@ class PostProcess:
         tasks.append(TurnTask(INDEX["Head"], pose.world[:, INDEX["Head"]], np.full(len(notes), HEAD_TURN)))
         limit = Clearance(solids, left_out=FOOT_SPHERES)
         pose = yield from solve(pose, [*tasks, limit], stiffness())
-        local = place_limbs(pose.hips, pose.local, _LIMBS, feet.ankles, feet.rotations)
+        local = place_on(self.tree, pose.hips, pose.local, _LIMBS, feet.ankles, feet.rotations)
         return pose.hips, _led(pose, local, targets, shares)
 
     def _hands(self, pose: Pose) -> tuple[Array, Array, Array]:
@@ -167,7 +168,7 @@ def _led(pose: Pose, local: Array, targets: Array, shares: Array, turns: Array |
             share = smooth_step(shares[firm, side] / FIRM)[:, None]
             at = wrist + share * (targets[firm, side] - wrist)
             turn = None if turns is None else turns[firm, side, None]
-            local[firm] = place_limbs(pose.hips[firm], local[firm], (arm,), at[:, None], turn)
+            local[firm] = place_on(pose.tree, pose.hips[firm], local[firm], (arm,), at[:, None], turn)
     return local
 
 

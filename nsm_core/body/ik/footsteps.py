@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsm_core.body.contacts import RESTING, TOE_OFFSET, foot_heading, sole_depth
-from nsm_core.body.skeleton import TOE_HEIGHT
+from nsm_core.body.contacts import RESTING, Sole, foot_heading
 from nsm_core.conventions import FPS
 from nsm_core.rotations import Array, heading_quat, heading_to_direction, quat_mul, quat_rotate
 from nsm_core.signals import gaussian_smooth, intervals, smooth_step
@@ -66,12 +65,13 @@ class Ground:
         return self.all.height(places.reshape(-1, 2)).reshape(places.shape[:-1])
 
 
-def footsteps(toes: Array, feet: Array, labels: Array, ground: Ground) -> Footsteps:
+def footsteps(toes: Array, feet: Array, labels: Array, ground: Ground, sole: Sole | None = None) -> Footsteps:
     """Plant the feet of a whole take: toe joints (T, 2, 3), ankle rotations (T, 2, 4), contact labels (T, 2).
 
     In every stand the toe joint keeps one place and the foot one heading, from landing to lift-off; between two
     stands the correction goes over from one to the other with the speed of the foot at both ends.
     """
+    sole = sole or Sole()
     toes, feet = toes.copy(), feet.copy()
     if ground.low:
         toes[..., 2] += _own_level(toes, ground)
@@ -82,13 +82,13 @@ def footsteps(toes: Array, feet: Array, labels: Array, ground: Ground) -> Footst
         runs = _stands(toes[:, side], labels[:, side], ground)
         runs, steps = _set_anew(toes[:, side], foot_heading(feet[:, side]), runs, steps)
         stands.append(runs)
-        toes[:, side], feet[:, side] = _pinned(toes[:, side], feet[:, side], runs, ground)
+        toes[:, side], feet[:, side] = _pinned(toes[:, side], feet[:, side], runs, ground, sole.toe_height)
         for a, b in runs:
             planted[a:b, side] = True
     for side in (0, 1):
-        toes[:, side, 2] += _raised(toes[:, side], feet[:, side], planted[:, side], ground)
-        toes[:, side, :2] += _held_off(toes[:, side], feet[:, side], planted[:, side], ground)
-    return Footsteps(toes - quat_rotate(feet, TOE_OFFSET), feet, planted, tuple(stands))
+        toes[:, side, 2] += _raised(toes[:, side], feet[:, side], planted[:, side], ground, sole)
+        toes[:, side, :2] += _held_off(toes[:, side], feet[:, side], planted[:, side], ground, sole)
+    return Footsteps(toes - quat_rotate(feet, sole.toe), feet, planted, tuple(stands))
 
 
 def _own_level(toes: Array, ground: Ground) -> Array:
@@ -167,7 +167,9 @@ def _set_anew(
     return out, steps
 
 
-def _pinned(toe: Array, foot: Array, runs: Sequence[tuple[int, int]], ground: Ground) -> tuple[Array, Array]:
+def _pinned(
+    toe: Array, foot: Array, runs: Sequence[tuple[int, int]], ground: Ground, toe_height: float
+) -> tuple[Array, Array]:
     """Toe joints (T, 3) and rotations (T, 4) of one foot that stands still in each of ``runs``."""
     heading = np.unwrap(foot_heading(foot))
     shift, turn = np.zeros((len(toe), 3)), np.zeros(len(toe))
@@ -177,10 +179,10 @@ def _pinned(toe: Array, foot: Array, runs: Sequence[tuple[int, int]], ground: Gr
         firm = float(np.clip((np.radians(60) - spread) / np.radians(20), 0, 1))
         turn[a:b] = firm * (middle - h)
         place = np.median(toe[a:b, :2], axis=0)
-        under = _stand_height(place, middle, float(np.median(toe[a:b, 2])), ground)
+        under = _stand_height(place, middle, float(np.median(toe[a:b, 2])) - toe_height, ground)
         place = place + _off_risers(place, middle, under, ground)
         shift[a:b, :2] = place - toe[a:b, :2]
-        shift[a:b, 2] = under + TOE_HEIGHT - toe[a:b, 2]
+        shift[a:b, 2] = under + toe_height - toe[a:b, 2]
     _bridge(shift, runs, np.gradient(toe, axis=0) if len(toe) > 1 else np.zeros_like(toe))
     _bridge(turn[:, None], runs, np.gradient(heading)[:, None] if len(toe) > 1 else np.zeros((len(toe), 1)))
     for (_, a), (b, _) in zip(runs[:-1], runs[1:], strict=True):
@@ -189,7 +191,7 @@ def _pinned(toe: Array, foot: Array, runs: Sequence[tuple[int, int]], ground: Gr
     return toe + shift, quat_mul(heading_quat(turn), foot)
 
 
-def _stand_height(place: Array, heading: float, toe_height: float, ground: Ground) -> float:
+def _stand_height(place: Array, heading: float, sole: float, ground: Ground) -> float:
     """Height of what a foot stands on at a place (2,): the highest ground under its ball that is not far over
     its sole.
     """
@@ -197,7 +199,7 @@ def _stand_height(place: Array, heading: float, toe_height: float, ground: Groun
         return 0.0
     ahead = heading_to_direction(np.array(heading))
     heights = ground.height(np.stack((place, place + MIDDLE * ahead)))
-    below = heights[heights < toe_height - TOE_HEIGHT + STEP_IN]
+    below = heights[heights < sole + STEP_IN]
     return float(below.max() if len(below) else heights.min())
 
 
@@ -239,17 +241,17 @@ def _bridge(values: Array, runs: Sequence[tuple[int, int]], pace: Array) -> None
         values[end:start] = out
 
 
-def _raised(toe: Array, foot: Array, planted: Array, ground: Ground) -> Array:
+def _raised(toe: Array, foot: Array, planted: Array, ground: Ground, sole: Sole) -> Array:
     """Metres (T,) by which a foot is raised: out of the ground, and over floor and edges while it swings."""
     ahead = heading_to_direction(foot_heading(foot))
     heights = ground.height(np.stack([toe[:, :2] + k * ahead for k in (0.0, MIDDLE, HEEL, TIP)], axis=1))
-    under = np.where(planted, np.minimum(heights[:, 0], toe[:, 2] - TOE_HEIGHT), heights[:, 0])
-    deep = sole_depth(toe, foot, under, np.minimum(under, heights[:, 2]))
+    under = np.where(planted, np.minimum(heights[:, 0], toe[:, 2] - sole.toe_height), heights[:, 0])
+    deep = sole.depth(toe, foot, under, np.minimum(under, heights[:, 2]))
     out = gaussian_smooth(_widest(deep, 1), 1.0)
     fast = smooth_step(_speed(toe) / FAST)
     over = np.where(heights[:, 0] > 0, EDGE, CLEARANCE) * fast
-    sole = toe[:, 2] - TOE_HEIGHT
-    need = np.where(planted, 0.0, np.maximum(_widest(heights, 1).max(1) + over - sole, 0.0))
+    height = toe[:, 2] - sole.toe_height
+    need = np.where(planted, 0.0, np.maximum(_widest(heights, 1).max(1) + over - height, 0.0))
     for a, b in intervals(~planted):
         k = np.arange(b - a)
         before = np.full(b - a, np.inf) if a == 0 else k + 1.0
@@ -261,13 +263,13 @@ def _raised(toe: Array, foot: Array, planted: Array, ground: Ground) -> Array:
     return out
 
 
-def _held_off(toe: Array, foot: Array, planted: Array, ground: Ground) -> Array:
+def _held_off(toe: Array, foot: Array, planted: Array, ground: Ground, sole: Sole) -> Array:
     """Metres (T, 2) by which a swinging foot is held back before a riser that it is too low for, or on behind it."""
     out = np.zeros((len(toe), 2))
     if not ground.all:
         return out
     ahead = heading_to_direction(foot_heading(foot))
-    limit = (toe[:, 2] - TOE_HEIGHT + EDGE)[:, None]
+    limit = (toe[:, 2] - sole.toe_height + EDGE)[:, None]
     for part, sign in ((np.arange(0.0, TIP + EDGE, EDGE), -1.0), (np.arange(HEEL - EDGE, 0.0, EDGE), 1.0)):
         along = (part + sign * _BACK[:, None])[None, ..., None]
         free = (ground.height(toe[:, None, None, :2] + along * ahead[:, None, None]) < limit[..., None]).all(

@@ -35,6 +35,8 @@ from nsm_core.components import (
 )
 from nsm_core.rotations import Array, quat_mul, quat_rotate
 
+from .tree import Tree
+
 # Hinge axis of knee and elbow in the rest frame of the upper bone: turning the lower bone about it flexes the
 # joint.
 _HINGES = np.zeros((J, 3))
@@ -144,6 +146,29 @@ def place_limbs(
             placed.extend(_place(Numbers, position, parent, turns, _REST[chain[1:]], goals[n][k], end))
         poses[n, [j for chain in chains for j in chain]] = placed
     return poses.reshape(local.shape).astype(dtype, copy=False)
+
+
+def place_on(
+    tree: Tree,
+    hips: Array,
+    local: Array,
+    chains: Sequence[tuple[int, int, int]],
+    targets: Array,
+    end_rotations: Array | None = None,
+) -> Array:
+    """``place_limbs`` of motions (T, ...) of a body of any proportions whose joints are those of ``skeleton``."""
+    positions, world = tree.forward(hips, local)
+    starts, middles, ends = (list(joints) for joints in zip(*chains, strict=True))
+    parent = world[:, np.array(tree.parents)[starts]]
+    old = tuple(split(local[:, joints]) for joints in (starts, middles, ends))
+    bones = tree.offsets[middles], tree.offsets[ends], _HINGES[middles]
+    rest = tuple(split(a.astype(np.float64)) for a in bones)
+    end = None if end_rotations is None else split(end_rotations)
+    new = _place(Arrays, split(positions[:, starts]), split(parent), old, rest, split(targets), end)
+    out = np.array(local, dtype=np.float64)
+    for joints, rotation in zip((starts, middles, ends), new, strict=True):
+        out[:, joints] = packed(rotation)
+    return out
 
 
 def place_wrists(
