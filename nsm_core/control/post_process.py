@@ -23,7 +23,7 @@ from nsm_core.body.ik.stiffness import stiffness
 from nsm_core.body.ik.tasks import PointTask, TurnTask
 from nsm_core.body.ik.tree import HUMAN, Tree
 from nsm_core.body.ik.two_bone import place_on
-from nsm_core.body.skeleton import ARMS, FEET, HIPS, INDEX
+from nsm_core.body.skeleton import ARMS, FEET, HIPS, INDEX, TOE_HEIGHT
 from nsm_core.conventions import FOOT_CONTACTS, HIP_CONTACT
 from nsm_core.rotations import Array, quat_mul
 from nsm_core.signals import smooth_step
@@ -62,7 +62,7 @@ class Note:
 @dataclass
 class PostProcess:
     """The notes of one take, and what its motion is solved among: ``still`` solids, ``terrain`` that feet stand
-    on, ``low`` what of it one walks over.
+    on, ``low`` what of it one walks over.  ``tree`` is the character's skeleton, at the network's height of hips.
     """
 
     still: DistanceQuery
@@ -114,7 +114,9 @@ class PostProcess:
         ground = Ground(self.terrain, self.low, np.array([n.level for n in notes]))
         solids = self._solids(props)
         labels, sole = contacts[:, FOOT_CONTACTS], Sole.of(self.tree.offsets)
-        feet = footsteps(pose.positions[:, TOES], pose.world[:, ANKLES], labels, ground, sole)
+        # Feet go where the network has them, whatever legs they hang on.
+        toes = HUMAN.forward(hips, local)[0][:, TOES] + (0, 0, sole.toe_height - TOE_HEIGHT)
+        feet = footsteps(toes, pose.world[:, ANKLES], labels, ground, sole)
         yield
         yield from keep_clear(feet, pose, solids)
         yield

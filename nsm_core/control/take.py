@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from nsm_core.body.skeleton import ARMS, HIPS, forward_kinematics, root_of
+from nsm_core.body.ik.tree import Tree
+from nsm_core.body.skeleton import ARMS, HIPS, OFFSETS, PARENTS, forward_kinematics, root_of
 from nsm_core.conventions import CONTACTS, FOOT_CONTACTS, FPS
 from nsm_core.errors import GoalError
 from nsm_core.model.features.codec import SensorReading, build_inputs, no_object, read_outputs
@@ -53,7 +54,8 @@ class TakeRequest:
     ``start_position`` (2,) metres and ``start_heading`` of the root; ``environment`` everything solid that
     does not move (no floor, no character, none of the goals' props); ``ground`` the heights of what is walked
     over, such as rugs and thresholds, and is no part of it; ``time_limit`` seconds without any progress after
-    which a goal is given up.
+    which a goal is given up.  ``offsets`` (23, 3) are those of the character's joints, metres, where its
+    proportions are others than the network's; hips as high as those, since it acts in a world of that scale.
     """
 
     start_position: Array
@@ -65,6 +67,7 @@ class TakeRequest:
     time_limit: float = 20.0
     blending: Blending = field(default_factory=Blending)
     ground: Terrain = field(default_factory=Terrain)
+    offsets: Array = field(default_factory=lambda: OFFSETS)
 
 
 @dataclass
@@ -121,7 +124,8 @@ class TakeRunner:
         )
         self.relief = Relief(request.ground, root[:2])
         self.terrain = merged((request.ground, ground_of(goals, request.environment)))
-        self._post = PostProcess(request.environment, self.terrain, request.ground)
+        tree = Tree(PARENTS, np.asarray(request.offsets, dtype=np.float64))
+        self._post = PostProcess(request.environment, self.terrain, request.ground, tree)
         self._ms = dict.fromkeys(STAGES, 0.0)
         self._frames: list[tuple[Array, ...]] = []
         self._poses: dict[str, list[Array]] = {name: [] for name in self.props}
@@ -344,14 +348,14 @@ class TakeRunner:
         results = self.director.results
         for index, frame in self._reached.items():
             hips, rotations = self._frames[frame][:2]
-            heading = float(root_of(forward_kinematics(hips, rotations)[0])[1])
+            heading = float(root_of(forward_kinematics(hips, rotations, self.request.offsets)[0])[1])
             errors = goal_errors(results[index], hips, heading)
             results[index].position_error_cm, results[index].rotation_error_deg = errors
         for result, goal in zip(results, self.director.goals, strict=True):
             taken = result.taken
             if taken is not None and 0 <= taken.frame < self.frames:
                 hips, rotations = self._frames[taken.frame][:2]
-                wrists = forward_kinematics(hips, rotations)[0][_WRISTS]
+                wrists = forward_kinematics(hips, rotations, self.request.offsets)[0][_WRISTS]
                 pose = np.zeros(4) if goal.prop is None else self._poses[goal.prop.name][taken.frame]
                 result.hand_error_cm, result.hand_rotation_deg = taken.errors(wrists, pose)
 
