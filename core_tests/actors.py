@@ -10,7 +10,7 @@ import numpy as np
 
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import ANKLE_HEIGHT, ARMS, FEET, INDEX, J, forward_kinematics
-from nsm_core.control.actions.hold import Seen
+from nsm_core.control.actions.hold import SeenBody
 from nsm_core.control.director import Director
 from nsm_core.control.goals import Goal, Moment
 from nsm_core.control.post_process import PostProcess
@@ -161,7 +161,7 @@ class Actor:
             touch[hand] = np.linalg.norm(self.wrists[hand] - grip) < 0.03
         elif hot != {"open"} and grasp.state == "held":
             # Ahead of the leaf by what a hand that swings it is, as far as the arm reaches.
-            leaf, shoulder = grasp.prop, Seen(*self.frames[-1]["network"], self.wrists).shoulders[hand]
+            leaf, shoulder = grasp.prop, SeenBody(*self.frames[-1]["network"], self.wrists).shoulders[hand]
             places = [
                 leaf.grip(grasp.way.side, leaf.angle + lead) + self.error for lead in (0.2, 0.12, 0.06, 0.0)
             ]
@@ -227,7 +227,7 @@ class Actor:
         return forward_kinematics(*self.kept)[0]
 
     def hand_errors(self, goal: int) -> tuple[float, float]:
-        """Centimetres and degrees by which the kept hands miss what they take, in the frame in which they do."""
+        """Centimetres and degrees by which the kept hands miss what they take, when they do."""
         taken = self.director.results[goal].taken
         wrists = self.joints[taken.frame, [arm[2] for arm in ARMS]]
         return taken.errors(wrists, self.frames[taken.frame]["props"][self.goals[goal].prop.name])

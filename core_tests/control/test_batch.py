@@ -11,7 +11,7 @@ from nsm_core.control.take import STAGES, TakeRequest, TakeRunner
 from nsm_core.model.inference.model import load_model
 from nsm_core.world.geometry.distance import Cuboids
 
-FRAMES = 45
+FRAMES = 70
 
 
 def takes(model) -> list[TakeRunner]:
@@ -32,8 +32,15 @@ def takes(model) -> list[TakeRunner]:
 def test_together_is_as_alone():
     model = load_model(backend="numpy")
     together, alone = takes(model), takes(model)
-    went_on = np.array([step_together(together) for _ in range(FRAMES)])
-    assert went_on[:, ::2].all() and went_on[0, 1] and not went_on[-1, 1]
+    went_on, grown = [], []
+    for _ in range(FRAMES):
+        went_on.append(step_together(together))
+        grown.append([take.frames for take in together])
+    went_on, grown = np.array(went_on), np.array(grown)
+    assert went_on[:, ::2].all() and went_on[0, 1]
+    # The one that is complete first is solved, a little at a step, while the others go on.
+    steps = (np.diff(grown[:, 1], prepend=1) == 0) & went_on[:, 1]
+    assert steps.sum() > 10 and not went_on[-1, 1]
     for one, other in zip(together, alone, strict=True):
         while other.frames < one.frames and other.step():
             pass
@@ -43,7 +50,7 @@ def test_together_is_as_alone():
         np.testing.assert_allclose(ours.root, theirs.root, atol=2e-3)
         np.testing.assert_allclose(ours.network_hips, theirs.network_hips, atol=2e-3)
         assert set(ours.stage_ms) == set(STAGES) and all(ms > 0 for ms in ours.stage_ms.values())
-    assert together[0].frames == FRAMES + 1 and together[1].frames == 1 + went_on[:, 1].sum()
+    assert together[0].frames == FRAMES + 1 and together[1].frames == grown[-20, 1] < FRAMES - 20
 
 
 def test_takes_of_several_networks_are_not_mixed():

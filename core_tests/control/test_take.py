@@ -73,6 +73,7 @@ def test_the_network_alone_sits_down_within_10_cm(model, takes):
         and alone.goals[0].rotation_error_deg < 10
     )
     np.testing.assert_array_equal(alone.hips_position, alone.network_hips)
+    np.testing.assert_array_equal(alone.local_rotations, alone.network_rotations)
 
 
 def test_travel_is_honest(takes):
@@ -143,15 +144,37 @@ def test_the_place_in_the_world_makes_no_difference(model, takes):
 def test_frames_can_be_shown_and_counted_as_they_come(model):
     runner = TakeRunner(model, request(trial(), hold=0.0, time_limit=12.0))
     assert runner.frames == 1 and runner.progress < 0.1
-    shares = []
+    shares, frames = [], []
     while runner.step():
         shares.append(runner.progress)
+        frames.append(runner.frames)
         hips, rotations = runner.pose()
         assert hips.shape == (3,) and rotations.shape == (23, 4)
     assert (np.diff(shares) >= 0).all() and shares[-1] <= 1 and runner.progress == 1
-    assert (
-        runner.frames == len(shares) + 1 and not runner.step() and runner.frames == len(runner.result().root)
-    )
+    grown = int(np.argmax(frames)) + 1  # then the whole of it is solved, a little at a step
+    assert (np.diff(frames[:grown]) == 1).all() and (np.diff(frames[grown - 1 :]) == 0).all()
+    assert len(frames) - grown > 20
+    assert runner.frames == grown + 1 and not runner.step() and runner.frames == len(runner.result().root)
+
+
+def test_a_take_grows_as_the_network_has_it_and_is_solved_when_it_is_complete(model):
+    asked = request(trial(), hold=0.0, time_limit=12.0)
+    runner, shown = TakeRunner(model, asked), []
+    while not runner.director.done and runner.step():
+        shown.append(runner.pose()[0])
+    kept = runner.result()
+    np.testing.assert_array_equal(kept.network_hips[1:], np.array(shown)[: runner.frames - 1])
+    assert np.linalg.norm(kept.hips_position - kept.network_hips, axis=1).max() > 0.01
+    # Who goes on from there goes on from the network's motion, and all of it is solved anew.
+    runner.interrupt([Goal("walk", "spot", np.array((1.4, -1.8, 0)), 0.5, 0.0)])
+    while not runner.director.done and runner.step():
+        pass
+    longer = runner.result()
+    first = slice(0, len(kept.root) - 60)
+    np.testing.assert_array_equal(longer.network_hips[: len(kept.root)], kept.network_hips)
+    np.testing.assert_allclose(longer.hips_position[first], kept.hips_position[first], atol=0.02)
+    end = longer.goals[-1]
+    assert end.reached and end.position_error_cm < 40
 
 
 def test_sit_rise_and_stand_elsewhere(model):

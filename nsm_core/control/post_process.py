@@ -14,9 +14,9 @@ import numpy as np
 
 from nsm_core.body.capsules import SPHERES
 from nsm_core.body.contacts import ANKLES, TOES, Sole
-from nsm_core.body.ik.clearance import Clearance, Solid
+from nsm_core.body.ik.clearance import Clearance, Obstacle
 from nsm_core.body.ik.foot_clearance import FOOT_SPHERES, keep_clear
-from nsm_core.body.ik.footsteps import Footsteps, Ground, footsteps
+from nsm_core.body.ik.footsteps import FootGround, Footsteps, footsteps
 from nsm_core.body.ik.seating import settle
 from nsm_core.body.ik.solver import Pose, Task, solve
 from nsm_core.body.ik.stiffness import stiffness
@@ -32,7 +32,7 @@ from nsm_core.world.scene.props import Prop
 from nsm_core.world.scene.terrain import Terrain
 
 from .actions.base import Grasp, SeatTarget
-from .actions.hold import Lead, Seen
+from .actions.hold import Lead, SeenBody
 from .goals import Moment
 
 # Standard deviations that are left to what is asked, metres and radians.
@@ -83,7 +83,7 @@ class PostProcess:
         """Note a frame: the network's ``hips`` (3,), ``local`` rotations (23, 4) and ``moment``, on a floor at the
         height ``level``; ``seat`` what is sat on.  The ``grasps`` go on by a frame and move their props.
         """
-        seen = Seen(hips.astype(np.float64), local.astype(np.float64), moment.wrists)
+        seen = SeenBody(hips.astype(np.float64), local.astype(np.float64), moment.wrists)
         leads: list[Lead] = []
         touching = {}
         for grasp in grasps:
@@ -111,7 +111,7 @@ class PostProcess:
         )
         pose = Pose(self.tree, hips, local)
         yield
-        ground = Ground(self.terrain, self.low, np.array([n.level for n in notes]))
+        ground = FootGround(self.terrain, self.low, np.array([n.level for n in notes]))
         solids = self._solids(props)
         labels, sole = contacts[:, FOOT_CONTACTS], Sole.of(self.tree.offsets)
         # Feet go where the network has them, whatever legs they hang on.
@@ -145,8 +145,8 @@ class PostProcess:
                         turns[t, lead.hand] = quat_mul(lead.turn, pose.world[t, wrists[lead.hand]])
         return targets, shares, turns
 
-    def _solids(self, props: Sequence[tuple[Prop, Array]]) -> list[Solid]:
-        solids = [Solid(self.still)]
+    def _solids(self, props: Sequence[tuple[Prop, Array]]) -> list[Obstacle]:
+        solids = [Obstacle(self.still)]
         for prop, poses in props:
             touching = np.array([n.touching.get(prop.name, (0.0, 0.0, False)) for n in self.notes])
             share = smooth_step((touching[:, :2] - GRASPS[0]) / (GRASPS[1] - GRASPS[0]))
@@ -154,7 +154,7 @@ class PostProcess:
             for side in (0, 1):
                 free += INSIDE * share[:, side, None] * (SPHERES.hand == side)
                 free += ALONG * (share[:, side] * touching[:, 2])[:, None] * (SPHERES.forearm == side)
-            solids.append(Solid(prop.query, poses, free if free.any() else None))
+            solids.append(Obstacle(prop.query, poses, free if free.any() else None))
         return solids
 
 

@@ -8,9 +8,9 @@ from core_tests.body.ik.test_clearance import block
 from core_tests.body.ik.test_footsteps import blurred, walk
 from nsm_core.body.capsules import SPHERES
 from nsm_core.body.contacts import ANKLES, TOES
-from nsm_core.body.ik.clearance import Solid
+from nsm_core.body.ik.clearance import Obstacle
 from nsm_core.body.ik.foot_clearance import FOOT_SPHERES, keep_clear
-from nsm_core.body.ik.footsteps import Ground, footsteps
+from nsm_core.body.ik.footsteps import FootGround, footsteps
 from nsm_core.body.ik.solver import Pose
 from nsm_core.body.ik.tree import HUMAN
 from nsm_core.rotations import quat_mul, quat_rotate
@@ -33,13 +33,13 @@ def test_a_leg_of_a_table_is_passed_and_stands_stay_still():
     pose = Pose(HUMAN, hips.astype(np.float64), local.astype(np.float64))
     toes = pose.positions[:, TOES]
     steps = footsteps(
-        toes, pose.world[:, ANKLES], blurred(contacts), Ground(Terrain(), Terrain(), np.zeros(120))
+        toes, pose.world[:, ANKLES], blurred(contacts), FootGround(Terrain(), Terrain(), np.zeros(120))
     )
     a, b = steps.runs[0][1]
     at = steps.ankles[a, 0]
     leg = block((at[0] - 0.1, at[1] - 0.08, 0.0), (at[0] - 0.03, at[1] - 0.02, 0.7))
     before = depth(steps, pose, leg)
-    for _ in keep_clear(steps, pose, [Solid(leg)]):
+    for _ in keep_clear(steps, pose, [Obstacle(leg)]):
         pass
     after = depth(steps, pose, leg)
     assert before.max() > 0.025 and after.max() < 0.006
@@ -54,9 +54,9 @@ def test_a_leg_of_a_table_is_passed_and_stands_stay_still():
 def test_what_is_far_moves_nothing():
     hips, local, contacts = walk()
     pose = Pose(HUMAN, hips.astype(np.float64), local.astype(np.float64))
-    ground = Ground(Terrain(), Terrain(), np.zeros(120))
+    ground = FootGround(Terrain(), Terrain(), np.zeros(120))
     steps = footsteps(pose.positions[:, TOES], pose.world[:, ANKLES], blurred(contacts), ground)
     ankles = steps.ankles.copy()
-    for _ in keep_clear(steps, pose, [Solid(block((5, 5, 0), (6, 6, 1)))]):
+    for _ in keep_clear(steps, pose, [Obstacle(block((5, 5, 0), (6, 6, 1)))]):
         pass
     assert np.array_equal(ankles, steps.ankles)

@@ -7,7 +7,7 @@ import pytest
 from walks import synthetic_walk
 
 from nsm_core.body.contacts import ANKLES, TOE_OFFSET, TOES, sole_depth
-from nsm_core.body.ik.footsteps import CLEARANCE, EDGE, Ground, footsteps
+from nsm_core.body.ik.footsteps import CLEARANCE, EDGE, FootGround, footsteps
 from nsm_core.body.skeleton import TOE_HEIGHT, forward_kinematics
 from nsm_core.rotations import quat_rotate
 from nsm_core.world.scene.terrain import HeightMap, Terrain
@@ -30,7 +30,7 @@ def slid(hips, drift=0.3):
 
 def planted(hips, local, labels, terrain=None):
     positions, world = forward_kinematics(hips.astype(np.float64), local.astype(np.float64))
-    ground = Ground(terrain or Terrain(), Terrain(), np.zeros(len(hips)))
+    ground = FootGround(terrain or Terrain(), Terrain(), np.zeros(len(hips)))
     steps = footsteps(positions[:, TOES], world[:, ANKLES], labels, ground)
     return steps, steps.ankles + quat_rotate(steps.rotations, TOE_OFFSET), positions[:, TOES]
 
@@ -88,7 +88,7 @@ def test_feet_come_out_of_the_floor_and_swing_over_it():
 
 
 def step_at(y, height=0.2, deep=3.0):
-    """Ground that is ``height`` high from ``y`` on, in the direction of the walk (-Y)."""
+    """FootGround that is ``height`` high from ``y`` on, in the direction of the walk (-Y)."""
     cells = np.full((200, int(deep / 0.02)), height)
     return Terrain([HeightMap(np.array((-2.0, y - deep)), 0.0, cells)])
 

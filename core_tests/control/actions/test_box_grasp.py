@@ -10,7 +10,7 @@ from actors import Actor, drive
 
 from nsm_core.body.skeleton import INDEX, J
 from nsm_core.control.actions.box_grasp import Carrying
-from nsm_core.control.actions.hold import Seen
+from nsm_core.control.actions.hold import SeenBody
 from nsm_core.control.goals import Goal
 from nsm_core.conventions import GOAL_ACTIONS, HAND_CONTACTS
 from nsm_core.errors import GoalError
@@ -320,7 +320,7 @@ def test_box_is_not_held_over_its_place(top):
             if arrived is None and np.linalg.norm(way[0]) < 0.03:
                 arrived = frame
         root = np.append(wrists.mean(0)[:2] + (0, 0.4), 0.0)
-        carrying.apply(Seen(np.append(root[:2], 0.9), local.copy(), wrists), root, contacts)
+        carrying.apply(SeenBody(np.append(root[:2], 0.9), local.copy(), wrists), root, contacts)
         heights.append(box.pose[2] - goal[2])
         if arrived is not None and heights[-1] < 0.005:
             break

@@ -17,7 +17,7 @@ from nsm_core.control.actions.door_grasp import (
     Opening,
     require_room,
 )
-from nsm_core.control.actions.hold import Seen
+from nsm_core.control.actions.hold import SeenBody
 from nsm_core.control.actions.leaf_room import NEARLY, LeafRoom, leaf_spheres
 from nsm_core.control.goals import Goal
 from nsm_core.conventions import GOAL_ACTIONS
@@ -111,7 +111,7 @@ def test_a_leaf_let_go_only_slows_down_unless_the_body_moves_it(passed):
     for k in range(let_go + 2, len(step)):
         leaf.pose = actor.frames[k]["props"]["Door"]
         touched = any(
-            room.limits(*leaf_spheres(Seen(*actor.frames[n]["network"], np.zeros((2, 3))))[0], NEARLY)[0]
+            room.limits(*leaf_spheres(SeenBody(*actor.frames[n]["network"], np.zeros((2, 3))))[0], NEARLY)[0]
             > leaf.angle
             for n in (k, k + 1)
         )
@@ -195,12 +195,12 @@ def test_a_leaf_let_go_early_stays_and_is_taken_anew():
     assert again > led.index("held") and angle[again] < np.radians(10), "it waits for the hand"
 
 
-def still(wrist: np.ndarray, hand: int) -> Seen:
+def still(wrist: np.ndarray, hand: int) -> SeenBody:
     local = np.zeros((J, 4))
     local[:, 0] = 1
     wrists = np.full((2, 3), 9.0)
     wrists[hand] = wrist
-    return Seen(np.array((wrist[0] - 0.2, wrist[1] + 0.3, 0.9)), local, wrists)
+    return SeenBody(np.array((wrist[0] - 0.2, wrist[1] + 0.3, 0.9)), local, wrists)
 
 
 def opening(leaf: Leaf, start, solids=WALL) -> Opening:

@@ -16,18 +16,18 @@ from nsm_core.control.actions.hold import (
     TAKE_TIME,
     WAIT,
     Hold,
-    Seen,
+    SeenBody,
 )
 from nsm_core.conventions import FPS
 
 TAKES, RETURNS = round(TAKE_TIME * FPS), round(LET_GO_TIME * FPS)
 
 
-def seen(wrists, hips=(0.0, 0.0, 0.9)) -> Seen:
+def seen(wrists, hips=(0.0, 0.0, 0.9)) -> SeenBody:
     """A body in the rest pose; what leads hands looks at its shoulders alone."""
     local = np.zeros((J, 4))
     local[:, 0] = 1
-    return Seen(np.array(hips), local, np.asarray(wrists, dtype=np.float64))
+    return SeenBody(np.array(hips), local, np.asarray(wrists, dtype=np.float64))
 
 
 WRISTS = seen(np.zeros((2, 3))).shoulders + np.array((0.0, -0.4, -0.2))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from nsm_core.body.skeleton import J
-from nsm_core.control.actions.hold import Seen
+from nsm_core.control.actions.hold import SeenBody
 from nsm_core.control.actions.leaf_room import SOON, TOUCH, LeafRoom, leaf_spheres
 from nsm_core.world.scene.door import make_door
 from nsm_core.world.scene.props import Leaf
@@ -66,7 +66,7 @@ def test_a_trunk_leans_less_the_nearer_it_is():
 def test_the_arm_that_holds_is_left_out_and_the_trunk_told():
     local = np.zeros((J, 4))
     local[:, 0] = 1
-    pose = Seen(np.array((0.0, 0.0, 0.9)), local, np.zeros((2, 3)))
+    pose = SeenBody(np.array((0.0, 0.0, 0.9)), local, np.zeros((2, 3)))
     (whole, _), (trunk, _) = leaf_spheres(pose)
     (without, _), (same, _) = leaf_spheres(pose, 0)
     assert len(without) < len(whole) and without[:, 0].min() > whole[:, 0].min() + 0.3, (

@@ -7,7 +7,7 @@ import pytest
 
 from nsm_core.body.skeleton import J
 from nsm_core.control.actions.box_grasp import Carrying
-from nsm_core.control.actions.hold import Seen
+from nsm_core.control.actions.hold import SeenBody
 from nsm_core.conventions import HAND_CONTACTS
 from nsm_core.distances import BODY_TO_BOX
 from nsm_core.errors import GoalError
@@ -132,7 +132,7 @@ def carried_to(
             way = box.to_world(box.grasps(0.0), over) - wrists
             wrists = wrists + way * min(1.0, 0.03 / max(float(np.linalg.norm(way[0])), 1e-9))
         root = np.append(wrists.mean(0)[:2] + (0, 0.4), 0.0)
-        carrying.apply(Seen(np.append(root[:2], 0.9), local.copy(), wrists), root, contacts)
+        carrying.apply(SeenBody(np.append(root[:2], 0.9), local.copy(), wrists), root, contacts)
         poses.append(box.pose.copy())
     return box, np.array(poses)
 

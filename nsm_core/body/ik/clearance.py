@@ -23,7 +23,7 @@ _STEP = 0.004  # metres by which points are moved to see which way distances gro
 
 
 @dataclass
-class Solid:
+class Obstacle:
     """Something solid: ``query`` in the world, or in the frame of what has the ``poses`` (T, 4).
 
     ``free`` (T, S) tells by how much spheres may be inside it, metres: what holds it, or stands on it.
@@ -33,11 +33,11 @@ class Solid:
     poses: Array | None = None
     free: Array | None = None
 
-    def during(self, span: slice) -> Solid:
+    def during(self, span: slice) -> Obstacle:
         """The same over some of the frames."""
         if self.poses is None:
             return self
-        return Solid(self.query, self.poses[span], None if self.free is None else self.free[span])
+        return Obstacle(self.query, self.poses[span], None if self.free is None else self.free[span])
 
     def distance(self, frames: Array, points: Array, reach: float) -> Array:
         """Distances (N,), metres, at most ``reach``, of world ``points`` (N, 3) in ``frames`` (N,)."""
@@ -60,7 +60,7 @@ class Solid:
 
 
 def near_spheres(
-    solid: Solid, centres: Array, radii: Array, spheres: Spheres, margin: float
+    solid: Obstacle, centres: Array, radii: Array, spheres: Spheres, margin: float
 ) -> tuple[Array, Array]:
     """Frames (N,) and spheres (N,) that are less than ``margin`` metres off a solid, coarse to fine.
 
@@ -96,7 +96,7 @@ def near_spheres(
 class Clearance:
     """Keep the spheres of a body out of ``solids``; ``left_out`` (S,) are not looked at."""
 
-    solids: Sequence[Solid]
+    solids: Sequence[Obstacle]
     left_out: Array
     spheres: Spheres = SPHERES
     refresh: int = 3  # rounds after which it is looked anew which spheres are near
@@ -160,4 +160,4 @@ class Clearance:
         return Rows(error, deviation, jacobian)
 
 
-__all__ = ["Clearance", "Solid", "near_spheres"]
+__all__ = ["Clearance", "Obstacle", "near_spheres"]

@@ -11,7 +11,7 @@ from nsm_core.body.contacts import ANKLES, TOES
 from nsm_core.rotations import Array, quat_mul, quat_rotate
 from nsm_core.signals import gaussian_smooth, smooth_step
 
-from .clearance import Solid, near_spheres
+from .clearance import Obstacle, near_spheres
 from .footsteps import Footsteps
 from .solver import Pose
 
@@ -26,7 +26,7 @@ _FEET = SPHERES.only(np.flatnonzero(FOOT_SPHERES))
 _SIDE = np.array([int(name.startswith("Left")) for name in _FEET.names])
 
 
-def keep_clear(feet: Footsteps, pose: Pose, solids: Sequence[Solid]) -> Generator[None, None, None]:
+def keep_clear(feet: Footsteps, pose: Pose, solids: Sequence[Obstacle]) -> Generator[None, None, None]:
     """Move stands, each as a whole, and the ways between them off ``solids``, in place; ``pose`` tells how toes
     are bent.  Yields now and then.
     """
@@ -60,7 +60,7 @@ def _centres(feet: Footsteps, pose: Pose, moved: Array) -> tuple[Array, Array]:
     return _FEET.of(positions, world)
 
 
-def _near(feet: Footsteps, pose: Pose, solids: Sequence[Solid], moved: Array) -> list[tuple[Array, Array]]:
+def _near(feet: Footsteps, pose: Pose, solids: Sequence[Obstacle], moved: Array) -> list[tuple[Array, Array]]:
     out = []
     centres, radii = _centres(feet, pose, moved)
     for solid in solids:
@@ -69,7 +69,7 @@ def _near(feet: Footsteps, pose: Pose, solids: Sequence[Solid], moved: Array) ->
 
 
 def _pushes(
-    feet: Footsteps, pose: Pose, solids: Sequence[Solid], near: Sequence[tuple[Array, Array]], moved: Array
+    feet: Footsteps, pose: Pose, solids: Sequence[Obstacle], near: Sequence[tuple[Array, Array]], moved: Array
 ) -> Array:
     """How far (T, 2, 2) over the floor the deepest sphere of each foot has to go."""
     centres, radii = _centres(feet, pose, moved)

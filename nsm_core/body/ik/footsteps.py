@@ -49,7 +49,7 @@ class Footsteps:
 
 
 @dataclass
-class Ground:
+class FootGround:
     """Heights of what feet stand on: ``all`` of it, and ``low`` what of it one walks over, whose level the
     motion has already, ``level`` (T,) metres.
     """
@@ -65,7 +65,9 @@ class Ground:
         return self.all.height(places.reshape(-1, 2)).reshape(places.shape[:-1])
 
 
-def footsteps(toes: Array, feet: Array, labels: Array, ground: Ground, sole: Sole | None = None) -> Footsteps:
+def footsteps(
+    toes: Array, feet: Array, labels: Array, ground: FootGround, sole: Sole | None = None
+) -> Footsteps:
     """Plant the feet of a whole take: toe joints (T, 2, 3), ankle rotations (T, 2, 4), contact labels (T, 2).
 
     In every stand the toe joint keeps one place and the foot one heading, from landing to lift-off; between two
@@ -91,7 +93,7 @@ def footsteps(toes: Array, feet: Array, labels: Array, ground: Ground, sole: Sol
     return Footsteps(toes - quat_rotate(feet, sole.toe), feet, planted, tuple(stands))
 
 
-def _own_level(toes: Array, ground: Ground) -> Array:
+def _own_level(toes: Array, ground: FootGround) -> Array:
     """Metres (T, 2) by which feet are raised from the level of the walker to the low ground under them."""
     under = ground.low.height(toes[..., :2].reshape(-1, 2)).reshape(toes.shape[:2])
     return gaussian_smooth(_widest(under, 2), 2.0) - ground.level[:, None]
@@ -104,7 +106,7 @@ def _widest(values: Array, frames: int) -> Array:
     return np.asarray(view.max(-1))
 
 
-def _stands(toe: Array, label: Array, ground: Ground) -> list[tuple[int, int]]:
+def _stands(toe: Array, label: Array, ground: FootGround) -> list[tuple[int, int]]:
     """Half-open intervals of frames in which a foot stands, by its label and by how the pose moves it."""
     speed = _speed(toe)
     height = toe[:, 2] - ground.height(toe[:, :2])
@@ -168,7 +170,7 @@ def _set_anew(
 
 
 def _pinned(
-    toe: Array, foot: Array, runs: Sequence[tuple[int, int]], ground: Ground, toe_height: float
+    toe: Array, foot: Array, runs: Sequence[tuple[int, int]], ground: FootGround, toe_height: float
 ) -> tuple[Array, Array]:
     """Toe joints (T, 3) and rotations (T, 4) of one foot that stands still in each of ``runs``."""
     heading = np.unwrap(foot_heading(foot))
@@ -191,7 +193,7 @@ def _pinned(
     return toe + shift, quat_mul(heading_quat(turn), foot)
 
 
-def _stand_height(place: Array, heading: float, sole: float, ground: Ground) -> float:
+def _stand_height(place: Array, heading: float, sole: float, ground: FootGround) -> float:
     """Height of what a foot stands on at a place (2,): the highest ground under its ball that is not far over
     its sole.
     """
@@ -203,7 +205,7 @@ def _stand_height(place: Array, heading: float, sole: float, ground: Ground) -> 
     return float(below.max() if len(below) else heights.min())
 
 
-def _off_risers(place: Array, heading: float, under: float, ground: Ground) -> Array:
+def _off_risers(place: Array, heading: float, under: float, ground: FootGround) -> Array:
     """Metres (2,) by which a stand is moved along the foot, the least, so that no part of it is in a riser."""
     if not ground.all:
         return np.zeros(2)
@@ -241,7 +243,7 @@ def _bridge(values: Array, runs: Sequence[tuple[int, int]], pace: Array) -> None
         values[end:start] = out
 
 
-def _raised(toe: Array, foot: Array, planted: Array, ground: Ground, sole: Sole) -> Array:
+def _raised(toe: Array, foot: Array, planted: Array, ground: FootGround, sole: Sole) -> Array:
     """Metres (T,) by which a foot is raised: out of the ground, and over floor and edges while it swings."""
     ahead = heading_to_direction(foot_heading(foot))
     heights = ground.height(np.stack([toe[:, :2] + k * ahead for k in (0.0, MIDDLE, HEEL, TIP)], axis=1))
@@ -263,7 +265,7 @@ def _raised(toe: Array, foot: Array, planted: Array, ground: Ground, sole: Sole)
     return out
 
 
-def _held_off(toe: Array, foot: Array, planted: Array, ground: Ground, sole: Sole) -> Array:
+def _held_off(toe: Array, foot: Array, planted: Array, ground: FootGround, sole: Sole) -> Array:
     """Metres (T, 2) by which a swinging foot is held back before a riser that it is too low for, or on behind it."""
     out = np.zeros((len(toe), 2))
     if not ground.all:
@@ -284,4 +286,4 @@ def _held_off(toe: Array, foot: Array, planted: Array, ground: Ground, sole: Sol
     return out
 
 
-__all__ = ["Footsteps", "Ground", "footsteps"]
+__all__ = ["Footsteps", "FootGround", "footsteps"]

@@ -55,28 +55,6 @@ _STRAIGHT, _BENT = 0.02, 0.12
 _MAGNIFIED, _LIKE = 0.3, 0.8
 
 
-def solve_two_bone(
-    hip: Array, knee: Array, ankle: Array, target: Array, hinge: Array
-) -> tuple[Array, Array, Array]:
-    """Bend a limb so that its end meets a target.
-
-    Args:
-        hip, knee, ankle: (..., 3) joints of the limb, any frame, metres.
-        target: (..., 3) where the end shall be; what is out of reach is approached softly, without a pop at
-        full length. hinge: (..., 3) axis about which the limb flexes by the right-hand rule (a person's right
-        for knees),
-            used when the limb is nearly straight or bent the wrong way.
-
-    Returns:
-        The new knee and ankle, (..., 3), and the axis (..., 3) about which the limb is now bent.
-    """
-    knee, ankle, axis = (
-        packed(v)
-        for v in _solve(Arrays, *(split(np.asarray(v)) for v in (hip, knee, ankle, target, hinge)))[:3]
-    )
-    return knee, ankle, axis
-
-
 def place_limb(
     hips_position: Array,
     local_rotations: Array,
@@ -93,7 +71,9 @@ def place_limb(
         ``skeleton.FEET[0][:3]``. target: (..., 3) world position for the end joint. end_rotation: (..., 4)
         world rotation for the end joint; None keeps the world rotation it had.
 
-    All other joints keep their local rotations.  Unreachable targets are approached as in ``solve_two_bone``.
+    All other joints keep their local rotations.  What is out of reach is approached softly, without a pop at
+    full length.  A limb keeps the plane that it is bent in; one that is nearly straight, or bent the wrong way,
+    bends about the joint's hinge.
     """
     return place_limbs(
         hips_position,
@@ -291,7 +271,11 @@ def _place(
 def _solve(
     of: Kind, hip: Vector, knee: Vector, ankle: Vector, target: Vector, hinge: Vector
 ) -> tuple[Vector, Vector, Vector, Vector]:
-    """``solve_two_bone`` in components that also returns the axis about which the limb was bent before."""
+    """The new knee and ankle of a limb whose end meets a target, and the axes about which it is bent now and was
+    before, in components.
+
+    ``hinge`` is the axis about which the limb flexes by the right-hand rule (a person's right for knees).
+    """
     upper, lower = minus(knee, hip), minus(ankle, knee)
     a, b = length(of, upper), length(of, lower)
     before, before_length = _unit(of, minus(ankle, hip))

@@ -16,7 +16,7 @@ from nsm_core.world.scene.props import Prop
 from nsm_core.world.scene.solids import Scene
 
 from .approach import Command, Ground
-from .hold import Lead, Seen
+from .hold import Lead, SeenBody
 
 # Where hips (3,) are to settle, metres, and the heading to sit at; None while one still turns.
 SeatTarget = tuple[Array, float | None]
@@ -68,7 +68,7 @@ class Grasp(Protocol):
     def active(self) -> bool:
         """Whether it still has to be called."""
 
-    def apply(self, seen: Seen, root: Array, contacts: Array) -> None:
+    def apply(self, seen: SeenBody, root: Array, contacts: Array) -> None:
         """Go on by one frame and move the prop; ``root`` (3,), network ``contacts`` (5,)."""
 
     @property

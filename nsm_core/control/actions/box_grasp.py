@@ -15,7 +15,7 @@ from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.berth import Berth, kept_out
 from nsm_core.world.scene.props import Box
 
-from .hold import Hold, Lead, Seen
+from .hold import Hold, Lead, SeenBody
 
 # Seconds at least in which the box leaves its resting pose for the one that the hands give it; metres a
 # second at most.
@@ -152,7 +152,7 @@ class Carrying:
         """Leave the box to another hold of it: these hands only return."""
         self.let_go()
 
-    def apply(self, seen: Seen, root: Array, contacts: Array) -> None:
+    def apply(self, seen: SeenBody, root: Array, contacts: Array) -> None:
         """Move the box by one frame; ``root`` (3,), network
         ``contacts`` (5,).
         """
@@ -331,7 +331,7 @@ class Carrying:
         if pose[2] <= ground + half + 1e-6:
             self.state = "placed"
 
-    def _measure_grasp(self, seen: Seen) -> None:
+    def _measure_grasp(self, seen: SeenBody) -> None:
         taken = self.errors["taken"] = Taken([0, 1], self.prop.to_local(self.grasps()))
         network = taken.errors(seen.wrists + np.append(self._from, 0.0), self.prop.pose)
         self.errors["network_hand_error_cm"], self.errors["network_hand_rotation_deg"] = network

@@ -15,7 +15,7 @@ from nsm_core.world.affordances.passage import Passage
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.props import Leaf
 
-from .hold import Hold, Lead, Seen
+from .hold import Hold, Lead, SeenBody
 from .leaf_room import NEARLY, LeafRoom, leaf_spheres
 
 LET_GO_PUSH, LET_GO_PULL = np.radians(70), np.radians(72)  # angles of the leaf at which the hand lets go
@@ -134,7 +134,7 @@ class Opening:
         self.let_go()
         self.state = "free"
 
-    def apply(self, seen: Seen, root: Array, contacts: Array) -> None:
+    def apply(self, seen: SeenBody, root: Array, contacts: Array) -> None:
         """Turn the leaf by one frame and correct ``pose`` in place; ``root`` (3,), network
         ``contacts`` (5,).
         """
@@ -183,7 +183,7 @@ class Opening:
         """The arm that touches the leaf on purpose."""
         return self.way.hand if self.state in ("reach", "held") or self.hold.busy else None
 
-    def _feel(self, seen: Seen) -> None:
+    def _feel(self, seen: SeenBody) -> None:
         """See how far the body, as it is and as it was last when it had leant to the handle, lets the leaf
         turn.
         """

@@ -30,7 +30,7 @@ LED_SPEED = 0.6  # m/s at which hands are led further than the network has them
 
 
 @dataclass
-class Seen:
+class SeenBody:
     """One frame as grasps see it: the network's ``hips`` (3,), ``local`` rotations (23, 4) and ``wrists``
     (2, 3), right and left, world, metres.
     """
@@ -130,7 +130,7 @@ class Hold:
         self._left, self._fade = self._added.copy(), 1.0
         self.weight = 0.0
 
-    def apply(self, seen: Seen, places: Array) -> None:
+    def apply(self, seen: SeenBody, places: Array) -> None:
         """Lead the hands to ``places`` (n, 3), world, as far as they are held; see ``leads``."""
         self.leads = []
         if not self.busy:
@@ -151,4 +151,4 @@ class Hold:
             self._missing = float((far - give).max()) - ARM_LENGTH
 
 
-__all__ = ["Hold", "Lead", "Seen"]
+__all__ = ["Hold", "Lead", "SeenBody"]

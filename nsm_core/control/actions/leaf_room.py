@@ -9,7 +9,7 @@ from nsm_core.body.thin_capsules import THIN_CAPSULES
 from nsm_core.rotations import Array, quat_rotate
 from nsm_core.world.scene.props import Leaf
 
-from .hold import Seen
+from .hold import SeenBody
 
 TOUCH = 0.008  # metres between the body and a leaf at the nearest
 NEARLY, SOON = (
@@ -26,7 +26,7 @@ _SIDES = ("Right", "Left")
 Spheres = tuple[Array, Array]
 
 
-def leaf_spheres(seen: Seen, without: int | None = None) -> tuple[Spheres, Spheres]:
+def leaf_spheres(seen: SeenBody, without: int | None = None) -> tuple[Spheres, Spheres]:
     """Centres (S, 3) world and radii (S,), metres, of a body's capsules, but the arm ``without`` (0 right, 1
     left); of its trunk alone.
     """

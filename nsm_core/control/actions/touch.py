@@ -27,7 +27,7 @@ from nsm_core.world.planning.floor_plan import FloorPlan
 
 from .approach import Approach, Command, Ground
 from .base import Performer, Stage
-from .hold import Hold, Lead, Seen
+from .hold import Hold, Lead, SeenBody
 
 # Standing places that are tried, in this order: metres from the point, and turns about it.
 AWAY, TURNS = (0.5, 0.45, 0.55, 0.6), np.radians((0.0, 25.0, -25.0, 50.0, -50.0))
@@ -118,7 +118,7 @@ class Touching:
         """What the hand is turned by (4,) that is led this firmly."""
         return None if self._turn is None else np.asarray(quat_from_rotvec(share * self._turn))
 
-    def apply(self, seen: Seen, root: Array, contacts: Array) -> None:
+    def apply(self, seen: SeenBody, root: Array, contacts: Array) -> None:
         """Lead the hand by one frame; ``root`` (3,), network ``contacts`` (5,)."""
         if self._fingers is None:  # as they will point with the arm held out
             way = self.point - seen.shoulders[self.hand]
