@@ -122,13 +122,13 @@ class PostProcess:
         yield
         targets, shares, turns = self._hands(pose)
         # Arms go first, so that the trunk gives no more than what they lack.
-        pose = Pose(self.tree, pose.hips, _led(pose, pose.local, targets, shares, turns))
+        pose = Pose(self.tree, pose.hips, _led(pose, pose.local, targets, np.sign(shares), turns))
         tasks = [*_stand(feet), *_sit(pose, seated), *_reach(targets, shares, turns)]
         tasks.append(TurnTask(INDEX["Head"], pose.world[:, INDEX["Head"]], np.full(len(notes), HEAD_TURN)))
         limit = Clearance(solids, left_out=FOOT_SPHERES)
         pose = yield from solve(pose, [*tasks, limit], stiffness())
         local = place_on(self.tree, pose.hips, pose.local, _LIMBS, feet.ankles, feet.rotations)
-        return pose.hips, _led(pose, local, targets, shares)
+        return pose.hips, _led(pose, local, targets, smooth_step(shares / FIRM))
 
     def _hands(self, pose: Pose) -> tuple[Array, Array, Array]:
         """Where wrists are to be (T, 2, 3), right and left, how firmly (T, 2), and their world rotations
@@ -143,7 +143,8 @@ class PostProcess:
                     targets[t, lead.hand], shares[t, lead.hand] = lead.target, lead.share
                     if lead.turn is not None:
                         turns[t, lead.hand] = quat_mul(lead.turn, pose.world[t, wrists[lead.hand]])
-        return targets, shares, turns
+        ways = targets - pose.positions[:, wrists]
+        return pose.positions[:, wrists] + smooth_step(shares / FIRM)[..., None] * ways, shares, turns
 
     def _solids(self, props: Sequence[tuple[Prop, Array]]) -> list[Obstacle]:
         solids = [Obstacle(self.still)]
@@ -159,18 +160,17 @@ class PostProcess:
 
 
 def _led(pose: Pose, local: Array, targets: Array, shares: Array, turns: Array | None = None) -> Array:
-    """Local rotations with arms that put wrists where they are led, as firmly as they are; hands keep their
-    world rotations, or have ``turns``.
+    """Local rotations with arms that put wrists these ``shares`` (T, 2) of their ways on to where they are led;
+    hands keep their world rotations, or have ``turns``.
     """
     local = np.array(local)
     for side, arm in enumerate(ARMS):
-        firm = np.flatnonzero(shares[:, side] > 0)
-        if len(firm):
-            wrist = pose.positions[firm, arm[2]]
-            share = smooth_step(shares[firm, side] / FIRM)[:, None]
-            at = wrist + share * (targets[firm, side] - wrist)
-            turn = None if turns is None else turns[firm, side, None]
-            local[firm] = place_on(pose.tree, pose.hips[firm], local[firm], (arm,), at[:, None], turn)
+        led = np.flatnonzero(shares[:, side] > 0)
+        if len(led):
+            wrist = pose.positions[led, arm[2]]
+            at = wrist + shares[led, side, None] * (targets[led, side] - wrist)
+            turn = None if turns is None else turns[led, side, None]
+            local[led] = place_on(pose.tree, pose.hips[led], local[led], (arm,), at[:, None], turn)
     return local
 
 
