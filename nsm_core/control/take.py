@@ -219,7 +219,11 @@ class TakeRunner:
 
     def mend(self) -> bool:
         """Go on solving the whole take; False when that is done.  A take without contact IK stays as it is."""
-        if self._mended == self.frames or not self.request.contact_ik:
+        if self._mended == self.frames:
+            return False
+        if not self.request.contact_ik:
+            self._mended = self.frames
+            self._measure_kept()
             return False
         if self._mending is None:
             props = [(prop, np.stack(self._poses[name])) for name, prop in self.props.items()]
