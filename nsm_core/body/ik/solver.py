@@ -126,10 +126,11 @@ def solve(
     tasks: Sequence[Task],
     stiffness: Stiffness,
     rounds: Sequence[float] = ROUNDS,
+    most_away: float = MOST_AWAY,
 ) -> Generator[None, None, Pose]:
     """Return the motion that meets ``tasks`` with the least change; yields often.
 
-    ``rounds`` are the frames by which each smooths its steps.
+    ``rounds`` are the frames by which each smooths its steps; hips go no more than ``most_away`` metres.
     """
     start, count = pose.hips, len(pose.hips)
     for smooth in rounds:
@@ -145,7 +146,7 @@ def solve(
         # What a limb cannot do the hips do, but not without end.
         away = pose.hips + step[:, :3] - start
         size = np.linalg.norm(away, axis=1, keepdims=True)
-        step[:, :3] -= away * (1 - np.minimum(1, MOST_AWAY / np.maximum(size, 1e-9)))
+        step[:, :3] -= away * (1 - np.minimum(1, most_away / np.maximum(size, 1e-9)))
         pose = pose.moved(step)
         yield
     return pose
@@ -168,9 +169,15 @@ def least_step(pose: Pose, rows: Sequence[Rows], stiffness: Stiffness) -> Array:
     return step
 
 
-def solved(pose: Pose, tasks: Sequence[Task], stiffness: Stiffness, rounds: Sequence[float] = ROUNDS) -> Pose:
+def solved(
+    pose: Pose,
+    tasks: Sequence[Task],
+    stiffness: Stiffness,
+    rounds: Sequence[float] = ROUNDS,
+    most_away: float = MOST_AWAY,
+) -> Pose:
     """``solve`` in one go."""
-    work = solve(pose, tasks, stiffness, rounds)
+    work = solve(pose, tasks, stiffness, rounds, most_away)
     while True:
         try:
             next(work)

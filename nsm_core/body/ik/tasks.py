@@ -1,4 +1,4 @@
-"""What a motion may be asked for: points at places, joints turned as told."""
+"""What a motion may be asked for: points at places, joints turned as told, places within a limb's reach."""
 
 from __future__ import annotations
 
@@ -55,4 +55,26 @@ class TurnTask:
         return Rows(np.where(np.isfinite(deviation), gap, 0.0), deviation, jacobian)
 
 
-__all__ = ["PointTask", "TurnTask"]
+@dataclass
+class ReachTask:
+    """Bring ``joints`` (L,) no further than ``reach`` (T, L) metres from ``targets`` (T, L, 3), world.
+
+    What is near enough is left as it is; ``deviation`` metres may be left of what is not.
+    """
+
+    joints: list[int]
+    targets: Array
+    reach: Array
+    deviation: float = 0.001
+
+    def rows(self, pose: Pose, span: slice) -> Rows:
+        points = pose.positions[:, self.joints]
+        ways = self.targets[span] - points
+        away = np.linalg.norm(ways, axis=-1)
+        over = np.maximum(away - self.reach[span], 0.0)
+        ways /= np.maximum(away, 1e-9)[..., None]
+        deviation = np.where(over > 0, self.deviation, np.inf)
+        return Rows(over, deviation, pose.of_points(points, pose.tree.above[self.joints], ways))
+
+
+__all__ = ["PointTask", "ReachTask", "TurnTask"]

@@ -11,13 +11,23 @@ Whoever samples frame pairs calls ``transfer`` on the frames of the pair, with o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nsm_core.body.ik.root_reach import within_reach
-from nsm_core.body.ik.two_bone import place_limbs
-from nsm_core.body.skeleton import ANKLE_HEIGHT, ARMS, FEET, HIP_OVER_SEAT, HIPS, forward_kinematics, root_of
+from nsm_core.body.ik.reach import STILL, into_reach, leaning, shifting
+from nsm_core.body.ik.two_bone import SOFT_REACH, place_limbs
+from nsm_core.body.skeleton import (
+    ANKLE_HEIGHT,
+    ARMS,
+    FEET,
+    HIP_OVER_SEAT,
+    HIPS,
+    OFFSETS,
+    forward_kinematics,
+    root_of,
+)
 from nsm_core.conventions import FOOT_CONTACTS, FPS, HAND_CONTACTS, HIP_CONTACT
 from nsm_core.rotations import Array, heading_quat, quat_mul, rotate_planar, wrap_angle
 from nsm_core.signals import intervals
@@ -195,13 +205,22 @@ def transfer(
     hips, rotations, before, world = hips[asked], rotations[asked], before[asked], world[asked]
     hands, feet = hands[asked][:, used], before[:, ankles] + feet[asked]
     feet[..., 2] += over[asked]
-    hips, rotations = within_reach(hips, rotations, before, hands, used, feet, not sits)
+    chains = [leg[:3] for leg in FEET] + [ARMS[s] for s in used]
+    places = np.concatenate((feet, hands), axis=1)
+    gives = leaning() if sits else shifting()
+    hips, rotations = into_reach(hips, rotations, chains, places, _reach(before, chains), gives, STILL)
     ends = np.concatenate(
         (world[:, ankles], forward_kinematics(hips, rotations)[1][:, [wrists[s] for s in used]]), axis=1
     )
-    chains = [leg[:3] for leg in FEET] + [ARMS[s] for s in used]
-    rotations = place_limbs(hips, rotations, chains, np.concatenate((feet, hands), axis=1), ends)
+    rotations = place_limbs(hips, rotations, chains, places, ends)
     return hips.astype(e.hips.dtype), rotations.astype(e.rotations.dtype)
+
+
+def _reach(joints: Array, chains: Sequence[Sequence[int]]) -> Array:
+    """How far (N, L) limbs of poses with ``joints`` (N, J, 3) reach: as far as they did, if that was further."""
+    ends = np.array(chains)
+    length = SOFT_REACH * np.linalg.norm(OFFSETS[ends[:, 1:]], axis=-1).sum(-1)
+    return np.maximum(length, np.linalg.norm(joints[:, ends[:, 2]] - joints[:, ends[:, 0]], axis=-1) + 1e-4)
 
 
 def _lowered(embedded: Embedded) -> Array:
