@@ -8,14 +8,14 @@ import captures
 import numpy as np
 import pytest
 
-from nsm_core.body.ik.grip import lead, place_hands
-from nsm_core.body.ik.leaning import COMFORT, lean_into_reach
 from nsm_core.body.skeleton import ARMS, FEET, forward_kinematics
 from nsm_core.conventions import CARRY, HAND_CONTACTS
 from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.scenarios.carry import episode as carry_episode
+from nsm_core.data.scenarios.carry.fit import bend_into_reach
 from nsm_core.data.scenarios.carry.supports import Support
 from nsm_core.data.scenarios.composer import Composer, load
+from nsm_core.data.scenarios.hands import COMFORT, lead, place_hands
 from nsm_core.data.scenarios.registry import SCENARIOS
 from nsm_core.data.scenarios.scenario import episode
 from nsm_core.data.scenarios.session import Session
@@ -152,7 +152,7 @@ def test_a_body_leans_into_reach_and_its_feet_stay():
     hips, local = captures.stand(60)
     grips = np.repeat(np.array(((-0.2, -0.35, 0.55), (0.2, -0.35, 0.55)))[None], 60, 0)
     progress = np.interp(np.arange(60), (10, 30), (0, 1))
-    moved, leant = lean_into_reach(hips, local, grips, progress > 0.9)
+    moved, leant = bend_into_reach(hips, local, grips, progress, np.zeros(60))
     before, after = forward_kinematics(hips, local)[0], forward_kinematics(moved, leant)[0]
     assert np.linalg.norm(before[40, SHOULDERS] - grips[40], axis=-1).max() > COMFORT
     ankles = [leg[2] for leg in FEET]

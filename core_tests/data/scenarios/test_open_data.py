@@ -10,13 +10,13 @@ import captures
 import numpy as np
 import pytest
 
-from nsm_core.body.ik.grip import lead_hand
-from nsm_core.body.ik.leaning import ARM, lean_to
 from nsm_core.body.skeleton import ARMS, HIPS, forward_kinematics
 from nsm_core.body.thin_capsules import thin_spheres
 from nsm_core.conventions import HAND_CONTACTS, OPEN
 from nsm_core.data.scenarios.composer import Composer
+from nsm_core.data.scenarios.hands import ARM, lead_hand
 from nsm_core.data.scenarios.open.draws import OPENS
+from nsm_core.data.scenarios.open.episode import lean_to
 from nsm_core.data.scenarios.open.leaf_motion import swing_on
 from nsm_core.data.scenarios.take import ComposedTake, Thing, annotate, goal_tables
 from nsm_core.evaluation.measures.motion import backward_bend

@@ -217,7 +217,7 @@ def transfer(
 
 
 def _reach(joints: Array, chains: Sequence[Sequence[int]]) -> Array:
-    """How far (N, L) limbs of poses with ``joints`` (N, J, 3) reach: as far as they did, if that was further."""
+    """How far (N, L) limbs reach: as far as in poses with ``joints`` (N, J, 3), if that was further."""
     ends = np.array(chains)
     length = SOFT_REACH * np.linalg.norm(OFFSETS[ends[:, 1:]], axis=-1).sum(-1)
     return np.maximum(length, np.linalg.norm(joints[:, ends[:, 2]] - joints[:, ends[:, 0]], axis=-1) + 1e-4)

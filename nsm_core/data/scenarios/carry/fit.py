@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nsm_core.body.clip import smoothed_root
-from nsm_core.body.ik.grip import place_hands
-from nsm_core.body.ik.leaning import lean_into_reach
-from nsm_core.body.skeleton import ARM_LENGTH, ARMS, forward_kinematics
+from nsm_core.body.ik.reach import bending, into_reach
+from nsm_core.body.ik.two_bone import place_limbs
+from nsm_core.body.skeleton import ARM_LENGTH, ARMS, FEET, forward_kinematics
 from nsm_core.conventions import CARRY, HAND_CONTACTS
+from nsm_core.data.scenarios.hands import COMFORT, lead, place_hands
 from nsm_core.data.scenarios.motion import Motion
 from nsm_core.data.scenarios.take import Placed, Thing, TimedCommand
 from nsm_core.distances import WRIST_BEHIND, WRIST_BELOW, WRIST_OFF_SIDE
@@ -30,7 +31,8 @@ _CLEARANCE = 0.05  # metres that a box is lifted over what it rested on
 _BOB, _MOST_BOB = 0.6, 0.04
 _HANGING = 0.1  # metres that wrists of hanging arms keep off the near face
 _LEAD, _OFF = 20, 17  # frames for the hands to reach a box, and to come off it
-_SHOULDERS = [arm[0] for arm in ARMS]
+_SHOULDERS, _WRISTS = [arm[0] for arm in ARMS], [arm[2] for arm in ARMS]
+_LEGS, _ANKLES = [leg[:3] for leg in FEET], [leg[2] for leg in FEET]
 _LIFT = 22  # frames in which a box is lifted where the body hardly rises
 
 
@@ -77,14 +79,30 @@ def fit_hands(carry: CarryEpisode, motion: Motion) -> None:
     own = np.broadcast_to(carry.box.learned_grasps(carry.face), (len(poses), 2, 3))
     grasps = rotate_planar(own, poses[:, None, 3]) + poses[:, None, :3]
     n = np.arange(first, last)
-    lead = min(_LEAD, t.touch - t.start)
-    progress = np.minimum((n - t.touch + lead) / lead, (p.touch + _OFF - n) / _OFF).clip(0, 1)
-    hips, rotations = lean_into_reach(hips, rotations, grasps, progress > 0.9)
+    coming = min(_LEAD, t.touch - t.start)
+    progress = np.minimum((n - t.touch + coming) / coming, (p.touch + _OFF - n) / _OFF).clip(0, 1)
+    hips, rotations = bend_into_reach(hips, rotations, grasps, progress, facing)
     motion.hips[span] = hips
     # Arms that hang from a bent body stay behind the near face of the box until they are led to its sides.
     bent = [ease((n - b.start) / 10) * ease((b.end - n) / 10) for b in (t, p)]
     near = carry.box.across(carry.face)[1] / 2 - WRIST_BEHIND + _HANGING
     motion.rotations[span] = place_hands(hips, rotations, grasps, progress, facing, (np.maximum(*bent), near))
+
+
+def bend_into_reach(
+    hips: Array, rotations: Array, grips: Array, progress: Array, facing: Array
+) -> tuple[Array, Array]:
+    """Bend a motion (T, ...) over where arms are too short for ``grips`` (T, 2, 3), or on their way there
+    (``progress`` and ``facing`` (T,), see ``hands.lead``); the feet stay.  New hips and rotations.
+    """
+    positions, world = forward_kinematics(hips, rotations)
+    places = lead(positions[:, _WRISTS], grips, progress, facing)
+    reach = np.maximum(COMFORT, np.linalg.norm(places - positions[:, _SHOULDERS], axis=-1))
+    reach = COMFORT + (1 - ease(progress))[:, None] * (reach - COMFORT)
+    hips, bent = into_reach(hips, rotations, ARMS, places, reach, bending())
+    if bent is rotations:
+        return hips, rotations
+    return hips, place_limbs(hips, bent, _LEGS, positions[:, _ANKLES], world[:, _ANKLES])
 
 
 def box_poses(carry: CarryEpisode, hips: Array, rotations: Array, first: int) -> Array:
@@ -167,4 +185,4 @@ def _reversed(bend: Bend) -> Bend:
     return Bend(-bend.end, -bend.touch, -down_ends, -bend.start)
 
 
-__all__ = ["box_poses", "fit_hands", "label"]
+__all__ = ["bend_into_reach", "box_poses", "fit_hands", "label"]

@@ -8,17 +8,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsm_core.body.ik.leaning import COMFORT, LEAN, shift_of
 from nsm_core.body.skeleton import ARMS, FEET, HIPS
 from nsm_core.conventions import FPS
 from nsm_core.data.matching.segment import LaidSegment
+from nsm_core.data.scenarios.hands import COMFORT
 from nsm_core.data.scenarios.session import Session
 from nsm_core.rotations import Array, quat_rotate, rotate_planar
 
 from .draws import CARRIES
 
 _SHOULDERS, _KNEES = [arm[0] for arm in ARMS], [leg[1] for leg in FEET]
-_AMOUNTS = np.linspace(0, 1, 6)  # of the extra lean, see ``leaning.lean_into_reach``
+# About how much further a body bends over than a captured half, see ``fit.bend_into_reach``: radians of the
+# trunk, metres of the hips (of them none for who is nearly sitting on the heels), and shares of both.
+_LEAN, _SHIFT, _AMOUNTS = np.radians(50), np.array((0.0, -0.04, -0.16)), np.linspace(0, 1, 6)
 
 
 @dataclass
@@ -45,9 +47,8 @@ def choose_bend(session: Session, grasps: Array, low: Array, high: Array) -> tup
         shoulders, hips = joints[:, :2], joints[:, 4:5]
         # How far the hands are away for every frame (n,) and amount of extra lean (k,).
         arm = shoulders - hips
-        leant = np.stack(
-            [_pitched(arm, a * LEAN) + hips + a * shift_of(hips[..., 2]) for a in _AMOUNTS], axis=1
-        )
+        sunk = _SHIFT * np.clip((hips[..., 2:] - 0.32) / 0.3, 0, 1) ** (0, 0, 1)
+        leant = np.stack([_pitched(arm, a * _LEAN) + hips + a * sunk for a in _AMOUNTS], axis=1)
         away = np.linalg.norm(leant - grasps, axis=-1).max(-1)
         within = away[:, 0] <= COMFORT
         if within.any():

@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from nsm_core.body.ik.grip import lead_hand
-from nsm_core.body.ik.leaning import lean_to
+from nsm_core.body.ik.reach import into_reach, leaning
 from nsm_core.body.skeleton import ARMS, forward_kinematics
 from nsm_core.body.thin_capsules import thin_spheres
 from nsm_core.conventions import HAND_CONTACTS, OPEN
 from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.matching.segment import Segment
+from nsm_core.data.scenarios.hands import ARM, lead_hand
 from nsm_core.data.scenarios.motion import Motion
 from nsm_core.data.scenarios.session import Session
 from nsm_core.data.scenarios.take import Placed, Thing, TimedCommand
@@ -229,6 +229,15 @@ class OpenEpisode:
             if depth.max() > DEEPEST:
                 return False
         return True
+
+
+def lean_to(hips: Array, rotations: Array, side: int, target: Array, weight: Array) -> Array:
+    """Lean a trunk (T, ...) so that the shoulder of ``side`` comes within reach of ``target`` (T, 3), as
+    far as ``weight`` (T,) 0..1 asks for it: new local rotations.
+    """
+    away = np.linalg.norm(forward_kinematics(hips, rotations)[0][:, ARMS[side][0]] - target, axis=-1)
+    reach = ARM + (1 - weight) * np.maximum(away - ARM, 0)
+    return into_reach(hips, rotations, ARMS[side : side + 1], target[:, None], reach[:, None], leaning())[1]
 
 
 def _off_leaf(at: Array, angle: float, width: float) -> Array:

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.skeleton import ARMS, forward_kinematics
+from nsm_core.body.ik.two_bone import place_limbs, place_wrists
+from nsm_core.body.skeleton import ARM_LENGTH, ARMS, forward_kinematics
 from nsm_core.rotations import (
     Array,
     heading_quat,
@@ -23,8 +24,8 @@ from nsm_core.rotations import (
 )
 from nsm_core.signals import align_quaternions, ease, gaussian_smooth
 
-from .two_bone import place_limbs, place_wrists
-
+COMFORT = 0.95 * ARM_LENGTH  # an arm that holds is at least a little bent
+ARM = 0.53  # metres from shoulder to wrist that an arm reaches without being quite straight
 STRAIGHT = 0.541  # metres from shoulder to wrist of an arm that is not to be stretched further
 MOST_BENT = np.radians(70)  # most that a hand turns in its wrist to lie on a surface
 INWARD = 0.15  # slope at which the fingers come down on it
