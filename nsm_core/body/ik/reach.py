@@ -15,8 +15,9 @@ from .stiffness import stiffness
 from .tasks import ReachTask
 from .tree import HUMAN
 
-STILL = (0.0,) * 8  # rounds in which every frame is solved by itself: for targets that are smooth already
-SMOOTH = (5.0, 4.0, 3.0, 2.5, 2.0)  # in which what one frame needs its neighbours come and go with
+# Frames by which rounds smooth: so that neighbours come and go with what a frame needs, who may come a little short;
+# and so that every frame gets all it needs.
+SMOOTH, EXACT = (5.0, 4.0, 3.0, 2.5, 2.0), (3.0, 2.0, 1.0, 0.0, 0.0, 0.0)
 FURTHEST = 0.5  # metres that hips leave the motion by
 
 
@@ -58,4 +59,4 @@ def into_reach(
     return pose.hips.astype(hips.dtype), pose.local.astype(rotations.dtype)
 
 
-__all__ = ["SMOOTH", "STILL", "bending", "into_reach", "leaning", "shifting"]
+__all__ = ["EXACT", "SMOOTH", "bending", "into_reach", "leaning", "shifting"]

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nsm_core.body.ik.reach import STILL, into_reach, leaning, shifting
+from nsm_core.body.ik.reach import EXACT, into_reach, leaning, shifting
 from nsm_core.body.ik.two_bone import SOFT_REACH, place_limbs
 from nsm_core.body.skeleton import (
     ANKLE_HEIGHT,
@@ -41,6 +41,7 @@ KEY_JOINTS = (HIPS, ARMS[0][2], ARMS[1][2], FEET[0][2], FEET[1][2])
 _BELOW = np.array((HIP_OVER_SEAT, 0, 0, ANKLE_HEIGHT, ANKLE_HEIGHT))
 NEAR = np.array((0.16, 0.12, 0.12, 0.07, 0.07))  # metres from the surface that still count as touching it
 _SMOOTH = round(0.1 * FPS)  # frames to either side over which corrections are smoothed while touching
+_SOLVED = 3 * round(sum(EXACT))  # frames by which those that are solved together matter to each other
 _BLEND = FPS  # frames over which corrections fade where nothing is touched
 # Metres that an ankle may stand over an edge; height of what is no floor any more.
 _OVERHANG, _LOWEST_TOP = 0.06, 0.05
@@ -159,7 +160,8 @@ def transfer(
     """
     first, last, _ = (frames or slice(None)).indices(len(embedded))
     # Contacts further off than the blend and the smoothing do not matter.
-    near = slice(max(first - _BLEND - _SMOOTH - 1, 0), last + _BLEND + _SMOOTH + 1)
+    margin = _BLEND + _SMOOTH + _SOLVED + 1
+    near = slice(max(first - margin, 0), last + margin)
     e = embedded.cut(near)
     poses = np.broadcast_to(np.asarray(pose, dtype=np.float64), (len(embedded), 4))[near]
     turn = wrap_angle(poses[:, 3] - e.poses[:, 3])
@@ -201,19 +203,18 @@ def transfer(
     )
     used = [s for s, k in enumerate(HAND_CONTACTS) if touch[:, k].any()]
 
-    asked = slice(first - near.start, last - near.start)
-    hips, rotations, before, world = hips[asked], rotations[asked], before[asked], world[asked]
-    hands, feet = hands[asked][:, used], before[:, ankles] + feet[asked]
-    feet[..., 2] += over[asked]
+    hands, feet = hands[:, used], before[:, ankles] + feet
+    feet[..., 2] += over
     chains = [leg[:3] for leg in FEET] + [ARMS[s] for s in used]
     places = np.concatenate((feet, hands), axis=1)
     gives = leaning() if sits else shifting()
-    hips, rotations = into_reach(hips, rotations, chains, places, _reach(before, chains), gives, STILL)
+    hips, rotations = into_reach(hips, rotations, chains, places, _reach(before, chains), gives, EXACT)
     ends = np.concatenate(
         (world[:, ankles], forward_kinematics(hips, rotations)[1][:, [wrists[s] for s in used]]), axis=1
     )
     rotations = place_limbs(hips, rotations, chains, places, ends)
-    return hips.astype(e.hips.dtype), rotations.astype(e.rotations.dtype)
+    asked = slice(first - near.start, last - near.start)
+    return hips[asked].astype(e.hips.dtype), rotations[asked].astype(e.rotations.dtype)
 
 
 def _reach(joints: Array, chains: Sequence[Sequence[int]]) -> Array:
