@@ -8,9 +8,8 @@ import numpy as np
 from walks import seated_pose
 
 from nsm_core.body.skeleton import ARMS, FEET, INDEX, forward_kinematics, root_of
-from nsm_core.conventions import SIT
 from nsm_core.data.scenarios.motion import Motion
-from nsm_core.data.scenarios.sit.fit import RESTLESS, bring_to_rest, keep_hands_off, lean_off, lift_heels
+from nsm_core.data.scenarios.sit.fit import RESTLESS, bring_to_rest, keep_off
 from nsm_core.data.scenarios.sit.turn import swivel, turn_about_hips
 from nsm_core.rotations import heading_quat, quat_mul, wrap_angle
 from nsm_core.world.geometry.distance import Cuboids
@@ -31,7 +30,6 @@ def seated(count: int = 90, sway: float = 0.0, twist: float = 0.0) -> Motion:
     motion = Motion(
         hips, local, hips[:, :2].copy(), headings, np.ones((count, 2), bool), [], np.random.default_rng(0)
     )
-    motion.labels[:, SIT] = 1
     return motion
 
 
@@ -60,7 +58,7 @@ def test_hips_come_to_rest_soon_and_the_feet_stay():
 def test_backs_lean_off_a_board_and_hands_stay():
     motion = seated()
     before, wall = joints(motion), board((-0.3, 0.07, 0.5), (0.3, 0.11, 1.1))
-    lean_off(motion, slice(20, 70), wall)
+    keep_off(motion, slice(20, 70), wall)
     after = joints(motion)
     spine = [INDEX["Chest3"], INDEX["Chest4"]]
 
@@ -75,9 +73,7 @@ def test_backs_lean_off_a_board_and_hands_stay():
 def test_free_backs_hands_and_low_seats_change_nothing():
     motion, far = seated(), board((5, 5, 0), (6, 6, 1))
     before = motion.rotations.copy()
-    lean_off(motion, slice(0, 90), far)
-    keep_hands_off(motion, slice(0, 90), far)
-    lift_heels(motion, slice(0, 90), motion.hips[0] - (0, 0, 0.3))
+    keep_off(motion, slice(0, 90), far)
     np.testing.assert_array_equal(motion.rotations, before)
 
 

@@ -28,7 +28,7 @@ from nsm_core.world.scene import furniture
 from nsm_core.world.scene.furniture import Furniture
 
 from .draws import SITS
-from .fit import bring_to_rest, keep_hands_off, lean_off, lift_heels
+from .fit import bring_to_rest, keep_off
 from .turn import swivel, turn_about_hips
 
 NAME = "sit"
@@ -133,9 +133,11 @@ class SitEpisode:
         motion.commands[self.mark] = TimedCommand(frame, "sit", goal, heading, len(motion.things))
         thing = self._stand(goal, heading, motion.rng.normal(0, SITS.off_place, 2))
         motion.things.append(thing)
-        self.goal, self.facing = goal, heading
-        self.solid = furniture.cuboids([(self.piece, thing.poses[:3], float(thing.poses[3]))])
-        lean_off(motion, slice(self.start, self.risen), self.solid)
+        self.goal, self.facing, self.solid = (
+            goal,
+            heading,
+            furniture.cuboids([(self.piece, thing.poses[:3], float(thing.poses[3]))]),
+        )
         if self.piece.require_seat().arms:
             span = slice(self.start, self.risen)
             motion.rotations = hands_on_arm_rests(
@@ -143,12 +145,10 @@ class SitEpisode:
             )
 
     def finish(self, motion: Motion) -> None:
-        """Lift heels off high seats and hands off what is there, and push the table as far over the seat as
-        the motion lets it.
-        """
-        lift_heels(motion, slice(self.start, self.risen), self.goal)
+        """Keep the body out of the seat, and push the table as far over it as the motion lets it."""
+        assert self.solid is not None
         near = slice(max(self.start - 30, 0), min(self.risen + 30, len(motion)))
-        keep_hands_off(motion, near, self.solid)
+        keep_off(motion, near, self.solid)
         if self.table is not None:
             motion.obstacles.append(self._push_table(motion))
 
@@ -230,7 +230,7 @@ class SitEpisode:
             solid = furniture.cuboids([at])
             if thin_depths(motion.hips[near], motion.rotations[near], solid).max() < IN_TABLE:
                 break
-        keep_hands_off(motion, slice(near.start, near.stop), solid)
+        keep_off(motion, slice(near.start, near.stop), self.solid, solid)
         return Placed(*at)
 
     def _fit_height(self, motion: Motion) -> Array:
