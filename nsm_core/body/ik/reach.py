@@ -31,6 +31,12 @@ def shifting() -> Stiffness:
     return replace(stiffness(), hips=np.array((0.1, 0.1, 0.15)))
 
 
+def sinking() -> Stiffness:
+    """Hips that come down, no more."""
+    own = stiffness()
+    return replace(own, hips=np.array((0.0, 0.0, 0.08)), turns=np.zeros_like(own.turns), hinges={})
+
+
 def leaning() -> Stiffness:
     """A trunk that leans over hips that stay."""
     own = stiffness()
@@ -59,4 +65,4 @@ def into_reach(
     return pose.hips.astype(hips.dtype), pose.local.astype(rotations.dtype)
 
 
-__all__ = ["EXACT", "SMOOTH", "bending", "into_reach", "leaning", "shifting"]
+__all__ = ["EXACT", "SMOOTH", "bending", "into_reach", "leaning", "shifting", "sinking"]

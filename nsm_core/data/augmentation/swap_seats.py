@@ -9,12 +9,12 @@ import numpy as np
 
 from nsm_core.body.clip import Clip
 from nsm_core.body.contacts import detect_foot_contacts
-from nsm_core.body.ik.fitting import hands_on_arm_rests
 from nsm_core.body.skeleton import forward_kinematics
 from nsm_core.conventions import CONTACTS, FOOT_CONTACTS, HAND_CONTACTS, HIP_CONTACT
 from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.matching.segment import SitDown
 from nsm_core.data.matching.selection import load_sits
+from nsm_core.data.scenarios.hands import hands_on_arm_rests
 from nsm_core.data.scenarios.sit.draws import SITS
 from nsm_core.errors import CaptureError
 from nsm_core.rotations import Array

@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from nsm_core.body.contacts import RESTING
-from nsm_core.body.ik.fitting import lift_swinging_feet
-from nsm_core.body.ik.foot_lock import lock_feet
+from nsm_core.body.contacts import ANKLES, LEGS, RESTING, TOES
+from nsm_core.body.ik.footsteps import Ground, footsteps
+from nsm_core.body.ik.reach import into_reach, sinking
+from nsm_core.body.ik.two_bone import leg_reach, place_limbs
 from nsm_core.body.skeleton import FEET, forward_kinematics
 from nsm_core.conventions import FOOT_CONTACTS, FPS
 from nsm_core.data.captures.folder import CaptureFolder
@@ -30,6 +31,7 @@ from nsm_core.rotations import (
 )
 from nsm_core.signals import intervals
 from nsm_core.world.assets.pool import Pool
+from nsm_core.world.scene.terrain import Terrain
 
 from . import single_clips
 from .draws import PERFORMANCES
@@ -136,8 +138,7 @@ def _finish(session: Session, shortest: int) -> ComposedTake | None:
     )
     for episode in session.episodes:
         episode.fit(motion)
-    motion.rotations = lift_swinging_feet(motion.hips, motion.rotations, motion.feet)
-    motion.hips, motion.rotations = lock_feet(motion.hips, motion.rotations, motion.feet, place="median")
+    _plant(motion)
     for episode in session.episodes:
         episode.finish(motion)
         if not np.isfinite(motion.hips).all():  # spoilt by this one: nothing for the others to fit
@@ -160,6 +161,20 @@ def _finish(session: Session, shortest: int) -> ComposedTake | None:
     fixed = len(take.obstacles)
     furnish(take, motion.roots, session, rng)
     return take if keep_clear(take, fixed) else None
+
+
+def _plant(motion: Motion) -> None:
+    """Let feet stand still from landing to lift-off and swing clear of the floor; hips come down where
+    legs are too short.
+    """
+    positions, world = forward_kinematics(motion.hips.astype(np.float64), motion.rotations.astype(np.float64))
+    floor = Ground(Terrain(), Terrain(), np.zeros(len(motion)))
+    feet = footsteps(positions[:, TOES], world[:, ANKLES], motion.feet.astype(np.float64), floor)
+    away = np.linalg.norm(positions[:, ANKLES] - positions[:, [leg[0] for leg in LEGS]], axis=-1)
+    reach = np.maximum(away, leg_reach())
+    hips, rotations = into_reach(motion.hips, motion.rotations, LEGS, feet.ankles, reach, sinking())
+    motion.hips, motion.feet = hips, feet.planted
+    motion.rotations = place_limbs(hips, rotations, LEGS, feet.ankles, feet.rotations).astype(np.float32)
 
 
 def _slow(motion: Motion) -> Array:

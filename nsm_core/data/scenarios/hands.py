@@ -23,6 +23,8 @@ from nsm_core.rotations import (
     rotate_planar,
 )
 from nsm_core.signals import align_quaternions, ease, gaussian_smooth
+from nsm_core.world.affordances.arm_rests import arm_rests
+from nsm_core.world.scene import furniture
 
 COMFORT = 0.95 * ARM_LENGTH  # an arm that holds is at least a little bent
 ARM = 0.53  # metres from shoulder to wrist that an arm reaches without being quite straight
@@ -43,6 +45,7 @@ _HOLDING = np.array(
 # World rotation of a hand that lies flat on a box's side with its fingers ahead, right then left, for heading
 # 0.
 _FLAT = quat_from_matrix(np.array([((0, 0, -s), (s, 0, 0), (0, -1, 0)) for s in (1.0, -1.0)]))
+_OVER = 0.07  # metres that wrists rise over on their way to arm rests
 _OUT = 0.05  # metres that wrists swing out on their way past a thing's corners
 
 
@@ -139,4 +142,34 @@ def lead_hand(
     return quat_normalize(placed).astype(rotations.dtype)
 
 
-__all__ = ["lead", "lead_hand", "place_hands"]
+def hands_on_arm_rests(
+    hips: Array,
+    rotations: Array,
+    weight: Array,
+    span: slice,
+    piece: furniture.Furniture,
+    goal: Array,
+    heading: float,
+) -> Array:
+    """Lead the wrists of a sit (``span`` of (T, ...)) from where they were to the arm rests, by the sitting
+    ``weight``, and lay the hands flat on them.
+    """
+    rotations = rotations.copy()
+    # The arms follow the hips down: they leave the thighs' way late and come back to it early, and come down
+    # on the rests from above.
+    w = np.clip((weight - 0.35) / 0.65, 0, 1)[:, None] ** 1.5
+    rise = _OVER * np.sin(np.pi * w) ** 2 * (0, 0, 1)
+    for side, rest in enumerate(arm_rests(piece)):
+        if rest is None:
+            continue
+        at = rotate_planar(rest - np.append(piece.seat.point[:2], 0), np.float64(heading)) + np.append(
+            goal[:2], 0
+        )
+        places = np.broadcast_to(at, (len(w), 3)) + rise / np.maximum(w, 1e-3)
+        along = np.broadcast_to(np.append(0.5 * heading_to_direction(np.array(heading)), 0), places.shape)
+        up = np.broadcast_to((0.0, 0.0, 1.0), places.shape)
+        rotations[span] = lead_hand(hips[span], rotations[span], side, places, w[:, 0], up, along)
+    return rotations
+
+
+__all__ = ["hands_on_arm_rests", "lead", "lead_hand", "place_hands"]

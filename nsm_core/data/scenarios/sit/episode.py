@@ -9,7 +9,6 @@ from itertools import product
 
 import numpy as np
 
-from nsm_core.body.ik.fitting import hands_on_arm_rests
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import FEET, HIP_OVER_SEAT, HIPS, INDEX, forward_kinematics, root_of
 from nsm_core.body.thin_capsules import thin_depths
@@ -17,6 +16,7 @@ from nsm_core.conventions import FPS, HIP_CONTACT, SIT
 from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.data.matching.segment import LaidSegment, Segment
 from nsm_core.data.matching.selection import load_sits
+from nsm_core.data.scenarios.hands import hands_on_arm_rests
 from nsm_core.data.scenarios.motion import Motion
 from nsm_core.data.scenarios.session import Session
 from nsm_core.data.scenarios.take import Placed, Thing, TimedCommand

@@ -23,8 +23,9 @@ from nsm_core.world.geometry.distance import DistanceQuery
 RESTLESS = 0.12  # share of its sway that a seated body keeps
 _EARLY, _LATE = 5, 6  # frames before and after the seat is reached between which the rest is found
 # Standard deviations that are left where a body gives way, metres and radians; frames by which rounds smooth
-_TOE, _FOOT_TURN, _HAND, _HEAD_TURN = 0.001, 0.3, 0.02, 0.1
-_ROUNDS = (3.0, 2.0, 1.5, 1.0)
+_TOE, _FOOT_TURN, _HAND, _HEAD_TURN = 0.001, 0.3, 0.05, 0.1
+_ROUNDS = (3.0, 2.0, 1.0, 0.7)
+_AROUND = 12  # frames before and after those that need it which are solved too
 _LEGS = tuple(leg[:3] for leg in FEET)
 
 
@@ -61,9 +62,12 @@ def keep_off(motion: Motion, span: slice, *solids: DistanceQuery) -> None:
     hips, local = motion.hips[span].astype(np.float64), motion.rotations[span].astype(np.float64)
     pose = Pose(HUMAN, hips, local)
     limit = Clearance([Solid(solid) for solid in solids], left_out=FOOT_SPHERES)
-    if not limit.rows(pose, slice(0, len(hips))).error.any():
+    deep = np.flatnonzero(limit.rows(pose, slice(0, len(hips))).error.any(1))
+    if not len(deep):
         return
-    limit = Clearance(limit.solids, left_out=FOOT_SPHERES)
+    part = slice(max(int(deep[0]) - _AROUND, 0), min(int(deep[-1]) + _AROUND, len(hips)))
+    span, pose = slice(span.start + part.start, span.start + part.stop), pose.part(part)
+    hips, limit = pose.hips, Clearance(limit.solids, left_out=FOOT_SPHERES)
     all_frames = np.ones(len(hips))
     asked: list[Task] = [PointTask(toe, pose.positions[:, toe], _TOE * all_frames) for toe in TOES]
     asked += [TurnTask(ankle, pose.world[:, ankle], _FOOT_TURN * all_frames) for ankle in ANKLES]
