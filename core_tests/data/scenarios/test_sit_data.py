@@ -70,6 +70,33 @@ def test_backs_lean_off_a_board_and_hands_stay():
     np.testing.assert_allclose(after[:, ANKLES], before[:, ANKLES], atol=1e-6)
 
 
+def test_heels_rise_where_a_high_seat_would_press_thighs_and_toes_stay():
+    motion = seated(40)
+    before, toes = joints(motion), [leg[3] for leg in FEET]
+    thigh = before[20, [INDEX["RightHip"], INDEX["RightKnee"]]].mean(0)
+    seat = board((-0.4, thigh[1] - 0.02, 0.3), (0.4, 0.3, thigh[2] - 0.02))
+    keep_off(motion, slice(0, 40), seat)
+    after = joints(motion)
+    knees = [leg[1] for leg in FEET]
+    assert (after[20, knees, 2] > before[20, knees, 2] + 0.005).all()
+    np.testing.assert_allclose(after[:, toes], before[:, toes], atol=3e-3)
+    np.testing.assert_allclose(after[:, 0], before[:, 0], atol=1e-6)
+    assert np.linalg.norm(np.diff(after, axis=0), axis=-1).max() < 0.02
+
+
+def test_a_hand_in_a_slab_comes_out_without_a_jump_and_the_rest_stays():
+    motion = seated(60)
+    before = joints(motion)
+    wrist = before[0, WRISTS[0]]
+    slab = board(tuple(wrist - (0.25, 0.25, 0.2)), tuple(wrist + (0.1, 0.25, 0.02)))
+    keep_off(motion, slice(0, 60), slab)
+    after = joints(motion)
+    assert slab.signed_distance(after[30, WRISTS[:1]].astype(np.float32), 0.1).min() > 0.02
+    assert np.linalg.norm(np.diff(after, axis=0), axis=-1).max() < 0.025
+    others = [INDEX["LeftWrist"], INDEX["LeftToe"], 0]
+    np.testing.assert_allclose(after[:, others], before[:, others], atol=0.01)
+
+
 def test_free_backs_hands_and_low_seats_change_nothing():
     motion, far = seated(), board((5, 5, 0), (6, 6, 1))
     before = motion.rotations.copy()
