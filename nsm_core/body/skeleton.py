@@ -56,8 +56,6 @@ ARMS = ((INDEX["RightShoulder"], INDEX["RightElbow"], INDEX["RightWrist"]),
 ARM_LENGTH = float(
     np.linalg.norm(OFFSETS[list(ARMS[0][1:])], axis=-1).sum()
 )  # from shoulder to wrist, metres
-# From the spine to the skin of the back, and how far over the pivot of a lean it moves with it, metres.
-BACK_RADIUS, BACK_FROM = 0.1, 0.15
 
 
 def _levels() -> list[tuple[Array, Array]]:

@@ -204,30 +204,6 @@ def _frames(hips: Vector, pose: list[Quaternion], joints: Sequence[int]) -> list
     return [(plus(p, turned(r, bone)), r) for (p, r), bone in parents]
 
 
-def limb_frames(
-    hips_position: Array, local_rotations: Array, chains: Sequence[Sequence[int]]
-) -> tuple[Array, Array, Array]:
-    """World positions (L, K, 3) and rotations (L, K, 4) of the K joints of L limbs, and rotations (L, 4) of
-    what they hang on.
-
-    Of one pose: ``hips_position`` (3,), ``local_rotations`` (23, 4).  Each joint of a chain hangs on the one
-    before.
-    """
-    pose = local_rotations.tolist()
-    positions, rotations, parents = [], [], []
-    for (position, rotation), chain in zip(
-        _frames(hips_position.tolist(), pose, [c[0] for c in chains]), chains, strict=True
-    ):
-        parents.append(rotation)
-        for k, j in enumerate(chain):
-            position = plus(position, turned(rotation, _BONES[j])) if k else position
-            rotation = product(rotation, pose[j])
-            positions.append(position)
-            rotations.append(rotation)
-    shape = len(chains), len(chains[0])
-    return np.array(positions).reshape(*shape, 3), np.array(rotations).reshape(*shape, 4), np.array(parents)
-
-
 def leg_reach() -> float:
     """Length of a leg, hip joint to ankle, that is reached without softening, metres."""
     return SOFT_REACH * float(np.linalg.norm(OFFSETS[list(FEET[0][1:3])], axis=-1).sum())
