@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from nsm_core.body.contacts import ANKLES, LEGS, RESTING, TOES
-from nsm_core.body.ik.footsteps import Ground, footsteps
+from nsm_core.body.ik.footsteps import FootGround, footsteps
 from nsm_core.body.ik.reach import into_reach, sinking
 from nsm_core.body.ik.two_bone import leg_reach, place_limbs
 from nsm_core.body.skeleton import FEET, forward_kinematics
@@ -168,7 +168,7 @@ def _plant(motion: Motion) -> None:
     legs are too short.
     """
     positions, world = forward_kinematics(motion.hips.astype(np.float64), motion.rotations.astype(np.float64))
-    floor = Ground(Terrain(), Terrain(), np.zeros(len(motion)))
+    floor = FootGround(Terrain(), Terrain(), np.zeros(len(motion)))
     feet = footsteps(positions[:, TOES], world[:, ANKLES], motion.feet.astype(np.float64), floor)
     away = np.linalg.norm(positions[:, ANKLES] - positions[:, [leg[0] for leg in LEGS]], axis=-1)
     reach = np.maximum(away, leg_reach())

@@ -162,9 +162,9 @@ def hands_on_arm_rests(
     for side, rest in enumerate(arm_rests(piece)):
         if rest is None:
             continue
-        at = rotate_planar(rest - np.append(piece.seat.point[:2], 0), np.float64(heading)) + np.append(
-            goal[:2], 0
-        )
+        at = rotate_planar(
+            rest - np.append(piece.require_seat().point[:2], 0), np.float64(heading)
+        ) + np.append(goal[:2], 0)
         places = np.broadcast_to(at, (len(w), 3)) + rise / np.maximum(w, 1e-3)
         along = np.broadcast_to(np.append(0.5 * heading_to_direction(np.array(heading)), 0), places.shape)
         up = np.broadcast_to((0.0, 0.0, 1.0), places.shape)

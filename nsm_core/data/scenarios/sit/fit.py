@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from nsm_core.body.contacts import ANKLES, TOE_OFFSET, TOES
-from nsm_core.body.ik.clearance import Clearance, Solid
+from nsm_core.body.ik.clearance import Clearance, Obstacle
 from nsm_core.body.ik.foot_clearance import FOOT_SPHERES
 from nsm_core.body.ik.reach import leaning
 from nsm_core.body.ik.solver import Pose, Task, solved
@@ -61,7 +61,7 @@ def keep_off(motion: Motion, span: slice, *solids: DistanceQuery) -> None:
     """
     hips, local = motion.hips[span].astype(np.float64), motion.rotations[span].astype(np.float64)
     pose = Pose(HUMAN, hips, local)
-    limit = Clearance([Solid(solid) for solid in solids], left_out=FOOT_SPHERES)
+    limit = Clearance([Obstacle(solid) for solid in solids], left_out=FOOT_SPHERES)
     deep = np.flatnonzero(limit.rows(pose, slice(0, len(hips))).error.any(1))
     if not len(deep):
         return
