@@ -18,7 +18,7 @@ from .goals.resolve import make_goal_point, moved_by, place_after, require_possi
 from .goals.spec import GoalSpec
 from .keys.objects import MovedObject, require_movable, rides_along
 from .progress import Progress, staged, waited
-from .rigs.armature import read_pose, require_skeleton
+from .rigs.armature import Placement, read_pose, require_skeleton
 from .world.beside import beside
 from .world.evaluated import Snapshot
 from .world.frame import WorldFrame, holds
@@ -82,6 +82,7 @@ def prepare(
         seed=spec.seed,
         contact_ik=spec.contact_ik,
         ground=ground,
+        offsets=Placement.of(spec.character).own_offsets,
     )
     return request, frame, things
 

@@ -111,11 +111,6 @@ def _warnings(shown: ShownTake) -> list[str]:
     """What an animator would see and no other figure tells."""
     if shown.off > OFF:
         return [f"On screen {_what_is_off(shown)} Mute what moves it and generate again."]
-    if shown.unlike > OFF:
-        return [
-            f"{shown.character} is built unlike the network's skeleton: its {shown.unlike_name} is up to "
-            f"{100 * shown.unlike:.1f} cm from the motion made. Look at its hands and feet."
-        ]
     return []
 
 

@@ -17,7 +17,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from nsm_core.body.skeleton import HIPS, JOINTS, OFFSETS, forward_kinematics
+from nsm_core.body.skeleton import HIPS, JOINTS, forward_kinematics
 from nsm_core.control.take import TakeResult
 from nsm_core.conventions import FPS
 from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_normalize, wrap_angle
@@ -41,8 +41,7 @@ class ShownTake:
     ``hips`` (T, 3) and ``local`` (T, 23, 4) of the evaluated bones, ``offsets`` (23, 3) of the character's
     own joints, ``poses`` (T, 4) of the props by name as the moved objects are seen; ``looked_at`` counts the
     scene's frames evaluated.  ``off`` is the largest distance, metres, between a joint or a moved object and
-    where its keys should put it, of ``off_name`` at the scene's frame ``off_frame``; ``unlike`` the largest
-    between a joint, of ``unlike_name``, and the motion made for the network's skeleton.
+    where its keys should put it, of ``off_name`` at the scene's frame ``off_frame``.
     """
 
     hips: Array
@@ -53,8 +52,6 @@ class ShownTake:
     off: float = 0.0
     off_name: str = ""
     off_frame: int = 0
-    unlike: float = 0.0
-    unlike_name: str = ""
     character: str = ""  # name of the armature
 
 
@@ -122,17 +119,13 @@ class _Look:
         joints, local = (np.array([self.seen[r][k] for r in rows]) for k in (0, 1))
         motion = (np.asarray(m, dtype=np.float64) for m in (result.hips_position, result.local_rotations))
         made_hips, made_local = (m[rows] for m in resample_take(*motion, FPS, self.keyed.fps))
-        offsets = own_offsets(self.placement)
-        own, standard = (
-            forward_kinematics(made_hips, made_local, o.astype(np.float64))[0] for o in (offsets, OFFSETS)
-        )
+        offsets = self.placement.own_offsets
+        own = forward_kinematics(made_hips, made_local, offsets.astype(np.float64))[0]
         shown = ShownTake(
             np.empty(0), np.empty(0), offsets, {}, len(rows), character=self.keyed.armature.name
         )
         gap = np.linalg.norm(joints - own, axis=-1)
         self._note(shown, gap.max(1), rows, [JOINTS[j] for j in gap.argmax(1)])
-        gap = np.linalg.norm(joints - standard, axis=-1)
-        shown.unlike, shown.unlike_name = float(gap.max()), JOINTS[int(gap.max(0).argmax())]
 
         at = rows / self.keyed.fps * FPS
         shown.hips = result.hips_position + _between(
@@ -170,14 +163,6 @@ class _Look:
         if gaps[worst] > shown.off:
             shown.off, shown.off_name = float(gaps[worst]), names[worst]
             shown.off_frame = self.keyed.frame_start + int(rows[worst])
-
-
-def own_offsets(placement: Placement) -> Array:
-    """Joint offsets (23, 3) of a character in its own metres; the network's where they are the same to a
-    millimetre.
-    """
-    offsets = placement.seen.offsets
-    return OFFSETS if np.abs(offsets[1:] - OFFSETS[1:]).max() < 1e-3 else offsets
 
 
 def _between(at: Array, values: Array, count: int) -> Array:

@@ -50,6 +50,14 @@ class Placement:
     keyed: RigSkeleton  # the bones that get keys
     seen: RigSkeleton  # the bones that show the result: the same ones where no controls move them
 
+    @property
+    def own_offsets(self) -> Array:
+        """Joint offsets (23, 3) of the character in its own metres; the network's where they are the same to a
+        millimetre.
+        """
+        offsets = self.seen.offsets
+        return OFFSETS if np.abs(offsets[1:] - OFFSETS[1:]).max() < 1e-3 else offsets
+
     @classmethod
     def of(cls, armature: bpy.types.Object) -> Placement:
         """Read an armature; SkeletonError when bones are missing, misplaced or the scale is uneven."""
