@@ -118,7 +118,9 @@ def test_a_motion_that_lacks_nothing_stays_as_it_is():
 
 
 def sat(seated: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Hips (T, 3) as given and as kept of one who sits 4 cm beside and over a seat, contact label ``seated`` (T,)."""
+    """Hips (T, 3) as given and as kept of one who sits 4 cm beside and over a seat, contact label
+    ``seated`` (T,).
+    """
     hips, local = seated_pose()
     hips = (
         np.tile(SEAT + (0.03, 0.02, 0.02), (len(seated), 1)) + np.sin(np.arange(len(seated)))[:, None] * 0.002

@@ -52,8 +52,8 @@ class Placement:
 
     @property
     def own_offsets(self) -> Array:
-        """Joint offsets (23, 3) of the character in its own metres; the network's where they are the same to a
-        millimetre.
+        """Joint offsets (23, 3) of the character in its own metres; the network's where they are the same to
+        a millimetre.
         """
         offsets = self.seen.offsets
         return OFFSETS if np.abs(offsets[1:] - OFFSETS[1:]).max() < 1e-3 else offsets
@@ -143,7 +143,8 @@ def require_skeleton(armature: bpy.types.Object | None) -> None:
     if wrong or carriers[HIPS] >= 0:
         raise SkeletonError(
             f"The armature {armature.name} has the bones {', '.join(wrong or [bone_map.hips])} under other "
-            "parents than the 23-joint skeleton; choose others under Bones in the sidebar, or parent them as "
+            "parents than the 23-joint skeleton; choose others under Bones in the sidebar, or parent them "
+            "as "
             "in the bundled character."
         )
     for j, joint in enumerate(JOINTS):

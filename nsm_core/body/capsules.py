@@ -2,8 +2,8 @@
 alike.
 
 They are fitted to the bundled mannequin: its surface lies within 1.5 cm of them, standing or bent.  Every end
-hangs on a joint of its own, so that a character of other proportions has a body of its own.  Takes are kept out of
-solids by the same set that measures them.
+hangs on a joint of its own, so that a character of other proportions has a body of its own.  Takes are kept
+out of solids by the same set that measures them.
 """
 
 from __future__ import annotations
@@ -102,9 +102,10 @@ _WRISTS, _FOREARMS = ("RightWrist", "LeftWrist"), ("RightElbow", "LeftElbow")
 class Spheres:
     """The spheres that fill ``CAPSULES``: S places that hang on a joint's frame, or between those of two.
 
-    ``radii`` (S,) and ``pressed`` (S,) metres, full and under a sitter; ``moved`` (S, J) the share of each joint's
-    turn that moves a sphere; ``groups`` of neighbours; ``middle`` the sphere nearest to the hips; ``hand`` (S,) is 0
-    for spheres of the right hand, 1 for the left, else -1; ``forearm`` the same; ``names`` tell the joints.
+    ``radii`` (S,) and ``pressed`` (S,) metres, full and under a sitter; ``moved`` (S, J) the share of each
+    joint's turn that moves a sphere; ``groups`` of neighbours; ``middle`` the sphere nearest to the hips;
+    ``hand`` (S,) is 0 for spheres of the right hand, 1 for the left, else -1; ``forearm`` the same; ``names``
+    tell the joints.
     """
 
     def __init__(self, capsules: Sequence[Capsule] = CAPSULES) -> None:
@@ -151,8 +152,8 @@ class Spheres:
         return part
 
     def of(self, positions: Array, rotations: Array) -> tuple[Array, Array]:
-        """Centres (T, S, 3) world and radii (T, S), metres, of a body with joints at ``positions`` (T, J, 3) and
-        world ``rotations`` (T, J, 4).
+        """Centres (T, S, 3) world and radii (T, S), metres, of a body with joints at ``positions`` (T, J, 3)
+        and world ``rotations`` (T, J, 4).
         """
         count = len(positions)
         frames = np.empty((count, len(OFFSETS), 4, 3))

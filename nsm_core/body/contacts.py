@@ -46,8 +46,9 @@ def detect_foot_contacts(
 
 @dataclass(frozen=True, eq=False)
 class Sole:
-    """The soles of a character: ``toe`` (3,) its toe joint in the rest frame of the ankle, ``heel`` (3,) the underside
-    of the heel seen from the toe joint, ``toe_height`` that of the toe joint over a floor it stands on; metres.
+    """The soles of a character: ``toe`` (3,) its toe joint in the rest frame of the ankle, ``heel`` (3,) the
+    underside of the heel seen from the toe joint, ``toe_height`` that of the toe joint over a floor it stands
+    on; metres.
     """
 
     toe: Array = field(default_factory=lambda: TOE_OFFSET)
@@ -56,7 +57,9 @@ class Sole:
 
     @classmethod
     def of(cls, offsets: Array) -> Sole:
-        """Those of a character with joints at ``offsets`` (23, 3) that stands on its soles in the rest pose."""
+        """Those of a character with joints at ``offsets`` (23, 3) that stands on its soles in the
+        rest pose.
+        """
         offsets = np.asarray(offsets, dtype=np.float64)
         toe = offsets[TOES].mean(0) * (0, 1, 1)
         ankle = float(sum(offsets[[leg[k] for leg in FEET], 2].mean() for k in range(3)) + offsets[0, 2])
@@ -67,9 +70,9 @@ class Sole:
     def depth(
         self, toes: Array, feet: Array, ground: Array | float = 0.0, heel_ground: Array | float | None = None
     ) -> Array:
-        """How far (...) feet reach under the ground, metres, at least 0: toe joints (..., 3) world, ankle rotations
-        (..., 4) world.  ``ground`` is its height (...) under the foot, ``heel_ground`` that under the heel where it
-        differs.
+        """How far (...) feet reach under the ground, metres, at least 0: toe joints (..., 3) world, ankle
+        rotations (..., 4) world.  ``ground`` is its height (...) under the foot, ``heel_ground`` that under
+        the heel where it differs.
         """
         heel = quat_rotate(feet, self.heel)[..., 2]
         under = ground if heel_ground is None else heel_ground

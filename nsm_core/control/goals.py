@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from nsm_core.world.actions import require_action
 from nsm_core.world.scene.props import Prop
 from nsm_core.world.scene.terrain import Terrain
 from nsm_core.world.sensors.interaction import InteractionVolume
+
+_Kind = TypeVar("_Kind", bound=Prop)
 
 
 @dataclass
@@ -55,6 +58,12 @@ class Goal:
             )
         if action.prop is not None and not isinstance(self.prop, action.prop):
             raise GoalError(f"The goal '{self.name}' has nothing to {self.action}; choose {action.handles}.")
+
+    def moves(self, kind: type[_Kind]) -> _Kind:
+        """What is moved, a ``kind`` of prop; GoalError where that is no such thing."""
+        if not isinstance(self.prop, kind):
+            raise GoalError(f"The goal '{self.name}' has nothing to {self.action}; choose another object.")
+        return self.prop
 
 
 @dataclass

@@ -61,8 +61,9 @@ class Note:
 
 @dataclass
 class PostProcess:
-    """The notes of one take, and what its motion is solved among: ``still`` solids, ``terrain`` that feet stand
-    on, ``low`` what of it one walks over.  ``tree`` is the character's skeleton, at the network's height of hips.
+    """The notes of one take, and what its motion is solved among: ``still`` solids, ``terrain`` that feet
+    stand on, ``low`` what of it one walks over.  ``tree`` is the character's skeleton, at the network's
+    height of hips.
     """
 
     still: DistanceQuery
@@ -80,8 +81,9 @@ class PostProcess:
         grasps: Sequence[Grasp],
         level: float,
     ) -> None:
-        """Note a frame: the network's ``hips`` (3,), ``local`` rotations (23, 4) and ``moment``, on a floor at the
-        height ``level``; ``seat`` what is sat on.  The ``grasps`` go on by a frame and move their props.
+        """Note a frame: the network's ``hips`` (3,), ``local`` rotations (23, 4) and ``moment``, on a floor
+        at the height ``level``; ``seat`` what is sat on.  The ``grasps`` go on by a frame and move their
+        props.
         """
         seen = SeenBody(hips.astype(np.float64), local.astype(np.float64), moment.wrists)
         leads: list[Lead] = []
@@ -160,8 +162,8 @@ class PostProcess:
 
 
 def _led(pose: Pose, local: Array, targets: Array, shares: Array, turns: Array | None = None) -> Array:
-    """Local rotations with arms that put wrists these ``shares`` (T, 2) of their ways on to where they are led;
-    hands keep their world rotations, or have ``turns``.
+    """Local rotations with arms that put wrists these ``shares`` (T, 2) of their ways on to where they are
+    led; hands keep their world rotations, or have ``turns``.
     """
     local = np.array(local)
     for side, arm in enumerate(ARMS):

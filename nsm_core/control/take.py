@@ -75,10 +75,10 @@ class TakeResult:
     """A finished take of T frames at 30 Hz.
 
     ``hips_position`` (T, 3) and ``local_rotations`` (T, 23, 4) as they are keyed, ``network_hips`` and
-    ``network_rotations`` the same before the take is solved; ``contacts`` (T, 5), ``root`` (T, 3), ``action`` labels
-    (T, 7), ``experts`` (T, K) gating coefficients, K 0 for a network that blends none; ``stage_ms`` mean
-    milliseconds per frame by stage; ``props`` poses (T, 4) of every prop of the goals by its name: x, y, z
-    and heading.
+    ``network_rotations`` the same before the take is solved; ``contacts`` (T, 5), ``root`` (T, 3), ``action``
+    labels (T, 7), ``experts`` (T, K) gating coefficients, K 0 for a network that blends none; ``stage_ms``
+    mean milliseconds per frame by stage; ``props`` poses (T, 4) of every prop of the goals by its name: x, y,
+    z and heading.
     """
 
     hips_position: Array
@@ -218,7 +218,10 @@ class TakeRunner:
             self._ms[stage] += 1000 * spent
 
     def mend(self) -> bool:
-        """Go on solving the whole take; False when that is done.  A take without contact IK stays as it is."""
+        """Go on solving the whole take; False when that is done.
+
+        A take without contact IK stays as it is.
+        """
         if self._mended == self.frames:
             return False
         if not self.request.contact_ik:
@@ -348,7 +351,9 @@ class TakeRunner:
         self._reached[d.index] = self.frames - 1
 
     def _measure_kept(self) -> None:
-        """Write the errors of the motion that is kept, of hips at the goals and of hands where they have taken hold."""
+        """Write the errors of the motion that is kept, of hips at the goals and of hands where they
+        have taken hold.
+        """
         results = self.director.results
         for index, frame in self._reached.items():
             hips, rotations = self._frames[frame][:2]

@@ -1,4 +1,6 @@
-"""Feet stand from landing to lift-off without sliding, are set anew where a body drifts, and clear the ground."""
+"""Feet stand from landing to lift-off without sliding, are set anew where a body drifts, and clear
+the ground.
+"""
 
 from __future__ import annotations
 

@@ -27,8 +27,8 @@ _SIDE = np.array([int(name.startswith("Left")) for name in _FEET.names])
 
 
 def keep_clear(feet: Footsteps, pose: Pose, solids: Sequence[Obstacle]) -> Generator[None, None, None]:
-    """Move stands, each as a whole, and the ways between them off ``solids``, in place; ``pose`` tells how toes
-    are bent.  Yields now and then.
+    """Move stands, each as a whole, and the ways between them off ``solids``, in place; ``pose`` tells how
+    toes are bent.  Yields now and then.
     """
     count = len(pose.hips)
     moved = np.zeros((count, 2, 2))

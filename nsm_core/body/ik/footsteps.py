@@ -37,7 +37,8 @@ _ASIDE = np.array(sorted(np.arange(-0.28, 0.281, 0.01), key=abs))  # the least f
 
 @dataclass
 class Footsteps:
-    """Where feet are to be: ``ankles`` (T, 2, 3) and ankle ``rotations`` (T, 2, 4), world; ``planted`` (T, 2).
+    """Where feet are to be: ``ankles`` (T, 2, 3) and ankle ``rotations`` (T, 2, 4), world; ``planted`` (T,
+    2).
 
     ``runs`` are the half-open intervals of the right and the left foot's stands.
     """
@@ -70,8 +71,8 @@ def footsteps(
 ) -> Footsteps:
     """Plant the feet of a whole take: toe joints (T, 2, 3), ankle rotations (T, 2, 4), contact labels (T, 2).
 
-    In every stand the toe joint keeps one place and the foot one heading, from landing to lift-off; between two
-    stands the correction goes over from one to the other with the speed of the foot at both ends.
+    In every stand the toe joint keeps one place and the foot one heading, from landing to lift-off; between
+    two stands the correction goes over from one to the other with the speed of the foot at both ends.
     """
     sole = sole or Sole()
     toes, feet = toes.copy(), feet.copy()
@@ -135,7 +136,8 @@ def _speed(toe: Array) -> Array:
 def _set_anew(
     toe: Array, heading: Array, runs: Sequence[tuple[int, int]], other: Sequence[int]
 ) -> tuple[list[tuple[int, int]], list[int]]:
-    """Divide stands from which the pose goes too far: the stands, and the frames at which the foot is set anew.
+    """Divide stands from which the pose goes too far: the stands, and the frames at which the foot is set
+    anew.
 
     That is put off while the ``other`` foot is set anew.
     """
@@ -206,7 +208,9 @@ def _stand_height(place: Array, heading: float, sole: float, ground: FootGround)
 
 
 def _off_risers(place: Array, heading: float, under: float, ground: FootGround) -> Array:
-    """Metres (2,) by which a stand is moved along the foot, the least, so that no part of it is in a riser."""
+    """Metres (2,) by which a stand is moved along the foot, the least, so that no part of it is in a
+    riser.
+    """
     if not ground.all:
         return np.zeros(2)
     ahead = heading_to_direction(np.array(heading))
@@ -216,8 +220,8 @@ def _off_risers(place: Array, heading: float, under: float, ground: FootGround) 
 
 
 def _bridge(values: Array, runs: Sequence[tuple[int, int]], pace: Array) -> None:
-    """Fill (T, n) corrections between stands, in place, so that what moves by ``pace`` (T, n) a frame of itself
-    leaves and reaches its stands with no jump of speed.
+    """Fill (T, n) corrections between stands, in place, so that what moves by ``pace`` (T, n) a frame of
+    itself leaves and reaches its stands with no jump of speed.
     """
     count = len(values)
     for (_, end), (start, _) in zip([(0, 0), *runs], [*runs, (count, count)], strict=True):
@@ -266,7 +270,9 @@ def _raised(toe: Array, foot: Array, planted: Array, ground: FootGround, sole: S
 
 
 def _held_off(toe: Array, foot: Array, planted: Array, ground: FootGround, sole: Sole) -> Array:
-    """Metres (T, 2) by which a swinging foot is held back before a riser that it is too low for, or on behind it."""
+    """Metres (T, 2) by which a swinging foot is held back before a riser that it is too low for, or
+    on behind it.
+    """
     out = np.zeros((len(toe), 2))
     if not ground.all:
         return out

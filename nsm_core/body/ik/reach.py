@@ -1,4 +1,6 @@
-"""Bring hips and trunk to where limbs reach their places: the solver's part before limbs are put there exactly."""
+"""Bring hips and trunk to where limbs reach their places: the solver's part before limbs are put
+there exactly.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ from .stiffness import stiffness
 from .tasks import ReachTask
 from .tree import HUMAN
 
-# Frames by which rounds smooth: so that neighbours come and go with what a frame needs, who may come a little short;
+# Frames by which rounds smooth: so that neighbours come and go with what a frame needs, who may come a
+# little short;
 # and so that every frame gets all it needs.
 SMOOTH, EXACT = (5.0, 4.0, 3.0, 2.5, 2.0), (3.0, 2.0, 1.0, 0.0, 0.0, 0.0)
 FURTHEST = 0.5  # metres that hips leave the motion by
@@ -52,8 +55,8 @@ def into_reach(
     gives: Stiffness,
     rounds: Sequence[float] = SMOOTH,
 ) -> tuple[Array, Array]:
-    """Move a motion the least, as it ``gives``, until the first joints of ``limbs`` are within ``reach`` (T, L)
-    metres of ``targets`` (T, L, 3): new hips (T, 3) and local rotations (T, 23, 4).
+    """Move a motion the least, as it ``gives``, until the first joints of ``limbs`` are within ``reach`` (T,
+    L) metres of ``targets`` (T, L, 3): new hips (T, 3) and local rotations (T, 23, 4).
 
     Limbs go along as they are; a motion that reaches is returned as it is.
     """

@@ -1,4 +1,6 @@
-"""Hips that settle on a seat: where the reference motion has them, before the solver brings the body along."""
+"""Hips that settle on a seat: where the reference motion has them, before the solver brings the body
+along.
+"""
 
 from __future__ import annotations
 
@@ -24,11 +26,12 @@ def settle(
     labels: Array,
     seats: Sequence[tuple[Array, float | None] | None],
 ) -> tuple[Array, Array, Array]:
-    """Draw hips onto the seat while their contact label is high; new hips (T, 3), local rotations and weights (T,).
+    """Draw hips onto the seat while their contact label is high; new hips (T, 3), local rotations and weights
+    (T,).
 
-    ``headings`` (T,) of the body, ``labels`` (T,) of the hips' contact, ``seats`` the place (3,) of the hips and
-    the heading to sit at (None while it still turns) of every frame, None without one.  A little play stays, so
-    that a sitter lives.
+    ``headings`` (T,) of the body, ``labels`` (T,) of the hips' contact, ``seats`` the place (3,) of the hips
+    and the heading to sit at (None while it still turns) of every frame, None without one.  A little play
+    stays, so that a sitter lives.
     """
     hips, local = hips.copy(), local.copy()
     count = len(hips)

@@ -1,4 +1,5 @@
-"""Whole-body inverse kinematics of whole takes: tasks are met and limits kept by the least change of the motion.
+"""Whole-body inverse kinematics of whole takes: tasks are met and limits kept by the least change of the
+motion.
 
 A damped Gauss-Newton in the dual form, batched over frames.  In every round all frames are linearised, each
 takes the least step (by the joints' stiffness) that meets its tasks, and the steps are smoothed over time
@@ -29,8 +30,9 @@ _OFF = 1e4  # deviation of rows that ask for nothing
 
 @dataclass
 class Rows:
-    """R wishes of every frame, linear in its pose: ``error`` (T, R) that a step is to take away, ``deviation``
-    (T, R) that may be left of it (standard deviation, the same unit), ``jacobian`` (T, R, 3 + 3 J).
+    """R wishes of every frame, linear in its pose: ``error`` (T, R) that a step is to take away,
+    ``deviation`` (T, R) that may be left of it (standard deviation, the same unit), ``jacobian`` (T, R, 3 + 3
+    J).
     """
 
     error: Array
@@ -67,7 +69,9 @@ class Pose:
         return out
 
     def moved(self, step: Array) -> Pose:
-        """The motion after a step (T, 3 + 3 J): of the hips, metres, and of each joint, world rotation vectors."""
+        """The motion after a step (T, 3 + 3 J): of the hips, metres, and of each joint, world
+        rotation vectors.
+        """
         turns = quat_from_rotvec(step[:, 3:].reshape(len(step), -1, 3))
         above = self.above
         local = quat_mul(quat_mul(quat_conjugate(above), quat_mul(turns, above)), self.local)
@@ -103,7 +107,8 @@ class Stiffness:
     """How unwillingly a pose changes: standard deviations of a step.
 
     ``hips`` (3,) metres along x, y and z; ``turns`` (J,) radians of each joint; ``hinges`` by joint: the axis
-    (3,), in the joint's own frame, about which it turns at that, and the radians by which it turns about others.
+    (3,), in the joint's own frame, about which it turns at that, and the radians by which it turns about
+    others.
     """
 
     hips: Array
@@ -153,7 +158,9 @@ def solve(
 
 
 def least_step(pose: Pose, rows: Sequence[Rows], stiffness: Stiffness) -> Array:
-    """The least step (T, 3 + 3 J) by ``stiffness`` that takes the rows' errors away: C J' (J C J' + R)^-1 e."""
+    """The least step (T, 3 + 3 J) by ``stiffness`` that takes the rows' errors away: C J' (J C J' +
+    R)^-1 e.
+    """
     jacobian = np.concatenate([r.jacobian for r in rows], axis=1)
     error = np.concatenate([r.error for r in rows], axis=1)
     deviation = np.concatenate([r.deviation for r in rows], axis=1)
@@ -182,7 +189,7 @@ def solved(
         try:
             next(work)
         except StopIteration as done:
-            return done.value  # type: ignore[no-any-return]
+            return done.value
 
 
 __all__ = ["ROUNDS", "Pose", "Rows", "Stiffness", "Task", "least_step", "solve", "solved"]

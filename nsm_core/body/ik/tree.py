@@ -43,7 +43,9 @@ class Tree:
         return [(j, np.array(self.parents)[j]) for j in joints]
 
     def forward(self, hips: Array, local: Array) -> tuple[Array, Array]:
-        """World positions (T, J, 3) and rotations (T, J, 4) of poses: hips (T, 3), local rotations (T, J, 4)."""
+        """World positions (T, J, 3) and rotations (T, J, 4) of poses: hips (T, 3), local rotations
+        (T, J, 4).
+        """
         positions, world = np.empty((*local.shape[:-1], 3)), local.astype(np.float64)
         positions[..., 0, :] = hips
         for joints, parents in self.levels:

@@ -8,6 +8,7 @@ backward.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -72,8 +73,8 @@ def place_limb(
         world rotation for the end joint; None keeps the world rotation it had.
 
     All other joints keep their local rotations.  What is out of reach is approached softly, without a pop at
-    full length.  A limb keeps the plane that it is bent in; one that is nearly straight, or bent the wrong way,
-    bends about the joint's hinge.
+    full length.  A limb keeps the plane that it is bent in; one that is nearly straight, or bent the wrong
+    way, bends about the joint's hinge.
     """
     return place_limbs(
         hips_position,
@@ -136,7 +137,9 @@ def place_on(
     targets: Array,
     end_rotations: Array | None = None,
 ) -> Array:
-    """``place_limbs`` of motions (T, ...) of a body of any proportions whose joints are those of ``skeleton``."""
+    """``place_limbs`` of motions (T, ...) of a body of any proportions whose joints are those of
+    ``skeleton``.
+    """
     positions, world = tree.forward(hips, local)
     starts, middles, ends = (list(joints) for joints in zip(*chains, strict=True))
     parent = world[:, np.array(tree.parents)[starts]]
@@ -247,8 +250,8 @@ def _place(
 def _solve(
     of: Kind, hip: Vector, knee: Vector, ankle: Vector, target: Vector, hinge: Vector
 ) -> tuple[Vector, Vector, Vector, Vector]:
-    """The new knee and ankle of a limb whose end meets a target, and the axes about which it is bent now and was
-    before, in components.
+    """The new knee and ankle of a limb whose end meets a target, and the axes about which it is bent now and
+    was before, in components.
 
     ``hinge`` is the axis about which the limb flexes by the right-hand rule (a person's right for knees).
     """
@@ -271,7 +274,7 @@ def _solve(
     sine = length(of, bend)
     new_cosine = (distance * distance - a * a - b * b) / (2 * a * b)
     new_sine = of.sqrt(of.most(1 - new_cosine * new_cosine, 1e-6))
-    own = _ramp(of, sine, _STRAIGHT, _BENT) * of.most(
+    own: Any = _ramp(of, sine, _STRAIGHT, _BENT) * of.most(
         _ramp(of, sine / new_sine, _MAGNIFIED, _LIKE), _ramp(of, sine, 0.4, 0.6)
     )
     own = of.where(dot(bend, hinge) > 0, own, 0.0)
@@ -287,7 +290,7 @@ def _solve(
     return new_knee, along(hip, way, distance), axis, old_axis
 
 
-def _soften(of: Kind, distance: float, before: float, straight: float) -> float:
+def _soften(of: Kind, distance: Any, before: Any, straight: Any) -> Any:
     """Clamp the distance a limb spans: soft near full length, but never shorter than it already was for the
     same target.
     """

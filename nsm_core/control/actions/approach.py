@@ -172,7 +172,7 @@ class Approach:
             self.command = self.final
         elif self.command is None:
             self.command = self._lead(moment)
-        return self.command  # type: ignore[return-value]
+        return self.command
 
     def _ready(self, moment: Moment, distance: float) -> bool:
         if self.ready is not None:

@@ -60,9 +60,16 @@ class Stage:
 class Grasp(Protocol):
     """Hands that a stage puts to work on something; one call of ``apply`` a frame while it is ``active``."""
 
-    prop: Prop | None
     errors: dict[str, Any]
-    forearms: bool  # whether forearms lie along what the hands hold
+
+    @property
+    def prop(self) -> Prop | None:
+        """What the hands are at work on; None for what stands still."""
+
+    @property
+    def forearms(self) -> bool:
+        """Whether forearms lie along what the hands hold."""
+        ...
 
     @property
     def active(self) -> bool:

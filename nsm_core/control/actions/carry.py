@@ -44,6 +44,7 @@ class Carry(Stage):
     ) -> None:
         """``solids``: what a box may rest on; ``held``: the hands that hold the same box already."""
         super().__init__(goal)
+        self.box = goal.moves(Box)
         self.ground, self.solids, self.ik, self._tries = ground, solids, ik, 0
         if held is None:
             self._fetch(moment)
@@ -52,7 +53,7 @@ class Carry(Stage):
             self._bring()
 
     def _fetch(self, moment: Moment) -> None:
-        box = self.goal.prop
+        box = self.box
         self.part, self._count = 3 * self._tries, self.ground.pause()
         self._tries += 1
         facing, stand, further = choose_side(
@@ -68,13 +69,12 @@ class Carry(Stage):
 
     def _box_as_shown(self) -> Array:
         """Where (3,) the network is told that the box is."""
-        box = self.goal.prop
-        return (box.pose[:3] + box.shown).astype(np.float32)  # type: ignore[union-attr]
+        return (self.box.pose[:3] + self.box.shown).astype(np.float32)
 
     def _bring(self) -> None:
-        box, heading = self.goal.prop, self.goal.heading
+        box, heading = self.box, self.goal.heading
         self.part, self._count = self.part + 1, self.ground.pause()
-        further = further_off(box, self.grasp.facing, self.goal.position, heading, self.solids)  # type: ignore[arg-type]
+        further = further_off(box, self.grasp.facing, self.goal.position, heading, self.solids)
         self.grasp.send(self._goal_pose(self.grasp.facing), further)
         stand = standing_place(box, self.grasp.facing, self.goal.position, heading, further)
         # Told to set it down a little nearer, the body stands a little further off: toes stay out of a box on
@@ -111,7 +111,7 @@ class Carry(Stage):
             )
 
     def _stands(self) -> bool:
-        return float(np.linalg.norm(self.goal.prop.pose[:3] - self.grasp.goal[:3])) < PLACED
+        return float(np.linalg.norm(self.box.pose[:3] - self.grasp.goal[:3])) < PLACED
 
     def arrived(self, moment: Moment) -> bool:
         return (
@@ -131,10 +131,8 @@ class Carry(Stage):
 
 def _begin(goal: Goal, start: Start) -> Carry:
     """Fetch the box, or bring it where hands that are still at work hold it."""
-    held = next(
-        (g for g in start.grasps if isinstance(g, Carrying) and g.prop is goal.prop and g.state == "held"),
-        None,
-    )
+    hands: list[Carrying] = [g for g in start.grasps if isinstance(g, Carrying)]
+    held = next((g for g in hands if g.prop is goal.prop and g.state == "held"), None)
     return Carry(goal, start.ground, start.moment, start.scene.but(goal.prop), held, start.ik)
 
 

@@ -1,6 +1,7 @@
 """Hands that are led onto places and given back: how far they are, and where that puts them.
 
-A hold never touches the pose: it emits where hands are to be, and whole takes are solved for it (``body.ik``).
+A hold never touches the pose: it emits where hands are to be, and whole takes are solved for it
+(``body.ik``).
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from nsm_core.signals import smooth_step
 TAKE_TIME, LET_GO_TIME = 0.3, 0.4  # seconds in which a hand is drawn onto its place, and given back
 # Times faster where it says that it holds; metres a frame by which a hand on its way comes nearer.
 SWIFT, CLOSING = 3.0, 0.003
-# A hand may be drawn from this near, metres: where it has stayed this near for DWELL frames or is at its place,
+# A hand may be drawn from this near, metres: where it has stayed this near for DWELL frames or is at its
+# place,
 # or says it holds.
 NEAR, NEAR_IN_CONTACT, THERE, DWELL = 0.25, 0.35, 0.07, 8
 TOUCH, WAIT = 0.005, 15  # metres that an arm may lack to hold; frames after which it holds all the same
@@ -114,8 +116,8 @@ class Hold:
             self.weight = max(0.0, self.weight - DT / LET_GO_TIME)
 
     def complete(self, ik: bool) -> bool:
-        """Whether the hands are where they hold; those still on their way, or that do not quite get there, are
-        waited for, not for long.
+        """Whether the hands are where they hold; those still on their way, or that do not quite get there,
+        are waited for, not for long.
         """
         self._waited = self._waited + 1 if self.weight >= 1 else 0
         ready = self._closing < CLOSING and (not ik or self._missing < TOUCH)

@@ -36,14 +36,15 @@ def leaf_spheres(seen: SeenBody, without: int | None = None) -> tuple[Spheres, S
     kept = np.ones(len(THIN_CAPSULES), dtype=bool) if without is None else ~_OF_ARM[without]
     centres = np.swapaxes(first + share[..., None] * (last - first), 0, 1)  # (C, _SAMPLES, 3)
     radii = (_RADII[:, 0] + share * (_RADII[:, 1] - _RADII[:, 0])).T
-    return tuple((centres[k].reshape(-1, 3), radii[k].reshape(-1)) for k in (kept, kept & _OF_TRUNK))
+    whole, trunk = ((centres[k].reshape(-1, 3), radii[k].reshape(-1)) for k in (kept, kept & _OF_TRUNK))
+    return whole, trunk
 
 
 def _ends(which: int) -> tuple[list[int], Array]:
     """Joints (C,) of the first or last ends of the capsules and the ends' offsets (C, 3) from them,
     metres.
     """
-    names = [capsule[which] for capsule in THIN_CAPSULES]
+    names = [(a, b)[which] for a, b, _, _ in THIN_CAPSULES]
     bones = [name.removesuffix(" end") for name in names]
     offsets = [
         np.zeros(3) if bone == name else END_SITES[bone] for bone, name in zip(bones, names, strict=True)
@@ -51,7 +52,8 @@ def _ends(which: int) -> tuple[list[int], Array]:
     return [INDEX[bone] for bone in bones], np.array(offsets, dtype=np.float64)
 
 
-_ENDS, _OFF = (np.stack(both) for both in zip(_ends(0), _ends(1), strict=True))
+_FIRST, _LAST = _ends(0), _ends(1)
+_ENDS, _OFF = np.stack((_FIRST[0], _LAST[0])), np.stack((_FIRST[1], _LAST[1]))
 _RADII = np.array([capsule[2:] for capsule in THIN_CAPSULES])
 _OF_TRUNK = np.array([a in _TRUNK and b not in ("RightElbow", "LeftElbow") for a, b, _, _ in THIN_CAPSULES])
 _OF_ARM = (

@@ -9,6 +9,7 @@ from nsm_core.distances import OPENED
 from nsm_core.rotations import Array, heading_to_direction
 from nsm_core.world.affordances.passage import Passage, passage
 from nsm_core.world.geometry.distance import DistanceQuery
+from nsm_core.world.scene.props import Leaf
 
 from .approach import REACH, Approach, Command, Ground
 from .base import Performer, Stage, Way
@@ -36,7 +37,7 @@ class Pass(Stage):
         self, goal: Goal, ground: Ground, moment: Moment, solids: DistanceQuery, ik: bool = True
     ) -> None:
         super().__init__(goal)
-        leaf = goal.prop
+        leaf = self.leaf = goal.moves(Leaf)
         self.ground, self._count = ground, ground.pause()
         self._stuck, self._stepped, self._angle, self._again = 0, 0, leaf.angle, 0
         self._solids, self._ik = solids, ik
@@ -70,7 +71,7 @@ class Pass(Stage):
         )
 
     def update(self, moment: Moment) -> Command:
-        leaf, way, grasp = self.goal.prop, self.way, self.grasp
+        leaf, way, grasp = self.leaf, self.way, self.grasp
         if self.part == 0 and grasp.state in ("held", "released"):
             self._count -= 1
             if self._count <= 0:
@@ -83,7 +84,7 @@ class Pass(Stage):
         """Stand back until the leaf lets one pass: further where one stands in its way, and take it anew
         where it was let go too soon.
         """
-        leaf, grasp = self.goal.prop, self.grasp
+        leaf, grasp = self.leaf, self.grasp
         turned, self._angle = leaf.angle - self._angle, leaf.angle
         self._stuck = self._stuck + 1 if moment.speed < 0.1 and turned < STILL else 0
         root = moment.root.astype(np.float64)
@@ -128,7 +129,7 @@ class Pass(Stage):
 
 def _places(goal: Goal, way: Way) -> list[Array | None]:
     """To the handle, and beyond the opening."""
-    through = passage(goal.prop, way.here)  # type: ignore[arg-type]
+    through = passage(goal.moves(Leaf), way.here)
     return [through.reach, None, through.beyond]
 
 
