@@ -22,7 +22,7 @@ from nsm_core.world.geometry.distance import DistanceQuery
 
 RESTLESS = 0.12  # share of its sway that a seated body keeps
 _EARLY, _LATE = 5, 6  # frames before and after the seat is reached between which the rest is found
-# Standard deviations that are left where a body gives way, metres and radians; frames by which rounds smooth
+# Standard deviations left where a body gives way, metres and radians; frames by which rounds smooth.
 _TOE, _FOOT_TURN, _HAND, _HEAD_TURN = 0.001, 0.3, 0.03, 0.1
 _ROUNDS = (3.0, 2.0, 1.0, 0.7)
 _AROUND = 12  # frames before and after those that need it which are solved too
