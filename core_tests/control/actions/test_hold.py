@@ -146,18 +146,6 @@ def test_what_arms_lack_is_told_once_they_are_held(further, give):
     assert hold.lacking == pytest.approx(0.05 + LEAN)
 
 
-def test_knees_that_bend_help_to_what_is_low_alone():
-    lacking = {}
-    for crouch in (0.0, 0.2):
-        for way in ((0.0, -1.0, 0.0), (0.0, 0.0, -1.0)):
-            hold = Hold([0], crouch=crouch)
-            hold.weight = 1.0
-            hold.apply(seen(WRISTS), seen(WRISTS).shoulders[:1] + np.array(way))
-            lacking[crouch, way[2]] = hold.lacking
-    assert lacking[0.2, 0.0] == pytest.approx(lacking[0.0, 0.0])
-    assert lacking[0.2, -1.0] == pytest.approx(lacking[0.0, -1.0] - 0.2)
-
-
 def test_hands_hold_once_they_are_there_and_what_they_lack_is_waited_for_not_for_long():
     reaching, short = Hold([0, 1]), Hold([0, 1])
     drawn(reaching)

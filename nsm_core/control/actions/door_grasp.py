@@ -54,9 +54,6 @@ PULLING, AT_PLACE = (
     0.6,
     0.3,
 )  # radians a second at which a leaf comes at least once the body stands back, within so many metres
-# Height of a handle that is held upright, metres, and how far hips sink at most for a lower one, before the
-# trunk leans to the leaf.
-UPRIGHT, CROUCH = 0.9, 0.25
 STILL = np.radians(0.2)  # radians a second below which a leaf rests
 _CLEAR = 0.02  # metres between an open leaf and what stands behind it
 
@@ -75,7 +72,7 @@ class Opening:
         """
         self.prop, self.way, self.ik = leaf, way, ik
         self.state = "reach"
-        self.hold = Hold([way.hand], crouch=float(np.clip(UPRIGHT - leaf.handle[2], 0.0, CROUCH)))
+        self.hold = Hold([way.hand])
         self.errors: dict[str, Any] = {}
         self.widest = _widest(leaf, solids)
         self._slip, self._along = 0, 0
@@ -190,8 +187,12 @@ class Opening:
         whole, trunk = leaf_spheres(seen, self._arm)
         self.hold.lean_share = self._room.share_to_lean(trunk)
         if self.state in ("held", "released"):
-            self._least, self._most = self._room.limits(*whole)
-            self._soft = self._room.limits(*whole, NEARLY)[0]
+            bodies = [whole]
+            if self.hold.weight > 0:
+                bodies.append(leaf_spheres(self.hold.leant(seen, self._held_at()[None]), self._arm)[0])
+            limits = [self._room.limits(*body) for body in bodies]
+            self._least, self._most = max(least for least, _ in limits), min(most for _, most in limits)
+            self._soft = max(self._room.limits(*body, NEARLY)[0] for body in bodies)
 
     def passed(self, root: Array) -> bool:
         """Whether the body is through the opening."""

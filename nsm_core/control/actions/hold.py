@@ -11,9 +11,9 @@ from functools import cached_property
 
 import numpy as np
 
-from nsm_core.body.skeleton import ARM_LENGTH, ARMS, forward_kinematics
+from nsm_core.body.skeleton import ARM_LENGTH, ARMS, INDEX, PARENTS, forward_kinematics
 from nsm_core.conventions import DT
-from nsm_core.rotations import Array
+from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul
 from nsm_core.signals import smooth_step
 
 TAKE_TIME, LET_GO_TIME = 0.3, 0.4  # seconds in which a hand is drawn onto its place, and given back
@@ -28,6 +28,8 @@ GONE = 0.5  # metres from which on a hand that was being drawn is given up
 # What a body gives to an arm that is too short, metres: a lean of the trunk, a shift of the hips; and by the
 # metre that hands are led further than the network has them.
 LEAN, SHIFT, LEAN_FURTHER = 0.19, 0.08, 0.8
+MOST_LEAN = np.radians(30)  # of a trunk to a place
+_CHEST = INDEX["Chest"]
 LED_SPEED = 0.6  # m/s at which hands are led further than the network has them
 
 
@@ -68,14 +70,13 @@ class Lead:
 class Hold:
     """How far hands (n,) are led onto their places: 0 free, 1 there; what is left of it when let go fades."""
 
-    def __init__(self, hands: list[int], further: float = 0.0, crouch: float = 0.0) -> None:
+    def __init__(self, hands: list[int], further: float = 0.0) -> None:
         """``further`` metres that hands are led on from where the network has them: that takes longer, and a
-        body leans more for it.  ``crouch`` metres that knees bend for what is low.
+        body leans more for it.
         """
         self.hands = hands
         self._slower = 1 + further / LED_SPEED / TAKE_TIME
         self._give = SHIFT + LEAN_FURTHER * further
-        self._crouch = crouch
         self.lean_share = 1.0  # 0..1 of the lean, as far as there is room to lean
         self.weight = 0.0
         self.near = 0  # frames that the hands have been near their places
@@ -99,6 +100,26 @@ class Hold:
         held.
         """
         return self._missing
+
+    def leant(self, seen: SeenBody, places: Array) -> SeenBody:
+        """About how the body will lean to ``places`` (n, 3), as far as they are held: what must keep off it
+        takes that into account before the take is solved.
+        """
+        way = (places - seen.shoulders[self.hands]).mean(0)
+        far = float(np.linalg.norm(way))
+        lack = float(smooth_step(self.weight)) * max(far - ARM_LENGTH, 0.0)
+        if not lack:
+            return seen
+        joints, world = seen.joints
+        lever = seen.shoulders[self.hands].mean(0) - joints[_CHEST]
+        turn = np.cross(lever, way * (lack / far)) / float(lever @ lever)
+        turn *= min(1.0, MOST_LEAN * self.lean_share / max(float(np.linalg.norm(turn)), 1e-9))
+        above, local = world[PARENTS[_CHEST]], seen.local.copy()
+        leaning = quat_mul(
+            quat_mul(quat_conjugate(above), quat_mul(quat_from_rotvec(turn), above)), local[_CHEST]
+        )
+        local[_CHEST] = leaning
+        return SeenBody(seen.hips, local, seen.wrists)
 
     def approach(self, distances: Array, labels: Array) -> None:
         """Judge whether the hands are to be drawn: ``distances`` (n,) metres to their places, contact
@@ -148,8 +169,7 @@ class Hold:
         if self.weight >= 1:
             way = places - seen.shoulders[self.hands]
             far = np.linalg.norm(way, axis=1)
-            down = np.maximum(-way[:, 2] / np.maximum(far, 1e-9), 0.0)
-            give = self._give + LEAN * self.lean_share + self._crouch * down
+            give = self._give + LEAN * self.lean_share
             self._missing = float((far - give).max()) - ARM_LENGTH
 
 
