@@ -19,7 +19,8 @@ import numpy as np
 from nsm_core.rotations import Array, quat_to_matrix
 from nsm_core.world.geometry.distance import DistanceQuery
 
-from .skeleton import INDEX, MIRROR, OFFSETS, PARENTS, forward_kinematics
+from .skeleton import INDEX, MIRROR, OFFSETS, forward_kinematics
+from .tree import HUMAN
 
 
 class Capsule(NamedTuple):
@@ -112,7 +113,7 @@ class Spheres:
         rows, radii, pressed, side, moved = [], [], [], [], []
         names: list[str] = []
         joints = len(OFFSETS)
-        above = _above()
+        above = HUMAN.above
         for c in capsules:
             a, b = INDEX[c.a], INDEX[c.b]
             for t in np.linspace(0, 1, 2 + int(_length(c) / _SAMPLE)):
@@ -186,15 +187,6 @@ class Body:
         hips, local = hips_position.astype(np.float64), local_rotations.astype(np.float64)
         centres, radii = SPHERES.of(*forward_kinematics(hips, local, np.asarray(offsets, dtype=np.float64)))
         return cls(centres, radii, SPHERES.hand, SPHERES.forearm, SPHERES.names)
-
-
-def _above() -> Array:
-    """Which joints move a joint, (J, J)."""
-    out = np.eye(len(OFFSETS))
-    for joint, parent in enumerate(PARENTS):
-        if parent >= 0:
-            out[joint] += out[parent]
-    return out
 
 
 @cache

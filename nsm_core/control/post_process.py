@@ -21,9 +21,9 @@ from nsm_core.body.ik.seating import settle
 from nsm_core.body.ik.solver import Pose, Task, solve
 from nsm_core.body.ik.stiffness import stiffness
 from nsm_core.body.ik.tasks import PointTask, TurnTask
-from nsm_core.body.ik.tree import HUMAN, Tree
 from nsm_core.body.ik.two_bone import place_on
 from nsm_core.body.skeleton import ARMS, FEET, HIPS, INDEX, TOE_HEIGHT
+from nsm_core.body.tree import HUMAN, Tree
 from nsm_core.conventions import FOOT_CONTACTS, HIP_CONTACT
 from nsm_core.rotations import Array, quat_mul
 from nsm_core.signals import smooth_step

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from nsm_core.body.ik.tree import Tree
 from nsm_core.body.skeleton import ARMS, HIPS, OFFSETS, PARENTS, forward_kinematics, root_of
+from nsm_core.body.tree import Tree
 from nsm_core.conventions import CONTACTS, FOOT_CONTACTS, FPS
 from nsm_core.errors import GoalError
 from nsm_core.model.features.codec import SensorReading, build_inputs, no_object, read_outputs

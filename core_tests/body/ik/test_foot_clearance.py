@@ -12,7 +12,7 @@ from nsm_core.body.ik.clearance import Obstacle
 from nsm_core.body.ik.foot_clearance import FOOT_SPHERES, keep_clear
 from nsm_core.body.ik.footsteps import FootGround, footsteps
 from nsm_core.body.ik.solver import Pose
-from nsm_core.body.ik.tree import HUMAN
+from nsm_core.body.tree import HUMAN
 from nsm_core.rotations import quat_mul, quat_rotate
 from nsm_core.world.scene.terrain import Terrain
 

@@ -9,8 +9,8 @@ from nsm_core.body.contacts import ANKLES
 from nsm_core.body.ik.solver import Pose, Stiffness, least_step, solved
 from nsm_core.body.ik.stiffness import stiffness
 from nsm_core.body.ik.tasks import PointTask, TurnTask
-from nsm_core.body.ik.tree import HUMAN, Tree
 from nsm_core.body.skeleton import ARMS, HIPS, INDEX, JOINTS, OFFSETS, forward_kinematics
+from nsm_core.body.tree import HUMAN, Tree
 from nsm_core.rotations import quat_conjugate, quat_from_rotvec, quat_mul, quat_to_rotvec
 
 T = 60

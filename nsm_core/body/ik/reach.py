@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from nsm_core.body.skeleton import HIPS
+from nsm_core.body.tree import HUMAN
 from nsm_core.rotations import Array
 
 from .solver import Pose, Stiffness, solved
 from .stiffness import stiffness
 from .tasks import ReachTask
-from .tree import HUMAN
 
 # Frames by which rounds smooth: so that neighbours come and go with what a frame needs, who may come a
 # little short;

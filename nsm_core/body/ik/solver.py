@@ -16,10 +16,9 @@ from typing import Protocol
 
 import numpy as np
 
+from nsm_core.body.tree import Tree
 from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul, quat_rotate
 from nsm_core.signals import gaussian_smooth
-
-from .tree import Tree
 
 ROUNDS = (4.0, 3.0, 3.0, 2.0, 1.5, 1.0)  # frames by which steps are smoothed, round by round
 MOST_TURN, MOST_SHIFT = 0.35, 0.12  # radians and metres of one step

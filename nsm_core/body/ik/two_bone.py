@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from nsm_core.body.skeleton import ARMS, FEET, INDEX, OFFSETS, PARENTS, J
+from nsm_core.body.tree import Tree
 from nsm_core.components import (
     Arrays,
     Kind,
@@ -35,8 +36,6 @@ from nsm_core.components import (
     unit_turn,
 )
 from nsm_core.rotations import Array, quat_mul, quat_rotate
-
-from .tree import Tree
 
 # Hinge axis of knee and elbow in the rest frame of the upper bone: turning the lower bone about it flexes the
 # joint.

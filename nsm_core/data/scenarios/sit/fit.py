@@ -12,9 +12,9 @@ from nsm_core.body.ik.foot_clearance import FOOT_SPHERES
 from nsm_core.body.ik.reach import leaning
 from nsm_core.body.ik.solver import Pose, Task, solved
 from nsm_core.body.ik.tasks import PointTask, TurnTask
-from nsm_core.body.ik.tree import HUMAN
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import ARMS, FEET, INDEX, forward_kinematics, root_of
+from nsm_core.body.tree import HUMAN
 from nsm_core.data.scenarios.motion import Motion
 from nsm_core.rotations import heading_quat, quat_mul, quat_rotate, wrap_angle
 from nsm_core.signals import smooth_step
