@@ -84,6 +84,7 @@ def register() -> None:
         bpy.types.Scene.nsm = bpy.props.PointerProperty(type=properties.NsmSettings)
     if not hasattr(bpy.types.Armature, "nsm_rig"):
         bpy.types.Armature.nsm_rig = bpy.props.PointerProperty(type=properties.NsmRig)
+    operators.help.install()
     watch.install()
     # The wheel complains of leaks, and can hang, when a program ends with classes registered.
     if bpy.app.module:
@@ -97,6 +98,7 @@ def unregister() -> None:
 
     running.interrupt("The add-on was switched off meanwhile, so Generate stopped and nothing was keyed.")
     watch.uninstall()
+    operators.help.uninstall()
     if hasattr(bpy.types.Scene, "nsm"):
         del bpy.types.Scene.nsm
     if hasattr(bpy.types.Armature, "nsm_rig"):

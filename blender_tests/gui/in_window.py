@@ -234,7 +234,9 @@ def steps(log: Log):
     operator = part("ui.operators.generate").NSM_OT_generate
     for name in ("modal", "invoke"):
         log.watch(operator, name, "tick" if name == "modal" else "click")
-    log.watch(part("ui.panels").NSM_PT_take, "draw", "sidebar")
+    for kind in part("ui.panels").CLASSES:
+        if issubclass(kind, bpy.types.Panel):
+            log.watch(kind, "draw", "sidebar")
     log.note_motion()
     bpy.types.SpaceView3D.draw_handler_add(
         lambda: log.rows.append(("redraw", time.perf_counter(), 0, 0)), (), "WINDOW", "POST_PIXEL"

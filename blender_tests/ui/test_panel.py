@@ -13,6 +13,7 @@ from scenes import door, empty, furnish
 import nsm_blender
 from nsm_blender.keys.report import goal_line, result_lines
 from nsm_blender.ui import operators, panels, running
+from nsm_blender.ui.bones_panel import NSM_PT_bones
 from nsm_blender.ui.operators.generate import spec_of
 from nsm_blender.ui.operators.goal_list import NSM_OT_goal_points
 from nsm_blender.ui.properties import show_results
@@ -58,7 +59,7 @@ class Layout:
         assert name in data.bl_rna.properties, name
         self.seen.append(text if text is not None else data.bl_rna.properties[name].name)
 
-    def operator(self, idname, text=None, icon="NONE"):
+    def operator(self, idname, text=None, icon="NONE", **_):
         assert icon in ICONS, icon
         kind = getattr(bpy.ops.nsm, idname.removeprefix("nsm.")).get_rna_type()
         self.seen.append(text if text is not None else kind.name)
@@ -75,12 +76,16 @@ class Layout:
 
 
 def drawn() -> list[str]:
+    """What all panels of the tab show."""
     layout = Layout()
-    # A panel object exists in a window only: its functions run here on a stand-in with the same layout.
-    panel = types.SimpleNamespace(layout=layout)
-    for name in ("_draw_goals", "_draw_generate", "_draw_results"):
-        setattr(panel, name, types.MethodType(getattr(panels.NSM_PT_take, name), panel))
-    panels.NSM_PT_take.draw(panel, bpy.context)
+    for kind in panels.CLASSES:
+        if issubclass(kind, bpy.types.Panel) and kind is not NSM_PT_bones:
+            # A panel object exists in a window only: its functions run here on a stand-in with the same
+            # layout.
+            shown = types.SimpleNamespace(layout=layout)
+            if hasattr(kind, "draw_header_preset"):
+                kind.draw_header_preset(shown, bpy.context)
+            kind.draw(shown, bpy.context)
     return layout.seen
 
 
@@ -167,9 +172,9 @@ def test_only_armatures_and_things_with_a_place_are_offered(settings):
     light = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
     pointers = settings.bl_rna.properties["character"], settings.goals.add().bl_rna.properties["object"]
     assert all(p.type == "POINTER" for p in pointers)
-    from nsm_blender.ui.properties import _is_armature, _is_goal
+    from nsm_blender.ui.properties import _acts, _is_goal
 
-    assert not _is_armature(settings, light) and not _is_goal(settings, light)
+    assert not _acts(settings, light) and not _is_goal(settings, light)
     assert _is_goal(settings, empty("Mark", (0, 0, 0)))
 
 
@@ -263,9 +268,7 @@ def test_panel_draws_every_state(settings):
     running.begin_take(bpy.context.scene, settings.character)
     running.note_progress("Generating", 0.4)
     seen = drawn()
-    assert (
-        "Generate" not in seen and any("40%" in text for text in seen) and any("ESC" in text for text in seen)
-    )
+    assert any("40%" in text for text in seen) and any("ESC" in text for text in seen)
 
 
 def test_result_lines_tell_the_frames_and_where_the_scene_cuts_them_off():
@@ -324,10 +327,54 @@ def test_while_a_take_runs_every_button_is_off_and_says_why(settings):
     leaf, row = door((2.0, 2.0, 0.0)), settings.goals.add()
     row.object, row.action = leaf, "open"
     buttons = [getattr(bpy.ops.nsm, cls.bl_idname.removeprefix("nsm.")) for cls in operators.CLASSES]
-    # There is no take to accept or reject.
-    assert sum(button.poll() for button in buttons) == len(buttons) - 2
+    off = {"take_accept", "take_reject", "fit_scene", "goal_to_cursor"}  # no take, and no place of its own
+    assert {button.idname_py().removeprefix("nsm.") for button in buttons if not button.poll()} == off
     running.begin_take(bpy.context.scene, settings.character)
     for button in buttons:
+        if button.idname_py() == "nsm.help":
+            continue
         assert not button.poll()
         with pytest.raises(RuntimeError, match="A take is being generated; press ESC"):
             button()
+
+
+def test_the_body_picks_its_armature(settings):
+    bpy.ops.nsm.add_character()
+    armature = settings.character
+    body = next(o for o in armature.children_recursive if o.type == "MESH")
+    settings.character = None
+    settings.character = body
+    assert settings.character == armature
+    chair, _ = furnish()
+    settings.character = chair
+    assert "Chair is no armature, and none moves it" in reason() and not bpy.ops.nsm.generate.poll()
+
+
+@pytest.mark.parametrize(("fps", "base"), [(24, 1.0), (24, 1.001), (60, 1.0)])
+def test_a_stay_is_told_in_frames_of_the_scene(settings, fps, base):
+    bpy.context.scene.render.fps, bpy.context.scene.render.fps_base = fps, base
+    row = settings.goals.add()
+    assert row.hold_frames == round(2.0 * fps / base)
+    row.hold_frames = 90
+    assert row.hold == pytest.approx(90 * base / fps) and row.hold_frames == 90
+
+
+def test_a_place_is_taken_from_the_cursor(settings):
+    assert not bpy.ops.nsm.goal_to_cursor.poll()
+    row = settings.goals.add()
+    row.action = "walk"
+    bpy.context.scene.cursor.location = (1.0, 2.0, 0.5)
+    assert bpy.ops.nsm.goal_to_cursor() == {"FINISHED"} and tuple(row.location) == (1.0, 2.0, 0.5)
+    row.object = empty("Mark", (0, 0, 0))
+    assert not bpy.ops.nsm.goal_to_cursor.poll(), "the object is the place"
+
+
+def test_the_scene_is_made_as_long_as_the_take(settings):
+    scene = bpy.context.scene
+    assert not bpy.ops.nsm.fit_scene.poll()
+    bpy.ops.nsm.add_character()
+    settings.character.keyframe_insert("location", frame=612)
+    scene.frame_start, scene.use_preview_range, scene.frame_preview_end = 10, True, 100
+    assert bpy.ops.nsm.fit_scene() == {"FINISHED"}
+    assert (scene.frame_start, scene.frame_end, scene.frame_preview_end) == (10, 612, 612)
+    assert not bpy.ops.nsm.fit_scene.poll()

@@ -26,7 +26,7 @@ _PARTS = (
 class NSM_PT_bones(Sidebar, bpy.types.Panel):
     bl_label = "Bones"
     bl_idname = "NSM_PT_bones"
-    bl_parent_id = "NSM_PT_take"
+    bl_parent_id = "NSM_PT_character"
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
@@ -42,9 +42,7 @@ class NSM_PT_bones(Sidebar, bpy.types.Panel):
         row = body.row(align=True)
         row.operator("nsm.bones_detect", icon="VIEWZOOM")
         row.operator("nsm.bones_load", text="Load", icon="FILE_FOLDER")
-        saving = row.row(align=True)
-        saving.enabled = len(rig.joints) > 0
-        saving.operator("nsm.bones_save", text="Save", icon="FILE_TICK")
+        row.operator("nsm.bones_save", text="Save", icon="FILE_TICK")
         row.operator("nsm.bones_clear", text="", icon="X")
         bone_map = stored_map(character.data)
         if bone_map is None:

@@ -31,12 +31,39 @@ _ACTION_ITEMS = [
 ]
 
 
-def _is_armature(_self: bpy.types.PropertyGroup, candidate: bpy.types.Object) -> bool:
-    return candidate.type == "ARMATURE"
+def _acts(_self: bpy.types.PropertyGroup, candidate: bpy.types.Object) -> bool:
+    """Whether an object can be picked as the character: an armature, or a mesh that one moves."""
+    return armature_of(candidate) is not None
+
+
+def _picked(settings: NsmSettings, _context: bpy.types.Context) -> None:
+    """Have a body that was picked stand for its armature."""
+    picked = settings.character
+    armature = armature_of(picked) if picked is not None else None
+    if armature is not None and armature != picked:
+        settings.character = armature
+
+
+def armature_of(body: bpy.types.Object) -> bpy.types.Object | None:
+    """Return the armature that an object is, or is moved by as a modifier or a parent; None without one."""
+    return body if body.type == "ARMATURE" else body.find_armature()
 
 
 def _is_goal(_self: bpy.types.PropertyGroup, candidate: bpy.types.Object) -> bool:
     return candidate.type in GOAL_TYPES
+
+
+def _fps() -> float:
+    render = bpy.context.scene.render
+    return render.fps / render.fps_base
+
+
+def _held_frames(row: NsmGoal) -> int:
+    return round(row.hold * _fps())
+
+
+def _hold_frames(row: NsmGoal, frames: int) -> None:
+    row.hold = frames / _fps()
 
 
 class NsmGoal(bpy.types.PropertyGroup):
@@ -52,13 +79,20 @@ class NsmGoal(bpy.types.PropertyGroup):
         items=_ACTION_ITEMS,
     )
     hold: FloatProperty(
-        name="Hold",
-        description="How long the character stays before the next goal",
+        name="Stay",
+        description="How long the character stays before the next goal, in seconds",
         default=2.0,
         min=0.0,
         soft_max=20.0,
         max=600.0,
         unit="TIME_ABSOLUTE",
+    )
+    hold_frames: IntProperty(
+        name="Stay in Frames",
+        description="How long the character stays before the next goal, in frames of the scene",
+        get=_held_frames,
+        set=_hold_frames,
+        min=0,
     )
     destination: PointerProperty(
         name="To",
@@ -136,7 +170,11 @@ class NsmSettings(bpy.types.PropertyGroup):
     """Everything the sidebar shows for a scene."""
 
     character: PointerProperty(
-        name="Character", description="The armature that acts", type=bpy.types.Object, poll=_is_armature
+        name="Character",
+        description="Who acts: an armature. Pick its body, and the armature that moves it is taken",
+        type=bpy.types.Object,
+        poll=_acts,
+        update=_picked,
     )
     goals: CollectionProperty(type=NsmGoal)
     active_goal: IntProperty(name="Goal", default=0, min=0)
@@ -146,12 +184,16 @@ class NsmSettings(bpy.types.PropertyGroup):
         default=1,
     )
     seed: IntProperty(
-        name="Seed", description="Another seed gives another take of the same goals", default=0, min=0
+        name="Variation",
+        description="Another number gives another performance of the same goals; the same one gives the "
+        "same again",
+        default=0,
+        min=0,
     )
     contact_ik: BoolProperty(
-        name="Contact IK",
+        name="Plant Feet and Hands",
         description="Plant the feet, seat the hips, put hands on what they hold and keep the body out of "
-        "solids, over the whole take; off shows the motion of the network alone",
+        "furniture, over the whole take; off leaves the raw motion, in which feet slide",
         default=True,
     )
     results: CollectionProperty(type=NsmResult)

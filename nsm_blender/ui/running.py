@@ -97,6 +97,8 @@ def reason_not_ready(context: bpy.types.Context) -> str:
         return "No character is chosen; choose its armature, or add the bundled character."
     if not holds(context.scene, character):
         return f"The character {character.name} is no longer in this scene; choose another one."
+    if character.type != "ARMATURE":
+        return f"{character.name} is no armature, and none moves it; choose the armature that is to act."
     problem = told_map(character).problem(character.name, character.data.bones)
     if problem:
         return problem

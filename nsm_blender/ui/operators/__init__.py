@@ -2,6 +2,14 @@
 
 from __future__ import annotations
 
-from . import bones, character, generate, goal_list, review
+from . import bones, character, generate, goal_list, help, review, timeline
 
-CLASSES = (*character.CLASSES, *bones.CLASSES, *goal_list.CLASSES, *generate.CLASSES, *review.CLASSES)
+CLASSES = (
+    *character.CLASSES,
+    *bones.CLASSES,
+    *goal_list.CLASSES,
+    *generate.CLASSES,
+    *review.CLASSES,
+    *timeline.CLASSES,
+    *help.CLASSES,
+)

@@ -90,9 +90,32 @@ class NSM_OT_goal_move(_OnGoal):
         here = settings.active_goal
         there = here + (-1 if self.direction == "UP" else 1)
         if not 0 <= there < len(settings.goals):
+            self.report({"INFO"}, f"It is the {'first' if self.direction == 'UP' else 'last'} goal already.")
             return {"CANCELLED"}
         settings.goals.move(here, there)
         settings.active_goal = there
+        return {"FINISHED"}
+
+
+class NSM_OT_goal_to_cursor(_OnGoal):
+    bl_idname = "nsm.goal_to_cursor"
+    bl_label = "To the 3D Cursor"
+    bl_description = "Take the place of the 3D cursor for the chosen goal"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not super().poll(context):
+            return False
+        goal = _active_goal(context)
+        if goal is None or goal.object is not None or getattr(action_of(goal), "aim", None) is not Aim.PLACE:
+            cls.poll_message_set(
+                "The chosen goal has no place of its own; choose one to walk or run and clear its object."
+            )
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        _active_goal(context).location = context.scene.cursor.location
         return {"FINISHED"}
 
 
@@ -208,4 +231,11 @@ def _select(context: bpy.types.Context, objects: list[bpy.types.Object]) -> None
     context.view_layer.objects.active = seen[-1]
 
 
-CLASSES = (NSM_OT_goal_add, NSM_OT_goal_remove, NSM_OT_goal_move, NSM_OT_goal_points, NSM_OT_door_swing)
+CLASSES = (
+    NSM_OT_goal_add,
+    NSM_OT_goal_remove,
+    NSM_OT_goal_move,
+    NSM_OT_goal_to_cursor,
+    NSM_OT_goal_points,
+    NSM_OT_door_swing,
+)

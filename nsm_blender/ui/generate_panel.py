@@ -1,0 +1,30 @@
+"""How the take is made: where it begins, which variation, and the button."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import running
+from .drawing import Sidebar, sentence
+from .properties import settings_of
+
+
+class NSM_PT_generate(Sidebar, bpy.types.Panel):
+    bl_label = "Generate"
+    bl_idname = "NSM_PT_generate"
+    bl_parent_id = "NSM_PT_motion"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings = self.layout, settings_of(context.scene)
+        column = layout.column(align=True)
+        column.enabled = running.current() is None
+        column.use_property_split, column.use_property_decorate = True, False
+        column.prop(settings, "start_frame")
+        column.prop(settings, "seed")
+        column.prop(settings, "contact_ik")
+        big = layout.column()
+        big.scale_y = 1.5
+        big.operator("nsm.generate", icon="PLAY")
+        reason = running.reason_not_ready(context)
+        if reason:
+            sentence(context, layout, reason, "INFO")

@@ -1,0 +1,99 @@
+"""What the character does: the queue of goals, and the settings of the one that is chosen in it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from nsm_core.world.actions import Aim
+
+from ..goals.registry import FINDERS
+from . import running
+from .drawing import Sidebar
+from .properties import action_of, settings_of
+
+
+class NSM_UL_goals(bpy.types.UIList):
+    """One goal a row: enabled, object or place, action."""
+
+    def draw_item(
+        self,
+        _context: bpy.types.Context,
+        layout: Any,
+        _data: Any,
+        item: Any,
+        _icon: int,
+        _active: Any,
+        _property: str,
+        _index: int = 0,
+    ) -> None:
+        row = layout.row(align=True)
+        row.prop(item, "enabled", text="")
+        body = row.row(align=True)
+        body.active = item.enabled
+        action = action_of(item)
+        if action is None:
+            body.label(text=item.object.name if item.object else "Place", icon="ERROR")
+            body.prop(item, "action", text="Choose")
+            return
+        if action.aim is Aim.HERE:
+            body.label(text="Here", icon="PIVOT_CURSOR")
+        elif item.object is not None:
+            body.label(text=item.object.name, icon="OBJECT_DATA")
+        elif action.needs_object:
+            body.label(text="No object", icon="ERROR")
+        else:
+            body.label(text="Place", icon="PIVOT_CURSOR")
+        if action.needs_destination:
+            to = item.destination
+            body.label(text=f"to {to.name}" if to else "No destination", icon="NONE" if to else "ERROR")
+        body.prop(item, "action", text="", emboss=False)
+
+
+class NSM_PT_goals(Sidebar, bpy.types.Panel):
+    bl_label = "Goals"
+    bl_idname = "NSM_PT_goals"
+    bl_parent_id = "NSM_PT_motion"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings = self.layout, settings_of(context.scene)
+        idle = running.current() is None
+        row = layout.row()
+        rows = row.column()
+        rows.enabled = idle
+        rows.template_list("NSM_UL_goals", "", settings, "goals", settings, "active_goal", rows=4)
+        side = row.column(align=True)
+        side.operator("nsm.goal_add", text="", icon="ADD")
+        side.operator("nsm.goal_remove", text="", icon="REMOVE")
+        side.separator()
+        side.operator("nsm.goal_move", text="", icon="TRIA_UP").direction = "UP"
+        side.operator("nsm.goal_move", text="", icon="TRIA_DOWN").direction = "DOWN"
+        if 0 <= settings.active_goal < len(settings.goals):
+            column = layout.column()
+            column.enabled = idle
+            _draw_goal(column, settings.goals[settings.active_goal])
+        layout.operator("nsm.goal_points", icon="EMPTY_ARROWS")
+
+
+def _draw_goal(layout: Any, goal: Any) -> None:
+    """The settings of one goal."""
+    column = layout.column(align=True)
+    column.use_property_split, column.use_property_decorate = True, False
+    column.prop(goal, "action")
+    action = action_of(goal)
+    if action is None:
+        column.label(text="Unknown action", icon="ERROR")
+        return
+    if action.aim is not Aim.HERE:
+        column.prop(goal, "object")
+    if action.needs_destination:
+        column.prop(goal, "destination")
+    if goal.object is None and action.aim is Aim.PLACE:
+        column.prop(goal, "location")
+        column.operator("nsm.goal_to_cursor", icon="PIVOT_CURSOR")
+    if FINDERS[action.key].swings and goal.object is not None:
+        column.operator("nsm.door_swing", icon="ARROW_LEFTRIGHT")
+    held = column.row(align=True)
+    held.prop(goal, "hold")
+    held.prop(goal, "hold_frames", text="")
