@@ -15,6 +15,7 @@ from nsm_blender.keys.preview import Preview
 from nsm_blender.rigs.character import add_character
 from nsm_blender.ui import running
 from nsm_blender.ui.operators.generate import spec_of
+from nsm_blender.ui.properties import queue_of
 from nsm_blender.ui.session import TakeSession
 from nsm_core.errors import NsmError
 
@@ -173,7 +174,7 @@ def test_a_take_that_loses_what_it_needs_ends_in_a_sentence(modal, what, moment)
     [what for what in STOPPING if "box" not in what and "table" not in what] + ["undo", "window closed"],
 )
 def test_a_take_that_loses_what_it_needs_while_it_is_keyed_leaves_no_half(modal, what, stage):
-    row = bpy.context.scene.nsm.goals[0]
+    row = queue_of(bpy.context.scene).goals[0]
     row.action, row.hold = "idle", 0.0
     bpy.ops.ed.undo_push(message="laid out")
     bpy.data.objects["Bystander"].location.x = 6

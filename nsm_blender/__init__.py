@@ -84,6 +84,10 @@ def register() -> None:
         bpy.types.Scene.nsm = bpy.props.PointerProperty(type=properties.NsmSettings)
     if not hasattr(bpy.types.Armature, "nsm_rig"):
         bpy.types.Armature.nsm_rig = bpy.props.PointerProperty(type=properties.NsmRig)
+    if not hasattr(bpy.types.Object, "nsm_queue"):
+        bpy.types.Object.nsm_queue = bpy.props.PointerProperty(
+            type=properties.NsmQueue, override=properties.OVERRIDABLE
+        )
     operators.help.install()
     watch.install()
     # The wheel complains of leaks, and can hang, when a program ends with classes registered.
@@ -103,6 +107,8 @@ def unregister() -> None:
         del bpy.types.Scene.nsm
     if hasattr(bpy.types.Armature, "nsm_rig"):
         del bpy.types.Armature.nsm_rig
+    if hasattr(bpy.types.Object, "nsm_queue"):
+        del bpy.types.Object.nsm_queue
     for cls in reversed((*properties.CLASSES, *operators.CLASSES, *panels.CLASSES)):
         if cls.is_registered:
             bpy.utils.unregister_class(cls)

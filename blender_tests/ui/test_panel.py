@@ -16,7 +16,7 @@ from nsm_blender.ui import operators, panels, running
 from nsm_blender.ui.bones_panel import NSM_PT_bones
 from nsm_blender.ui.operators.generate import spec_of
 from nsm_blender.ui.operators.goal_list import NSM_OT_goal_points
-from nsm_blender.ui.properties import show_results
+from nsm_blender.ui.properties import queue_of, show_results
 from nsm_core.errors import GoalError
 from nsm_core.world.actions import BY_KEY
 
@@ -89,6 +89,10 @@ def drawn() -> list[str]:
     return layout.seen
 
 
+def goals():
+    return queue_of(bpy.context.scene).goals
+
+
 def reason() -> str:
     return running.reason_not_ready(bpy.context)
 
@@ -102,15 +106,15 @@ def test_generate_says_why_it_is_disabled(settings):
     bpy.data.objects["Chair"].select_set(True)
     bpy.ops.nsm.goal_add()
     assert reason() == "" and bpy.ops.nsm.generate.poll()
-    settings.goals[0].enabled = False
+    goals()[0].enabled = False
     assert "No goal is enabled" in reason()
-    settings.goals[0].enabled = True
-    chair, settings.goals[0].object = settings.goals[0].object, None
+    goals()[0].enabled = True
+    chair, goals()[0].object = goals()[0].object, None
     assert "A goal to sit has no object" in reason()
-    settings.goals[0].object = chair
-    settings.goals[0].action = "carry"
+    goals()[0].object = chair
+    goals()[0].action = "carry"
     assert "A goal to carry Chair has no destination" in reason()
-    settings.goals[0].action = "sit"
+    goals()[0].action = "sit"
     settings.character.data.bones["LeftKnee"].name = "Knie"
     assert reason() == "", "found by its place"
     remove_bones(settings.character, "Knie")
@@ -135,11 +139,9 @@ def test_selected_objects_become_goals_once(settings):
         if name in bpy.data.objects:
             bpy.data.objects[name].select_set(True)
     bpy.ops.nsm.goal_add()
-    assert sorted((g.object.name, g.action) for g in settings.goals) == [("Chair", "sit"), ("Sofa", "sit")]
+    assert sorted((g.object.name, g.action) for g in goals()) == [("Chair", "sit"), ("Sofa", "sit")]
     bpy.ops.nsm.goal_add()
-    assert (
-        len(settings.goals) == 3 and settings.goals[2].object is None and settings.goals[2].action == "walk"
-    )
+    assert len(goals()) == 3 and goals()[2].object is None and goals()[2].action == "walk"
 
 
 def test_list_moves_and_removes(settings):
@@ -205,13 +207,13 @@ def test_a_door_row_can_be_turned_to_the_other_side(settings):
 def test_goal_points_operator_makes_empties(settings):
     bpy.ops.nsm.add_character()
     chair, _ = furnish(position=(2, 0))
-    settings.goals.add().object = chair
+    goals().add().object = chair
     assert bpy.ops.nsm.goal_points() == {"FINISHED"}
     point = bpy.data.objects["NSM Goal Chair"]
     assert point.parent == chair
     assert bpy.context.selected_objects == [point] and bpy.context.view_layer.objects.active == point
     bpy.ops.nsm.goal_add()  # a goal point is no goal of its own
-    assert [goal.object for goal in settings.goals] == [chair, None]
+    assert [goal.object for goal in goals()] == [chair, None]
 
 
 @pytest.mark.parametrize("broken_off", [False, True])

@@ -11,7 +11,7 @@ from nsm_core.world.actions import Aim
 from ..goals.registry import FINDERS
 from . import running
 from .drawing import Sidebar
-from .properties import action_of, settings_of
+from .properties import action_of, queue_of
 
 
 class NSM_UL_goals(bpy.types.UIList):
@@ -57,22 +57,22 @@ class NSM_PT_goals(Sidebar, bpy.types.Panel):
     bl_parent_id = "NSM_PT_motion"
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout, settings = self.layout, settings_of(context.scene)
+        layout, queue = self.layout, queue_of(context.scene)
         idle = running.current() is None
         row = layout.row()
         rows = row.column()
         rows.enabled = idle
-        rows.template_list("NSM_UL_goals", "", settings, "goals", settings, "active_goal", rows=4)
+        rows.template_list("NSM_UL_goals", "", queue, "goals", queue, "active_goal", rows=4)
         side = row.column(align=True)
         side.operator("nsm.goal_add", text="", icon="ADD")
         side.operator("nsm.goal_remove", text="", icon="REMOVE")
         side.separator()
         side.operator("nsm.goal_move", text="", icon="TRIA_UP").direction = "UP"
         side.operator("nsm.goal_move", text="", icon="TRIA_DOWN").direction = "DOWN"
-        if 0 <= settings.active_goal < len(settings.goals):
+        if 0 <= queue.active_goal < len(queue.goals):
             column = layout.column()
             column.enabled = idle
-            _draw_goal(column, settings.goals[settings.active_goal])
+            _draw_goal(column, queue.goals[queue.active_goal])
         layout.operator("nsm.goal_points", icon="EMPTY_ARROWS")
 
 

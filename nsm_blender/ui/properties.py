@@ -21,10 +21,14 @@ from ..goals.registry import FINDERS
 from ..goals.spec import GoalSpec
 from ..rigs.bone_map import stored_map
 from ..rigs.detect import judged_on
+from .queue import hand_over
+from .queue import queue_of as queue_of
 from .running import unknown_action
 
 # What can evaluate to a mesh, and empties: markers, collection instances and parents of parts.
 GOAL_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "EMPTY"}
+# The queue of a character that is a library override can be edited, and is kept with the override.
+OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
 # Files keep the numbers: an action's is its place among all.
 _ACTION_ITEMS = [
     (a.key, a.label, a.description, FINDERS[a.key].icon, number) for number, a in enumerate(ACTIONS)
@@ -42,6 +46,8 @@ def _picked(settings: NsmSettings, _context: bpy.types.Context) -> None:
     armature = armature_of(picked) if picked is not None else None
     if armature is not None and armature != picked:
         settings.character = armature
+    else:
+        hand_over(settings)
 
 
 def armature_of(body: bpy.types.Object) -> bpy.types.Object | None:
@@ -69,14 +75,21 @@ def _hold_frames(row: NsmGoal, frames: int) -> None:
 class NsmGoal(bpy.types.PropertyGroup):
     """One row of the queue: an object or a place, and what to do there."""
 
-    enabled: BoolProperty(name="Enabled", description="Whether the next take does this goal", default=True)
+    enabled: BoolProperty(
+        name="Enabled", description="Whether the next take does this goal", default=True, override=OVERRIDABLE
+    )
     object: PointerProperty(
-        name="Object", description="What the character goes to", type=bpy.types.Object, poll=_is_goal
+        name="Object",
+        description="What the character goes to",
+        type=bpy.types.Object,
+        poll=_is_goal,
+        override=OVERRIDABLE,
     )
     action: EnumProperty(
         name="Action",
         description="What the character does there",
         items=_ACTION_ITEMS,
+        override=OVERRIDABLE,
     )
     hold: FloatProperty(
         name="Stay",
@@ -86,6 +99,7 @@ class NsmGoal(bpy.types.PropertyGroup):
         soft_max=20.0,
         max=600.0,
         unit="TIME_ABSOLUTE",
+        override=OVERRIDABLE,
     )
     hold_frames: IntProperty(
         name="Stay in Frames",
@@ -99,10 +113,22 @@ class NsmGoal(bpy.types.PropertyGroup):
         description="Where a carried object goes: set down on top of this one, or in the place of this empty",
         type=bpy.types.Object,
         poll=_is_goal,
+        override=OVERRIDABLE,
     )
     location: FloatVectorProperty(
-        name="Place", description="Where to go when no object is chosen", subtype="TRANSLATION", size=3
+        name="Place",
+        description="Where to go when no object is chosen",
+        subtype="TRANSLATION",
+        size=3,
+        override=OVERRIDABLE,
     )
+
+
+class NsmQueue(bpy.types.PropertyGroup):
+    """The goals of one character, kept with its armature object; see ``queue.queue_of``."""
+
+    goals: CollectionProperty(type=NsmGoal, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"})
+    active_goal: IntProperty(name="Goal", default=0, min=0, override=OVERRIDABLE)
 
 
 class NsmResult(bpy.types.PropertyGroup):
@@ -176,6 +202,7 @@ class NsmSettings(bpy.types.PropertyGroup):
         poll=_acts,
         update=_picked,
     )
+    # What is asked for before there is a character: see ``queue.queue_of``.
     goals: CollectionProperty(type=NsmGoal)
     active_goal: IntProperty(name="Goal", default=0, min=0)
     start_frame: IntProperty(
@@ -200,7 +227,7 @@ class NsmSettings(bpy.types.PropertyGroup):
     takes: CollectionProperty(type=NsmTake)
 
 
-CLASSES = (NsmGoal, NsmResult, NsmKeyed, NsmTake, NsmBone, NsmRig, NsmSettings)
+CLASSES = (NsmGoal, NsmQueue, NsmResult, NsmKeyed, NsmTake, NsmBone, NsmRig, NsmSettings)
 
 
 def settings_of(scene: bpy.types.Scene) -> NsmSettings:

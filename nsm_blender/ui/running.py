@@ -12,6 +12,7 @@ from nsm_core.world.actions import BY_KEY
 
 from ..rigs.bone_map import told_map
 from ..world.frame import holds
+from .queue import queue_of
 
 
 @dataclass
@@ -102,9 +103,10 @@ def reason_not_ready(context: bpy.types.Context) -> str:
     problem = told_map(character).problem(character.name, character.data.bones)
     if problem:
         return problem
-    if not settings.goals:
+    goals = queue_of(context.scene).goals
+    if not len(goals):
         return "There is no goal yet; select a seat and press the plus beside the list."
-    enabled = [(number, goal) for number, goal in enumerate(settings.goals, 1) if goal.enabled]
+    enabled = [(number, goal) for number, goal in enumerate(goals, 1) if goal.enabled]
     if not enabled:
         return "No goal is enabled; tick one in the list."
     for number, goal in enabled:

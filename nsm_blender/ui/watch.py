@@ -16,6 +16,7 @@ from ..rigs.bone_map import bone_map_of
 from ..world.frame import holds
 from . import running
 from .properties import settings_of, show_results
+from .queue import hand_over
 
 _STOPPED = "so Generate stopped and nothing was keyed"
 
@@ -126,6 +127,14 @@ def _before_load(*_: object) -> None:
 
 
 @persistent
+def _after_load(*_: object) -> None:
+    """Give the rows of files from before characters had queues of their own to their characters."""
+    for scene in bpy.data.scenes:
+        if hasattr(scene, "nsm"):
+            hand_over(scene.nsm)
+
+
+@persistent
 def _before_save(*_: object) -> None:
     """Have the file hold the animator's pose; the take goes on with its next frame."""
     state = running.current()
@@ -139,6 +148,7 @@ _HANDLERS: dict[str, Callable[..., None]] = {
     "redo_pre": _before_redo,
     "redo_post": _after_undo,
     "load_pre": _before_load,
+    "load_post": _after_load,
     "save_pre": _before_save,
 }
 

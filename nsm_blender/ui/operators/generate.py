@@ -14,7 +14,7 @@ from ...prepare import TakeSpec
 from ...progress import finish
 from ...takes import Take, generate
 from .. import running
-from ..properties import settings_of, show_results, spec_of_row
+from ..properties import queue_of, settings_of, show_results, spec_of_row
 from ..reviews import remember
 from ..session import TakeSession
 from .modal import Modal
@@ -25,7 +25,9 @@ def spec_of(scene: bpy.types.Scene) -> TakeSpec:
     settings = settings_of(scene)
     return TakeSpec(
         character=settings.character,
-        goals=[spec_of_row(row, number) for number, row in enumerate(settings.goals, 1) if row.enabled],
+        goals=[
+            spec_of_row(row, number) for number, row in enumerate(queue_of(scene).goals, 1) if row.enabled
+        ],
         start_frame=settings.start_frame,
         seed=settings.seed,
         contact_ik=settings.contact_ik,

@@ -16,7 +16,7 @@ from ...goals.registry import FINDERS
 from ...goals.resolve import show_goal_point
 from ...prepare import TakeSpec, own_objects, show_goal_points, start_of
 from ...progress import finish
-from ..properties import GOAL_TYPES, NsmGoal, action_of, settings_of, spec_of_row
+from ..properties import GOAL_TYPES, NsmGoal, action_of, queue_of, settings_of, spec_of_row
 from ..session import TakeSession
 from .modal import Modal
 from .reporting import sentences, while_idle
@@ -34,20 +34,21 @@ class NSM_OT_goal_add(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings = settings_of(context.scene)
+        queue = queue_of(context.scene)
         own = own_objects(settings.character, context.scene) if settings.character else set()
-        taken = {goal.object for goal in settings.goals}
+        taken = {goal.object for goal in queue.goals}
         free = [
             o for o in context.selected_objects if o.type in GOAL_TYPES and o not in own and o not in taken
         ]
         chosen = [o for o in free if POINT_LINK not in o]
         for target in chosen or [None]:
-            goal = settings.goals.add()
+            goal = queue.goals.add()
             goal.object = target
             aim = Aim.OBJECT if target is not None and target.type != "EMPTY" else Aim.PLACE
             goal.action = next(a.key for a in ACTIONS if a.aim is aim)
             if target is None:
                 goal.location = context.scene.cursor.location
-        settings.active_goal = len(settings.goals) - 1
+        queue.active_goal = len(queue.goals) - 1
         return {"FINISHED"}
 
 
@@ -60,7 +61,7 @@ class _OnGoal(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         if not while_idle(cls):
             return False
-        if not settings_of(context.scene).goals:
+        if not len(queue_of(context.scene).goals):
             cls.poll_message_set("The list of goals is empty; add one first.")
             return False
         return True
@@ -72,9 +73,9 @@ class NSM_OT_goal_remove(_OnGoal):
     bl_description = "Remove the chosen goal from the list; its object stays"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        settings = settings_of(context.scene)
-        settings.goals.remove(min(settings.active_goal, len(settings.goals) - 1))
-        settings.active_goal = max(min(settings.active_goal, len(settings.goals) - 1), 0)
+        queue = queue_of(context.scene)
+        queue.goals.remove(min(queue.active_goal, len(queue.goals) - 1))
+        queue.active_goal = max(min(queue.active_goal, len(queue.goals) - 1), 0)
         return {"FINISHED"}
 
 
@@ -86,14 +87,14 @@ class NSM_OT_goal_move(_OnGoal):
     direction: EnumProperty(items=(("UP", "Up", "Earlier"), ("DOWN", "Down", "Later")), name="Direction")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        settings = settings_of(context.scene)
-        here = settings.active_goal
+        queue = queue_of(context.scene)
+        here = queue.active_goal
         there = here + (-1 if self.direction == "UP" else 1)
-        if not 0 <= there < len(settings.goals):
+        if not 0 <= there < len(queue.goals):
             self.report({"INFO"}, f"It is the {'first' if self.direction == 'UP' else 'last'} goal already.")
             return {"CANCELLED"}
-        settings.goals.move(here, there)
-        settings.active_goal = there
+        queue.goals.move(here, there)
+        queue.active_goal = there
         return {"FINISHED"}
 
 
@@ -139,7 +140,7 @@ class NSM_OT_goal_points(Modal, bpy.types.Operator):
         if settings.character is None:
             cls.poll_message_set("No character is chosen; choose its armature, or add the bundled character.")
             return False
-        if not any(goal.enabled and goal.object for goal in settings.goals):
+        if not any(goal.enabled and goal.object for goal in queue_of(context.scene).goals):
             cls.poll_message_set("No enabled goal has an object; add an object to the list first.")
             return False
         return True
@@ -171,7 +172,7 @@ class NSM_OT_goal_points(Modal, bpy.types.Operator):
 def _asked(scene: bpy.types.Scene) -> TakeSpec:
     """The enabled goals that have an object; GoalError on a row whose stored action is unknown."""
     settings = settings_of(scene)
-    rows = [(n, goal) for n, goal in enumerate(settings.goals, 1) if _has_point(goal)]
+    rows = [(n, goal) for n, goal in enumerate(queue_of(scene).goals, 1) if _has_point(goal)]
     return TakeSpec(settings.character, [spec_of_row(row, number) for number, row in rows])
 
 
@@ -215,8 +216,8 @@ def _has_point(goal: NsmGoal) -> bool:
 
 
 def _active_goal(context: bpy.types.Context) -> NsmGoal | None:
-    settings = settings_of(context.scene)
-    return settings.goals[settings.active_goal] if 0 <= settings.active_goal < len(settings.goals) else None
+    queue = queue_of(context.scene)
+    return queue.goals[queue.active_goal] if 0 <= queue.active_goal < len(queue.goals) else None
 
 
 def _select(context: bpy.types.Context, objects: list[bpy.types.Object]) -> None:
