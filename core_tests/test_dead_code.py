@@ -18,6 +18,7 @@ CALLED_FROM_OUTSIDE = {
     "register",
     "unregister",
     "draw",
+    "draw_header_preset",
     "draw_item",
     "execute",
     "invoke",

@@ -17,6 +17,7 @@ from nsm_core.rotations import rotate_planar, wrap_angle
 from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.scene import furniture
 from nsm_core.world.scene.props import Box, Leaf, sense
+from nsm_core.world.sensors.environment import SPHERE_RADIUS
 
 
 @pytest.fixture(scope="module")
@@ -109,6 +110,24 @@ def test_results_fit_together(takes):
     assert (
         take.action[goal.end_frame, STYLES.index("sit")] > 0.9 and take.action[0, STYLES.index("idle")] == 1
     )
+
+
+def test_a_take_tells_what_was_seen_and_foreseen_in_each_frame(takes):
+    for t, take in takes:
+        told = take.insights
+        assert sorted(told) == list(range(1, len(take.root))), t.piece.kind
+        for frame, insight in told.items():  # sensed where the frame before stood
+            np.testing.assert_array_equal(insight.root, take.root[frame - 1])
+            np.testing.assert_allclose(insight.egocentric[0], take.root[frame], atol=1e-4)
+        seated = told[take.goals[0].end_frame]
+        away = request(t).environment.signed_distance(seated.spheres_world(), SPHERE_RADIUS)
+        np.testing.assert_allclose(
+            seated.environment / 255, np.clip(1 - away / SPHERE_RADIUS, 0, 1), atol=0.003
+        )
+        assert seated.volume is not None and seated.volume.occupancy.max() == 255
+        hips = take.hips_position[take.goals[0].end_frame]
+        assert np.linalg.norm(seated.goal[:2] - hips[:2]) < 0.1
+        assert np.linalg.norm(seated.egocentric[-1, :2] - seated.goalward[-1, :2]) < 0.3
 
 
 def test_the_same_seed_gives_the_same_take(model, takes):

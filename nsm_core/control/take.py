@@ -37,6 +37,7 @@ from .actions.registry import check_reachable
 from .batch import step_together
 from .director import Director, rotation_error
 from .goals import Goal, GoalResult, Moment
+from .insight import Insight
 from .posing import pose_of, standing_start
 from .post_process import PostProcess
 from .relief import Relief
@@ -92,6 +93,7 @@ class TakeResult:
     goals: list[GoalResult]
     stage_ms: dict[str, float]
     props: dict[str, Array] = field(default_factory=dict)
+    insights: dict[int, Insight] = field(default_factory=dict)
 
 
 class TakeRunner:
@@ -129,6 +131,7 @@ class TakeRunner:
         self._ms = dict.fromkeys(STAGES, 0.0)
         self._frames: list[tuple[Array, ...]] = []
         self._poses: dict[str, list[Array]] = {name: [] for name in self.props}
+        self._insights: dict[int, Insight] = {}
         self._mending: Any = None
         self._mended = 0  # frames that are as they stay
         self._reached: dict[int, int] = {}  # frames in which goals were judged, by their number
@@ -194,6 +197,7 @@ class TakeRunner:
         if sensed is not None:
             cells, occupancy = relief.sensed(sensed).cells_world()[None], sensed.occupancy[None]
         t2 = time.perf_counter()
+        self._insights[self.frames] = Insight.of(root[0], relief.level, environment, sensed, position)
         inputs = build_inputs(state, SensorReading(environment[None], cells, occupancy))
         self._spend(goals=t1 - t0, sensors=t2 - t1, blending=time.perf_counter() - t2)
         return inputs
@@ -205,6 +209,7 @@ class TakeRunner:
         t0 = time.perf_counter()
         self.memory = memory
         predicted = read_outputs(outputs, self.state)
+        self._insights[self.frames] = self._insights[self.frames].foreseeing(predicted)
         self.state = advance(self.state, predicted, self.request.blending)
         self.relief.follow(self.state.root[0, :2])
         t1 = time.perf_counter()
@@ -293,6 +298,7 @@ class TakeRunner:
             self.director.results,
             {k: v / steps for k, v in self._ms.items()},
             {name: np.stack(poses) for name, poses in self._poses.items()},
+            self._insights,
         )
 
     def _moment(self, contacts: Array) -> Moment:
