@@ -229,12 +229,12 @@ def test(arguments: list[str]) -> int:
     bpy, python = main_choice()
     folder = ROOT / ".venv"
     try:
-        inside = ensure(folder, python, requirements(("test", "train", "build"), bpy))
+        inside = ensure(folder, python, requirements(("test", "train", "farm", "build"), bpy))
     except Failure as failure:
         if "torch" not in str(failure):
             raise
         print(f"Going on without PyTorch, its tests are skipped: {failure}", flush=True)
-        inside = ensure(folder, python, requirements(("test", "build"), bpy))
+        inside = ensure(folder, python, requirements(("test", "farm", "build"), bpy))
     results = [run_suite(inside, suite, f"bpy {bpy}", rest) for suite in suites(rest)]
     if "--matrix" in arguments:
         results += [

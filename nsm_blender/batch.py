@@ -3,9 +3,10 @@
     blender --background --python nsm_blender/batch.py -- job.toml
     python nsm_blender/batch.py job.toml                        (with the bpy wheel)
 
-Each take starts from a fresh load of the scene.  A take that fails says why in its report and on its own
-line, and the others go on.  Exit code: 0 when all takes were made and reached their goals, 1 when one was
-not, 2 when the job file is of no use.
+``--shard 2/5`` makes every fifth take, from the second on; ``--scheduler tcp://10.0.0.5:8786`` has the
+workers of a dask scheduler make them.  Each take starts from a fresh load of the scene.  A take that fails
+says why in its report and on its own line, and the others go on.  Exit code: 0 when all takes were made and
+reached their goals, 1 when one was not, 2 when the job file is of no use.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ from nsm_core.data.captures import bvh_writer
 from nsm_core.errors import GoalError, JobError, NsmError, OutputError, SkeletonError
 
 from .goals.spec import GoalSpec
+from .jobs.farm import end_with_worker, run_on
 from .jobs.job import Job, JobTake
+from .jobs.options import of_shard, read_options
 from .jobs.paths import refuse_used
 from .jobs.read import read_job
 from .leaving import leave
@@ -47,31 +50,39 @@ _SAY_EVERY = 2.0  # seconds between two progress lines of a take
 def main(arguments: Sequence[str], say: Callable[[str], None] | None = None) -> int:
     """Run the job file named by ``arguments``; return the exit code described above."""
     say = say or _say
-    if len(arguments) != 1:
-        say("Error: give one job file, as in: batch.py job.toml")
-        return 2
     try:
-        job = read_job(arguments[0])
+        options = read_options(arguments)
+        job = read_job(options.job)
+        takes = of_shard(job.takes, options.shard)
+        if options.worker:
+            end_with_worker()
+        if options.scheduler:
+            failed = run_on(options.scheduler, job, takes, say, lambda take, why: _lost(take, why, say))
+        else:
+            failed = sum(
+                not run_take(job, take, f"[{i}/{len(job.takes)}] {take.name}", say, options.worker)
+                for i, take in takes
+            )
     except NsmError as error:
         say(f"Error: {error}")
         return 2
-    failed = sum(
-        not run_take(job, take, f"[{i}/{len(job.takes)}] {take.name}", say)
-        for i, take in enumerate(job.takes, 1)
-    )
-    say(f"{len(job.takes) - failed} of {len(job.takes)} takes are as asked for.")
+    say(f"{len(takes) - failed} of {len(takes)} takes are as asked for.")
     return 1 if failed else 0
 
 
-def run_take(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -> bool:
-    """Make one take of a job and write its files; what goes wrong goes to its report and to ``say``."""
-    report: dict[str, Any] = {"name": entry.name}
+def run_take(job: Job, entry: JobTake, title: str, say: Callable[[str], None], worker: str = "") -> bool:
+    """Make one take of a job and write its files; what goes wrong goes to its report and to ``say``.
+
+    The report tells the ``worker`` that has made it, where there is one.
+    """
+    by = {"worker": worker} if worker else {}
+    report: dict[str, Any] = {"name": entry.name, **by}
     try:
         if entry.error:
             raise JobError(entry.error)
         _require_writable(entry)
         take = _make(job, entry, title, say)
-        report = {**take.report, "name": entry.name}
+        report = {**take.report, "name": entry.name, **by}
         missed = [g for g in report["goals"] if not g["reached"]]
         if missed:
             report["error"] = (
@@ -93,6 +104,16 @@ def run_take(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -
     if "error" in report:
         say(f"{title}: Error: {report['error']}")
     return "error" not in report
+
+
+def _lost(entry: JobTake, why: str, say: Callable[[str], None]) -> None:
+    """Report a take that was lost with its worker, as often as it was tried."""
+    error = f"Take '{entry.name}' was not made, since {why}; look at that machine and run it again."
+    say(f"{entry.name}: Error: {error}")
+    try:
+        _write_report({"name": entry.name, "error": error}, entry)
+    except NsmError as problem:
+        say(f"{entry.name}: Error: {problem}")
 
 
 def _broken(entry: JobTake, error: Exception) -> dict[str, str]:
