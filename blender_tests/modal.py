@@ -49,9 +49,10 @@ class Modal:
     """The modal operator's functions on a plain object, as Blender would call them."""
 
     def __init__(self, window: Window, operator: type[bpy.types.Operator] = NSM_OT_generate) -> None:
-        self.window, self.reports = window, []
-        for name in ("modal", "cancel", "_start", "_open", "_end", "_keep", "_fail"):
-            setattr(self, name, types.MethodType(getattr(operator, name), self))
+        self.window, self.reports, self.beside = window, [], getattr(operator, "beside", False)
+        for name in ("modal", "cancel", "_start", "_open", "_end", "_keep", "_fail", "_asked"):
+            if hasattr(operator, name):
+                setattr(self, name, types.MethodType(getattr(operator, name), self))
 
     def report(self, kind, text):
         self.reports.append((kind, text))

@@ -26,6 +26,7 @@ CALLED_FROM_OUTSIDE = {
     "poll",
     "description",
     "filter_glob",
+    "filter_items",
     "check_existing",
 }
 CALLED_FROM_OUTSIDE |= {"create_module", "exec_module"}

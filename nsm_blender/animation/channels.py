@@ -132,6 +132,12 @@ def assign(target: bpy.types.Object, action: bpy.types.Action | None, slot: Any 
         data.action_slot = slot
 
 
+def remove_unused(action: bpy.types.Action) -> None:
+    """Remove an action from the file where nothing uses it any more but its own wish to be kept."""
+    if action.users == int(action.use_fake_user):
+        bpy.data.actions.remove(action)
+
+
 def transform_of(moving: bpy.types.Object | bpy.types.PoseBone) -> dict[str, Any]:
     """The transform channels of an object or a bone and their values, to be set again later."""
     names = ("location", "rotation_quaternion", "rotation_euler", "rotation_axis_angle", "scale")

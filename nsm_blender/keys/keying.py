@@ -16,13 +16,13 @@ from nsm_core.conventions import FPS
 from nsm_core.errors import NsmError, SkeletonError
 from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_normalize, quat_to_rotvec
 
-from ..animation.channels import ActionChannels, assign, new_action
+from ..animation.channels import ActionChannels, assign, new_action, remove_unused
 from ..animation.kept import Kept, restored_on_failure
 from ..rigs.armature import Placement, StartPose, read_pose, read_world_pose
 from ..rigs.bone_map import bone_map_of
 from ..rigs.mount import Mount, last, over_frames
 from .layers import bones_between, carried, channels_of_strips, require_keyable, rotation_channel
-from .objects import KeyedThing, MovedObject, discard_thing, key_thing
+from .objects import KeyedThing, MovedObject, key_thing, take_off_thing
 
 __all__ = ["KeyedTake", "StartPose", "discard_take", "key_take", "read_back", "read_pose", "resample_take"]
 
@@ -112,8 +112,7 @@ def key_take_steps(
     data = armature.animation_data
     previous = data.action if data else None
     previous_slot = getattr(data, "action_slot", None) if previous else None
-    previous_pose: list[tuple[str, Any]] = [(b.name, b.matrix_basis.copy()) for b in armature.pose.bones]
-    previous_pose += switches_of(armature)
+    previous_pose = pose_of(armature)
     with restored_on_failure(Kept(scene, [armature])):
         fake_user = bool(previous and previous.use_fake_user)
         if previous:
@@ -173,18 +172,16 @@ def key_things(
     _touch(take.armature)
 
 
-def discard_take(take: KeyedTake) -> None:
-    """Remove a take's actions and give the armature, and what it moved, back the actions, the pose and the
-    places they had.
+def take_off(take: KeyedTake) -> None:
+    """Give the armature, and what it moved, back the actions, the pose and the places they had; the take's
+    own actions stay in the file.
     """
     for thing in take.things:
-        discard_thing(thing)
+        take_off_thing(thing)
     if take.previous_action:
         take.previous_action.use_fake_user = take.previous_fake_user
     assign(take.armature, take.previous_action, take.previous_slot)
     bpy.context.view_layer.update()  # the old action plays once more, before the pose that was not keyed
-    if take.action.users == 0 or take.action.users == int(take.action.use_fake_user):
-        bpy.data.actions.remove(take.action)
     for name, matrix in take.previous_pose:
         bone = take.armature.pose.bones.get(name)
         if bone is not None and isinstance(matrix, dict):
@@ -193,6 +190,23 @@ def discard_take(take: KeyedTake) -> None:
             bone.matrix_basis = matrix
     take.armature.update_tag()
     bpy.context.view_layer.update()
+
+
+def discard_take(take: KeyedTake) -> None:
+    """Remove a take's actions and give the armature, and what it moved, back the actions, the pose and the
+    places they had.
+    """
+    take_off(take)
+    for made in (take, *take.things):
+        remove_unused(made.action)
+
+
+def pose_of(armature: bpy.types.Object) -> list[tuple[str, Any]]:
+    """What a take must be able to give back of a pose: bones with their ``matrix_basis``, and with the values
+    of their switches that are keyed.
+    """
+    pose: list[tuple[str, Any]] = [(bone.name, bone.matrix_basis.copy()) for bone in armature.pose.bones]
+    return pose + switches_of(armature)
 
 
 def mounts_of(armature: bpy.types.Object, placement: Placement) -> dict[int, Mount]:

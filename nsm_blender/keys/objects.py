@@ -230,14 +230,12 @@ def key_thing(
     return keyed
 
 
-def discard_thing(keyed: KeyedThing) -> None:
-    """Remove the action of a moved object and give it back the action and the place it had."""
+def take_off_thing(keyed: KeyedThing) -> None:
+    """Give a moved object back the action and the place it had; its take's own action stays in the file."""
     if keyed.previous_action:
         keyed.previous_action.use_fake_user = keyed.previous_fake_user
     assign(keyed.object, keyed.previous_action, keyed.previous_slot)
     bpy.context.view_layer.update()  # the old action plays once more, before the place that was not keyed
-    if keyed.action.users == 0 or keyed.action.users == int(keyed.action.use_fake_user):
-        bpy.data.actions.remove(keyed.action)
     for channel, value in keyed.previous_transform.items():
         setattr(keyed.object, channel, value)
     keyed.object.update_tag()

@@ -7,6 +7,7 @@ import bpy
 from . import running
 from .drawing import Sidebar, sentence
 from .properties import settings_of
+from .reviews import takes_of
 
 
 class NSM_PT_generate(Sidebar, bpy.types.Panel):
@@ -25,6 +26,8 @@ class NSM_PT_generate(Sidebar, bpy.types.Panel):
         big = layout.column()
         big.scale_y = 1.5
         big.operator("nsm.generate", icon="PLAY")
+        if takes_of(context.scene):
+            layout.operator("nsm.another_take", icon="FILE_REFRESH")
         reason = running.reason_not_ready(context)
         if reason:
             sentence(context, layout, reason, "INFO")

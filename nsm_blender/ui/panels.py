@@ -14,7 +14,7 @@ from .character_panel import NSM_PT_character
 from .drawing import Sidebar
 from .generate_panel import NSM_PT_generate
 from .goals_panel import NSM_PT_goals, NSM_UL_goals
-from .takes_panel import NSM_PT_takes
+from .takes_panel import NSM_PT_takes, NSM_UL_takes
 
 
 class NSM_PT_motion(Sidebar, bpy.types.Panel):
@@ -35,6 +35,7 @@ class NSM_PT_motion(Sidebar, bpy.types.Panel):
 
 CLASSES = (
     NSM_UL_goals,
+    NSM_UL_takes,
     NSM_PT_motion,
     NSM_PT_character,
     NSM_PT_bones,

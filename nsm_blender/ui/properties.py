@@ -151,9 +151,7 @@ class NsmKeyed(bpy.types.PropertyGroup):
 
 
 class NsmTake(bpy.types.PropertyGroup):
-    """A take that is neither accepted nor rejected yet; kept in the scene, so that it is saved and undone
-    with it.
-    """
+    """A take of the list; kept in the scene, so that it is saved and undone with it."""
 
     character: PointerProperty(type=NsmKeyed)
     things: CollectionProperty(type=NsmKeyed)
@@ -161,6 +159,8 @@ class NsmTake(bpy.types.PropertyGroup):
     frame_end: IntProperty()
     fps: FloatProperty()
     keys: StringProperty(description="Checksum of the keys as they were made")
+    seed: IntProperty()
+    accepted: BoolProperty()
 
 
 def _edited(row: NsmBone, _context: bpy.types.Context) -> None:
@@ -225,6 +225,7 @@ class NsmSettings(bpy.types.PropertyGroup):
     )
     results: CollectionProperty(type=NsmResult)
     takes: CollectionProperty(type=NsmTake)
+    active_take: IntProperty(name="Take", default=0, min=0)
 
 
 CLASSES = (NsmGoal, NsmQueue, NsmResult, NsmKeyed, NsmTake, NsmBone, NsmRig, NsmSettings)

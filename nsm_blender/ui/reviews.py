@@ -1,45 +1,67 @@
-"""Takes under review: kept in the scene's settings, so that saving, opening and undoing keep or lose them
-with their keys.
+"""The list of takes, kept in the scene's settings, so that saving, opening and undoing keep or lose them with
+their keys.
+
+Every take stands in it until it is removed: pending first, accepted later; the one whose action its character
+plays is the one shown.
 """
 
 from __future__ import annotations
 
 import json
 import zlib
+from collections.abc import Iterator
 from typing import Any
 
 import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..animation.channels import curves_in
-from ..keys.keying import KeyedTake, discard_take
-from ..keys.objects import KeyedThing, discard_thing
+from ..animation.channels import assign, curves_in, remove_unused, transform_of
+from ..animation.kept import Kept, restored_on_failure
+from ..keys import strips
+from ..keys.keying import KeyedTake, pose_of, take_off
+from ..keys.objects import KeyedThing, take_off_thing
 from .properties import NsmKeyed, NsmTake, settings_of
 
 
-def remember(scene: bpy.types.Scene, take: KeyedTake) -> None:
-    """Offer a take for review.
+def remember(scene: bpy.types.Scene, take: KeyedTake, seed: int = 0, beside: bool = False) -> NsmTake:
+    """Put a take on the list.
 
     The one that it replaces, not accepted yet and as it was made, is removed: rejecting the new one then
     gives back what was before both.  One that the animator has edited, or from whose end the new one goes on,
-    stays as if accepted.
+    stays as if accepted.  ``beside``: one that it is another try of stays on the list as it is.
     """
     takes = settings_of(scene).takes
     for index in reversed(range(len(takes))):
         record = takes[index]
-        if record.character.object not in (None, take.armature):
-            continue
-        old = _keyed(record) if _replaced(record, take) else None
-        takes.remove(index)
-        if old is not None:
-            _supersede(old, take)
+        if record.character.object is None or record.character.action is None:
+            takes.remove(index)
+        elif record.character.object == take.armature and record.character.action == take.previous_action:
+            old = keyed(record)
+            same = not record.accepted and record.frame_start == take.frame_start
+            if same and beside:
+                _inherit_all(take, old)
+            elif same and record.keys == _checksum(old):
+                takes.remove(index)
+                _supersede(old, take)
+            else:
+                record.accepted = True
     record = takes.add()
     record.frame_start, record.frame_end, record.fps = take.frame_start, take.frame_end, take.fps
+    record.seed = seed
     _note(record.character, take.armature, take, take.previous_pose)
     for thing in take.things:
         _note(record.things.add(), thing.object, thing, thing.previous_transform)
     record.keys = _checksum(take)
+    settings_of(scene).active_take = len(takes) - 1
+    return record
+
+
+def takes_of(scene: bpy.types.Scene, armature: bpy.types.Object | None = None) -> list[NsmTake]:
+    """The takes of a character, the chosen one's where none is given, that still have their action."""
+    armature = armature or settings_of(scene).character
+    found = [t for t in settings_of(scene).takes if t.character.action is not None]
+    return [t for t in found if t.character.object is not None and armature in (None, t.character.object)]
 
 
 def pending(scene: bpy.types.Scene) -> NsmTake | None:
@@ -48,41 +70,108 @@ def pending(scene: bpy.types.Scene) -> NsmTake | None:
     """
     settings = settings_of(scene)
     for record in reversed(settings.takes):
-        armature = record.character.object
-        if armature is None or settings.character not in (None, armature):
-            continue
-        if record.character.action is not None and record.character.action == _action_of(armature):
+        if settings.character in (None, record.character.object) and is_shown(record) and not record.accepted:
             return record
     return None
 
 
-def settle(scene: bpy.types.Scene, record: NsmTake) -> KeyedTake:
-    """Take a take out of the review and return what it keyed; objects and actions that are gone by now are
-    passed over.
-    """
-    take, takes = _keyed(record), settings_of(scene).takes
-    takes.remove(next(i for i, other in enumerate(takes) if other == record))
-    settings_of(scene).results.clear()
-    # Another one is the animator's.
-    take.things = [thing for thing in take.things if _action_of(thing.object) == thing.action]
-    return take
+def is_shown(record: NsmTake) -> bool:
+    """Whether the character of a take plays it now as its action."""
+    row = record.character
+    return row.object is not None and row.action is not None and row.action == _action_of(row.object)
+
+
+def is_pushed(record: NsmTake) -> bool:
+    """Whether a take is a strip of the NLA."""
+    return strips.strip_of(record.character.object, record.character.action) is not None
+
+
+def settle(scene: bpy.types.Scene, record: NsmTake) -> None:
+    """Accept a take: it stays on the list and nothing asks about it any more."""
+    record.accepted = True
+    if is_shown(record):
+        settings_of(scene).results.clear()
 
 
 def reject(scene: bpy.types.Scene, record: NsmTake) -> None:
-    """Remove a take's actions and give the character, and what it moved, back the actions and places they
-    had.
+    """Remove a take, its actions and its strips; where it was shown, the character and what it moved get
+    their old actions and places back.
     """
-    discard_take(settle(scene, record))
+    shown, take = is_shown(record), keyed(record)
+    free = shown or is_pushed(record) and _action_of(take.armature) is None
+    _require_no_tweaking(record)
+    with restored_on_failure(Kept(scene, [take.armature, *(thing.object for thing in take.things)])):
+        if free:
+            # Another action on an object is the animator's.
+            take.things = [t for t in take.things if _action_of(t.object) in (t.action, None)]
+            take_off(take)
+    _pull(record)
+    if shown:
+        settings_of(scene).results.clear()
+    for row in _rows(record):
+        _bypass(scene, row)
+    actions = [row.action for row in _rows(record)]
+    _forget(scene, record)
+    for action in actions:
+        remove_unused(action)
 
 
-def _note(row: NsmKeyed, target: bpy.types.Object, made: KeyedTake | KeyedThing, values: Any) -> None:
-    row.object, row.action, row.slot = target, made.action, getattr(made.slot, "handle", 0)
-    row.previous_action, row.previous_slot = made.previous_action, getattr(made.previous_slot, "handle", 0)
-    row.previous_fake_user = made.previous_fake_user
-    row.previous_values = json.dumps(_plain(values))
+def show(scene: bpy.types.Scene, record: NsmTake) -> None:
+    """Have a character play a take of the list; the one shown until now stays on it, and another action of
+    the animator's is kept with a fake user and given back when the take is rejected.
+    """
+    armature = record.character.object
+    before = next((t for t in takes_of(scene, armature) if is_shown(t)), None)
+    moved = {row.object for row in record.things}
+    old = [] if before is None or before == record else keyed(before).things
+    targets = [*(row.object for row in _rows(record)), *(thing.object for thing in old)]
+    with restored_on_failure(Kept(scene, targets)):
+        for thing in old:
+            if thing.object not in moved and _action_of(thing.object) == thing.action:
+                take_off_thing(thing)
+        ours = {row.action for take in settings_of(scene).takes for row in _rows(take)}
+        for row in _rows(record):
+            now = _action_of(row.object)
+            if now is not None and now not in ours:
+                _note_before(row, now)
+            assign(row.object, row.action, _slot(row.action, row.slot))
+            row.object.update_tag(refresh={"TIME"})
+        bpy.context.view_layer.update()
 
 
-def _keyed(record: NsmTake) -> KeyedTake:
+def push(scene: bpy.types.Scene, record: NsmTake) -> None:
+    """Make a take a strip of the NLA, of its character and of what it moved; it counts as accepted."""
+    _require_no_tweaking(record)
+    rows = list(_rows(record))
+    with restored_on_failure(Kept(scene, [row.object for row in rows])):
+        try:
+            for row in rows:
+                strips.push(row.object, row.action, _slot(row.action, row.slot))
+        except BaseException:
+            _pull(record)
+            raise
+    settle(scene, record)
+
+
+def pull(scene: bpy.types.Scene, record: NsmTake) -> None:
+    """Take a take off the NLA and show it as an action again."""
+    _require_no_tweaking(record)
+    show(scene, record)
+    _pull(record)
+
+
+def _pull(record: NsmTake) -> None:
+    for row in _rows(record):
+        strips.pull(row.object, row.action)
+
+
+def _require_no_tweaking(record: NsmTake) -> None:
+    for row in _rows(record):
+        strips.require_no_tweaking(row.object)
+
+
+def keyed(record: NsmTake) -> KeyedTake:
+    """What a take of the list has keyed; objects and actions that are gone by now are passed over."""
     row = record.character
     things = [
         KeyedThing(
@@ -112,25 +201,63 @@ def _keyed(record: NsmTake) -> KeyedTake:
     )
 
 
-def _replaced(record: NsmTake, take: KeyedTake) -> bool:
-    """Whether ``take`` is another try at what a record holds, and nothing of it is the animator's own
-    work.
-    """
-    action = record.character.action
-    if action is None or action != take.previous_action or record.frame_start != take.frame_start:
-        return False
-    return record.keys == _checksum(_keyed(record))
+def _rows(record: NsmTake) -> Iterator[NsmKeyed]:
+    """What a take has keyed; objects and actions that are gone by now are passed over."""
+    rows = (record.character, *record.things)
+    return (row for row in rows if row.object is not None and row.action is not None)
+
+
+def _note(row: NsmKeyed, target: bpy.types.Object, made: KeyedTake | KeyedThing, values: Any) -> None:
+    row.object, row.action, row.slot = target, made.action, getattr(made.slot, "handle", 0)
+    row.previous_action, row.previous_slot = made.previous_action, getattr(made.previous_slot, "handle", 0)
+    row.previous_fake_user = made.previous_fake_user
+    row.previous_values = json.dumps(_plain(values))
+
+
+def _note_before(row: NsmKeyed, action: bpy.types.Action | None) -> None:
+    """Note what an object has now as what a take replaces."""
+    data, values = row.object.animation_data, pose_of if row.object.type == "ARMATURE" else transform_of
+    slot = getattr(data, "action_slot", None) if action is not None else None
+    row.previous_action, row.previous_slot = action, getattr(slot, "handle", 0)
+    row.previous_values = json.dumps(_plain(values(row.object)))
+    row.previous_fake_user = bool(action and action.use_fake_user)
+    if action is not None:
+        action.use_fake_user = True  # or it would be lost with the file's next save
+
+
+def _forget(scene: bpy.types.Scene, record: NsmTake) -> None:
+    takes = settings_of(scene).takes
+    takes.remove(next(i for i, other in enumerate(takes) if other == record))
+    settings_of(scene).active_take = max(min(settings_of(scene).active_take, len(takes) - 1), 0)
+
+
+def _bypass(scene: bpy.types.Scene, gone: NsmKeyed) -> None:
+    """Have takes that replaced an action which goes away give back what that one replaced."""
+    for record in settings_of(scene).takes:
+        for row in _rows(record):
+            if row != gone and row.object == gone.object and row.previous_action == gone.action is not None:
+                row.previous_action, row.previous_slot = gone.previous_action, gone.previous_slot
+                row.previous_fake_user = gone.previous_fake_user
+                row.previous_values = gone.previous_values
 
 
 def _supersede(old: KeyedTake, new: KeyedTake) -> None:
     """Remove what ``old`` made and have ``new`` remember what was before both."""
+    again = {thing.object for thing in new.things}
+    for thing in old.things:
+        if thing.object not in again and _action_of(thing.object) == thing.action:
+            take_off_thing(thing)
+    _inherit_all(new, old)
+    for made in (old, *old.things):
+        remove_unused(made.action)
+
+
+def _inherit_all(new: KeyedTake, old: KeyedTake) -> None:
+    """Have ``new`` remember what was before ``old``, which it is another try of."""
     again = {thing.object: thing for thing in new.things}
     for thing in old.things:
         newer = again.get(thing.object)
-        if newer is None:
-            if _action_of(thing.object) == thing.action:
-                discard_thing(thing)
-        elif newer.previous_action == thing.action:
+        if newer is not None and newer.previous_action == thing.action:
             _inherit(newer, thing)
             newer.previous_transform = thing.previous_transform
     _inherit(new, old)
@@ -144,8 +271,6 @@ def _inherit(new: KeyedTake | KeyedThing, old: KeyedTake | KeyedThing) -> None:
         old.previous_slot,
         old.previous_fake_user,
     )
-    if old.action.users == int(old.action.use_fake_user):
-        bpy.data.actions.remove(old.action)
 
 
 def _checksum(take: KeyedTake) -> str:

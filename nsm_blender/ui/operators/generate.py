@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import ClassVar
 
 import bpy
@@ -15,7 +16,7 @@ from ...progress import finish
 from ...takes import Take, generate
 from .. import running
 from ..properties import queue_of, settings_of, show_results, spec_of_row
-from ..reviews import remember
+from ..reviews import remember, takes_of
 from ..session import TakeSession
 from .modal import Modal
 
@@ -34,17 +35,11 @@ def spec_of(scene: bpy.types.Scene) -> TakeSpec:
     )
 
 
-class NSM_OT_generate(Modal, bpy.types.Operator):
-    bl_idname = "nsm.generate"
-    bl_label = "Generate"
-    bl_description = (
-        "Have the character do the enabled goals and key the motion in a new action. It goes around what "
-        "looks solid in the "
-        "viewport. The custom property nsm_collider of an object decides otherwise (Properties editor, "
-        "Object, Custom Properties; "
-        "of type Boolean): off, it is walked through; on, it is solid even where it is hidden"
-    )
+class _Generate(Modal):
+    """What the operators share that make a take."""
+
     bl_options: ClassVar = {"REGISTER", "UNDO"}
+    beside = False  # whether the take that is shown stays on the list beside the new one
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -57,21 +52,53 @@ class NSM_OT_generate(Modal, bpy.types.Operator):
         """Generate in one go: scripts and background mode, where no timer runs."""
         scene = context.scene
         try:
-            take = finish(generate(spec_of(scene), scene))
+            self._spec = self._asked(scene)
+            take = finish(generate(self._spec, scene))
         except NsmError as error:
             return self._fail(scene, str(error))
         return self._keep(scene, take)
 
     def _open(self, context: bpy.types.Context, ended: Callable[[], None]) -> TakeSession:
-        return TakeSession(spec_of(context.scene), context.scene, ended)
+        self._spec = self._asked(context.scene)
+        return TakeSession(self._spec, context.scene, ended)
+
+    def _asked(self, scene: bpy.types.Scene) -> TakeSpec:
+        """What is to be generated."""
+        return spec_of(scene)
 
     def _keep(self, scene: bpy.types.Scene, take: Take) -> set[str]:
         lines = result_lines(take.report, take.keyed.frame_start, scene.frame_end)
         show_results(settings_of(scene), lines)
-        remember(scene, take.keyed)
+        remember(scene, take.keyed, self._spec.seed, self.beside)
+        settings_of(scene).seed = self._spec.seed
         for goal, (text, good) in zip(take.report["goals"], lines, strict=False):
             self.report({"INFO" if goal["reached"] and good else "WARNING"}, text)
         return {"FINISHED"}
 
 
-CLASSES = (NSM_OT_generate,)
+class NSM_OT_generate(_Generate, bpy.types.Operator):
+    bl_idname = "nsm.generate"
+    bl_label = "Generate"
+    bl_description = (
+        "Have the character do the enabled goals and key the motion in a new action. It goes around what "
+        "looks solid in the "
+        "viewport. The custom property nsm_collider of an object decides otherwise (Properties editor, "
+        "Object, Custom Properties; "
+        "of type Boolean): off, it is walked through; on, it is solid even where it is hidden"
+    )
+
+
+class NSM_OT_another_take(_Generate, bpy.types.Operator):
+    bl_idname = "nsm.another_take"
+    bl_label = "Another Take"
+    bl_description = (
+        "Generate the same goals with the next seed, and keep the take that is shown on the list beside it"
+    )
+    beside = True
+
+    def _asked(self, scene: bpy.types.Scene) -> TakeSpec:
+        spec = spec_of(scene)
+        return replace(spec, seed=max((take.seed for take in takes_of(scene)), default=spec.seed) + 1)
+
+
+CLASSES = (NSM_OT_generate, NSM_OT_another_take)
