@@ -8,15 +8,18 @@ import bpy
 import pytest
 from foreign_rigs import remove_bones
 from modal import Modal, Window
+from motions import wandering_take
 from scenes import door, empty, furnish
 
 import nsm_blender
+from nsm_blender.keys.keying import key_take
 from nsm_blender.keys.report import goal_line, result_lines
 from nsm_blender.ui import operators, panels, running
 from nsm_blender.ui.bones_panel import NSM_PT_bones
 from nsm_blender.ui.operators.generate import spec_of
 from nsm_blender.ui.operators.goal_list import NSM_OT_goal_points
 from nsm_blender.ui.properties import queue_of, show_results
+from nsm_blender.ui.reviews import remember
 from nsm_core.errors import GoalError
 from nsm_core.world.actions import BY_KEY
 
@@ -68,7 +71,7 @@ class Layout:
     def template_list(self, kind, _name, data, collection, active_data, active, **_):
         assert hasattr(bpy.types, kind)
         for row in getattr(data, collection):
-            panels.NSM_UL_goals.draw_item(None, None, self, data, row, 0, active_data, active)
+            getattr(panels, kind).draw_item(None, None, self, data, row, 0, active_data, active)
 
     def progress(self, factor, text):
         assert 0 <= factor <= 1
@@ -273,6 +276,20 @@ def test_panel_draws_every_state(settings):
     assert any("40%" in text for text in seen) and any("ESC" in text for text in seen)
 
 
+def test_takes_are_listed_with_what_can_be_done_with_them(settings):
+    bpy.ops.nsm.add_character()
+    assert "No take waits here; press Generate." in drawn() and "Another Take" not in drawn()
+    hips, local = wandering_take(4)
+    for seed in (3, 7):
+        remember(bpy.context.scene, key_take(settings.character, hips, local, name="Sit"), seed, beside=True)
+    shown = drawn()
+    assert "Accept" in shown and "Another Take" in shown and "To NLA" in shown
+    assert "3  1\u20134" in shown and "7  1\u20134" in shown
+    bpy.ops.nsm.take_push()
+    shown = drawn()
+    assert "Accept" not in shown and "Back from NLA" in shown
+
+
 def test_result_lines_tell_the_frames_and_where_the_scene_cuts_them_off():
     report = {"frames": 550, "goals": []}
     assert result_lines(report, 10, 600) == [("Keys on frames 10 to 559.", True)]
@@ -329,7 +346,10 @@ def test_while_a_take_runs_every_button_is_off_and_says_why(settings):
     leaf, row = door((2.0, 2.0, 0.0)), settings.goals.add()
     row.object, row.action = leaf, "open"
     buttons = [getattr(bpy.ops.nsm, cls.bl_idname.removeprefix("nsm.")) for cls in operators.CLASSES]
-    off = {"take_accept", "take_reject", "fit_scene", "goal_to_cursor"}  # no take, and no place of its own
+    off = {"fit_scene", "goal_to_cursor"}  # no take, and no place of its own
+    off |= {
+        name for button in buttons if (name := button.idname_py().removeprefix("nsm.")).startswith("take")
+    }
     assert {button.idname_py().removeprefix("nsm.") for button in buttons if not button.poll()} == off
     running.begin_take(bpy.context.scene, settings.character)
     for button in buttons:

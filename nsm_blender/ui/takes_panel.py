@@ -66,20 +66,22 @@ class NSM_PT_takes(Sidebar, bpy.types.Panel):
             for line in settings.results:
                 sentence(context, box, line.text, "CHECKMARK" if line.good else "ERROR")
         if listed:
-            self._draw_list(layout, settings)
+            _draw_list(layout, settings)
 
-    def _draw_list(self, layout: Any, settings: Any) -> None:
-        body = layout.column()
-        body.enabled = running.current() is None
-        row = body.row()
-        row.template_list("NSM_UL_takes", "", settings, "takes", settings, "active_take", rows=3)
-        side = row.column(align=True)
-        side.operator("nsm.take_keep", text="", icon="CHECKMARK")
-        side.operator("nsm.take_remove", text="", icon="X")
-        side.separator()
-        side.operator("nsm.takes_clear", text="", icon="TRASH")
-        if settings.active_take < len(settings.takes):
-            row = body.row(align=True)
-            pushed = is_pushed(settings.takes[settings.active_take])
-            row.operator("nsm.take_pull" if pushed else "nsm.take_push", icon="NLA")
-            row.operator("nsm.take_range", icon="PREVIEW_RANGE")
+
+def _draw_list(layout: Any, settings: Any) -> None:
+    """The takes of the character, and what can be done with the marked one."""
+    body = layout.column()
+    body.enabled = running.current() is None
+    row = body.row()
+    row.template_list("NSM_UL_takes", "", settings, "takes", settings, "active_take", rows=3)
+    side = row.column(align=True)
+    side.operator("nsm.take_keep", text="", icon="CHECKMARK")
+    side.operator("nsm.take_remove", text="", icon="X")
+    side.separator()
+    side.operator("nsm.takes_clear", text="", icon="TRASH")
+    if settings.active_take < len(settings.takes):
+        row = body.row(align=True)
+        pushed = is_pushed(settings.takes[settings.active_take])
+        row.operator("nsm.take_pull" if pushed else "nsm.take_push", icon="NLA")
+        row.operator("nsm.take_range", icon="PREVIEW_RANGE")
