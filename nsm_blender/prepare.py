@@ -19,6 +19,7 @@ from .goals.spec import GoalSpec
 from .keys.objects import MovedObject, require_movable, rides_along
 from .progress import Progress, staged, waited
 from .rigs.armature import Placement, read_pose, require_skeleton
+from .rigs.skin import reading_figure
 from .world.beside import beside
 from .world.evaluated import Snapshot
 from .world.frame import WorldFrame, holds
@@ -72,6 +73,7 @@ def prepare(
             target.name: MovedObject.of(target, frame, around.left[target][0]) for target in moving_alone
         }
         environment, ground = around.query, around.ground
+        figure = yield from reading_figure(spec.character, Placement.of(spec.character))
     finally:
         state.restore()
     request = TakeRequest(
@@ -82,7 +84,7 @@ def prepare(
         seed=spec.seed,
         contact_ik=spec.contact_ik,
         ground=ground,
-        offsets=Placement.of(spec.character).own_offsets,
+        figure=figure,
     )
     return request, frame, things
 

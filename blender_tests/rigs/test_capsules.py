@@ -103,7 +103,7 @@ def test_a_character_of_other_proportions_has_a_body_of_its_own():
     local, hips = np.tile((1.0, 0, 0, 0), (1, J, 1)), np.array(((0.0, 0.0, 1.2),))
     longer = OFFSETS.copy()
     longer[INDEX["LeftElbow"]] *= 1.5
-    standard, own = capsules.Body.of(hips, local), capsules.Body.of(hips, local, longer)
+    standard, own = capsules.Body.of(hips, local), capsules.Body.of(hips, local, capsules.Figure(longer))
     reach = own.centres[0, :, 0].max() - standard.centres[0, :, 0].max()
     assert reach == pytest.approx(0.5 * OFFSETS[INDEX["LeftElbow"], 0], abs=1e-6)
     assert standard.centres[0, :, 0].min() == pytest.approx(own.centres[0, :, 0].min())

@@ -44,10 +44,10 @@ def build_report(
     """
     ground = asked.ground
     heights = ground.height if ground else None
-    travel = travel_report(shown.hips, shown.local, result.action, ground=heights, offsets=shown.offsets)
+    travel = travel_report(shown.hips, shown.local, result.action, ground=heights, figure=asked.figure)
     solids = Union((asked.environment, ground)) if ground else asked.environment
     props = {goal.prop.name: goal.prop for goal in asked.goals if goal.prop is not None}
-    travel |= depth_report(all_depths(shown.hips, shown.local, solids, props, shown.poses, shown.offsets))
+    travel |= depth_report(all_depths(shown.hips, shown.local, solids, props, shown.poses, asked.figure))
     ms = {stage: float(result.stage_ms.get(stage, 0.0)) for stage in STAGES} | {"keying": keying_ms}
     ms["total"] = sum(ms.values())
     return {

@@ -1,17 +1,17 @@
 """The body that is seen, as capsules: what depth inside solids is measured with, in reports and in trials
 alike.
 
-They are fitted to the bundled mannequin: its surface lies within 1.5 cm of them, standing or bent.  Every end
-hangs on a joint of its own, so that a character of other proportions has a body of its own.  Takes are kept
-out of solids by the same set that measures them.
+``CAPSULES`` are fitted to the bundled mannequin: its surface lies within 1.5 cm of them, standing or bent.
+Every end hangs on a joint, so that they serve any proportions; a character with a skin gets capsules of its
+own (``fitted``).  Takes are kept out of solids by the same set that measures them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +19,9 @@ import numpy as np
 from nsm_core.rotations import Array, quat_to_matrix
 from nsm_core.world.geometry.distance import DistanceQuery
 
-from .skeleton import INDEX, MIRROR, OFFSETS, forward_kinematics
-from .tree import HUMAN
+from .contacts import Sole
+from .skeleton import INDEX, MIRROR, OFFSETS, PARENTS, forward_kinematics
+from .tree import HUMAN, Tree
 
 
 class Capsule(NamedTuple):
@@ -38,7 +39,7 @@ class Capsule(NamedTuple):
     pressed: tuple[float, float] | None = None
 
 
-def _mirrored(c: Capsule) -> Capsule:
+def mirrored(c: Capsule) -> Capsule:
     """The same on the other side."""
     names = list(INDEX)
     a, b = (names[MIRROR[INDEX[name]]] for name in (c.a, c.b))
@@ -46,14 +47,14 @@ def _mirrored(c: Capsule) -> Capsule:
     return c._replace(a=a, b=b, from_a=tuple(flip * c.from_a), from_b=tuple(flip * c.from_b))
 
 
-_MIDDLE = (
+MIDDLE = (
     Capsule("Hips", (-0.055, 0.008, -0.02), "Hips", (0.055, 0.008, -0.02), 0.1, 0.1, (0.065, 0.065)),
     Capsule("Neck", (0, -0.003, 0), "Head", (0, 0, 0), 0.051, 0.05),
     Capsule("Head", (0, -0.045, -0.03), "Head", (0, 0.02, 0), 0.052, 0.07),
     Capsule("Head", (0, -0.035, 0.045), "Head", (0, 0.018, 0.05), 0.08, 0.08),
     Capsule("Head", (0, -0.005, 0.04), "Head", (0, 0.002, 0.072), 0.082, 0.082),
 )
-_LEFT = (
+LEFT = (
     Capsule("Hips", (0.045, 0.006, 0.04), "Chest2", (0.045, -0.003, 0), 0.09, 0.092),
     Capsule("Chest2", (0.045, -0.003, 0), "Chest3", (0.052, -0.005, 0.06), 0.092, 0.112),
     Capsule("Chest3", (0.052, -0.005, 0.06), "Chest4", (0.055, 0, 0.02), 0.112, 0.107),
@@ -91,7 +92,7 @@ _LEFT = (
         for s in (-1, 1)
     ),
 )
-CAPSULES = (*_MIDDLE, *_LEFT, *map(_mirrored, _LEFT))
+CAPSULES = (*MIDDLE, *LEFT, *map(mirrored, LEFT))
 _SAMPLE = 0.05  # metres between the spheres that stand for a capsule
 # How level thighs are (the height of the knee under the hip, as a share of their length) where a seat begins
 # to press them, and where it has pressed them in full.
@@ -105,18 +106,18 @@ class Spheres:
 
     ``radii`` (S,) and ``pressed`` (S,) metres, full and under a sitter; ``moved`` (S, J) the share of each
     joint's turn that moves a sphere; ``groups`` of neighbours; ``middle`` the sphere nearest to the hips;
-    ``hand`` (S,) is 0 for spheres of the right hand, 1 for the left, else -1; ``forearm`` the same; ``names``
-    tell the joints.
+    ``hand`` (S,) is 0 for spheres of the right hand, 1 for the left, else -1; ``forearm`` the same; ``foot``
+    (S,) tells those of feet; ``names`` tell the joints.
     """
 
-    def __init__(self, capsules: Sequence[Capsule] = CAPSULES) -> None:
+    def __init__(self, capsules: Sequence[Capsule] = CAPSULES, offsets: Array = OFFSETS) -> None:
         rows, radii, pressed, side, moved = [], [], [], [], []
         names: list[str] = []
         joints = len(OFFSETS)
-        above = HUMAN.above
+        above, rest = HUMAN.above, rest_joints(offsets)
         for c in capsules:
             a, b = INDEX[c.a], INDEX[c.b]
-            for t in np.linspace(0, 1, 2 + int(_length(c) / _SAMPLE)):
+            for t in np.linspace(0, 1, 2 + int(_length(c, rest) / _SAMPLE)):
                 row = np.zeros((joints, 4))
                 row[a] += (1 - t) * np.array((1.0, *c.from_a))
                 row[b] += t * np.array((1.0, *c.from_b))
@@ -138,13 +139,14 @@ class Spheres:
         first = [name.split("-")[0] for name in names]
         self.hand = np.array([_WRISTS.index(n) if n in _WRISTS else -1 for n in first])
         self.forearm = np.array([_FOREARMS.index(n) if n in _FOREARMS else -1 for n in first])
+        self.foot = np.array([n.endswith(("Ankle", "Toe")) for n in first])
         self.groups = [np.flatnonzero([n == one for n in first]) for one in dict.fromkeys(first)]
         self.middle = names.index("Hips-Hips")
 
     def only(self, index: Array) -> Spheres:
         """Those of ``index`` (N,) alone."""
         part = copy(self)
-        for name in ("_matrix", "radii", "pressed", "_side", "moved", "hand", "forearm"):
+        for name in ("_matrix", "radii", "pressed", "_side", "moved", "hand", "forearm", "foot"):
             setattr(part, name, getattr(self, name)[index])
         part.names = [self.names[k] for k in index]
         first = [name.split("-")[0] for name in part.names]
@@ -166,37 +168,17 @@ class Spheres:
         return centres, (1 - share) * self.radii + share * self.pressed
 
 
-@dataclass
-class Body:
-    """Spheres that fill a body over T frames: ``centres`` (T, S, 3) world and ``radii`` (T, S), metres.
-
-    ``hand``, ``forearm`` and ``names`` (S,) as in ``Spheres``.
-    """
-
-    centres: Array
-    radii: Array
-    hand: Array
-    forearm: Array
-    names: list[str]
-
-    @classmethod
-    def of(cls, hips_position: Array, local_rotations: Array, offsets: Array = OFFSETS) -> Body:
-        """The body in poses: hips (T, 3) world, rotations (T, 23, 4), ``offsets`` (23, 3) of the character's
-        joints.
-        """
-        hips, local = hips_position.astype(np.float64), local_rotations.astype(np.float64)
-        centres, radii = SPHERES.of(*forward_kinematics(hips, local, np.asarray(offsets, dtype=np.float64)))
-        return cls(centres, radii, SPHERES.hand, SPHERES.forearm, SPHERES.names)
+def rest_joints(offsets: Array = OFFSETS) -> Array:
+    """Joints (23, 3) of a skeleton in its T-pose, the hips over the origin, metres."""
+    turns = np.tile((1.0, 0.0, 0.0, 0.0), (len(OFFSETS), 1))
+    offsets = np.asarray(offsets, dtype=np.float64)
+    return forward_kinematics(offsets[0], turns, offsets)[0]
 
 
-@cache
-def _length(c: Capsule) -> float:
+def _length(c: Capsule, rest: Array) -> float:
     """Length of a capsule in the T-pose, rounded, so that it has as many spheres whatever a pose's
     arithmetic.
     """
-    rest = forward_kinematics(
-        OFFSETS[0].astype(np.float64), np.tile((1.0, 0, 0, 0), (len(OFFSETS), 1)), OFFSETS.astype(np.float64)
-    )[0]
     return round(float(np.linalg.norm(rest[INDEX[c.b]] + c.from_b - rest[INDEX[c.a]] - c.from_a)), 3)
 
 
@@ -215,11 +197,63 @@ def _level(positions: Array) -> dict[str, Array]:
 SPHERES = Spheres()
 
 
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """A character's own body: joint ``offsets`` (23, 3), metres, the ``spheres`` that fill it and the
+    ``sole`` that it stands on.
+    """
+
+    offsets: Array = field(default_factory=lambda: OFFSETS)
+    spheres: Spheres = SPHERES
+    sole: Sole = field(default_factory=Sole)
+
+    @cached_property
+    def tree(self) -> Tree:
+        """The skeleton as the solver sees it."""
+        return Tree(PARENTS, np.asarray(self.offsets, dtype=np.float64))
+
+    @cached_property
+    def seat(self) -> tuple[float, float]:
+        """Metres from the hips to the back rest behind and to the seat under a body that is pressed on it."""
+        rest = rest_joints(self.offsets)
+        still = np.tile((1.0, 0.0, 0.0, 0.0), (1, len(OFFSETS), 1))
+        centres = self.spheres.of(rest[None], still)[0][0] - rest[0]
+        names = np.array(self.spheres.names)
+        pelvis, thigh = names == "Hips-Hips", int(np.flatnonzero(names == "LeftHip-LeftKnee")[0])
+        behind = (centres[pelvis, 1] + self.spheres.pressed[pelvis]).max()
+        return float(behind), float(self.spheres.pressed[thigh] - centres[thigh, 2])
+
+
+BUNDLED = Figure()
+
+
+@dataclass
+class Body:
+    """Spheres that fill a body over T frames: ``centres`` (T, S, 3) world and ``radii`` (T, S), metres.
+
+    ``hand``, ``forearm`` and ``names`` (S,) as in ``Spheres``.
+    """
+
+    centres: Array
+    radii: Array
+    hand: Array
+    forearm: Array
+    names: list[str]
+
+    @classmethod
+    def of(cls, hips_position: Array, local_rotations: Array, figure: Figure = BUNDLED) -> Body:
+        """The body in poses: hips (T, 3) world, rotations (T, 23, 4)."""
+        hips, local = hips_position.astype(np.float64), local_rotations.astype(np.float64)
+        spheres, offsets = figure.spheres, np.asarray(figure.offsets, dtype=np.float64)
+        centres, radii = spheres.of(*forward_kinematics(hips, local, offsets))
+        return cls(centres, radii, spheres.hand, spheres.forearm, spheres.names)
+
+
 def penetration_depths(
-    hips_position: Array, local_rotations: Array, query: DistanceQuery, offsets: Array = OFFSETS
+    hips_position: Array, local_rotations: Array, query: DistanceQuery, figure: Figure = BUNDLED
 ) -> Array:
     """Depth (T,) in metres of the deepest point of the body in each frame, 0 where it touches nothing."""
-    body = Body.of(hips_position, local_rotations, offsets)
+    body = Body.of(hips_position, local_rotations, figure)
     reach = float(body.radii.max(initial=0.0)) + 0.02
     distance = query.signed_distance(body.centres.reshape(-1, 3).astype(np.float32), reach).reshape(
         body.radii.shape

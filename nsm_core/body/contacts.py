@@ -48,12 +48,19 @@ def detect_foot_contacts(
 class Sole:
     """The soles of a character: ``toe`` (3,) its toe joint in the rest frame of the ankle, ``heel`` (3,) the
     underside of the heel seen from the toe joint, ``toe_height`` that of the toe joint over a floor it stands
-    on; metres.
+    on; metres.  ``tip`` (3,) is the underside of the tip of a foot that has no toes of its own to bend, seen
+    from the toe joint; None where toes give way.
     """
 
     toe: Array = field(default_factory=lambda: TOE_OFFSET)
     heel: Array = field(default_factory=lambda: HEEL_FROM_TOE)
     toe_height: float = TOE_HEIGHT
+    tip: Array | None = None
+
+    @property
+    def ankle_height(self) -> float:
+        """Of the ankle joint over a floor it stands on, metres."""
+        return float(self.toe_height - self.toe[2])
 
     @classmethod
     def of(cls, offsets: Array) -> Sole:
@@ -77,7 +84,10 @@ class Sole:
         heel = quat_rotate(feet, self.heel)[..., 2]
         under = ground if heel_ground is None else heel_ground
         least = self.toe_height - (TOE_HEIGHT - TOE_CLEARANCE)
-        return np.maximum(0, np.maximum(least - (toes[..., 2] - ground), -(toes[..., 2] - under + heel)))
+        deep = np.maximum(least - (toes[..., 2] - ground), -(toes[..., 2] - under + heel))
+        if self.tip is not None:
+            deep = np.maximum(deep, -(toes[..., 2] - ground + quat_rotate(feet, self.tip)[..., 2]))
+        return np.maximum(0, deep)
 
 
 def sole_depth(

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
 
+from nsm_core.body.capsules import BUNDLED, Figure
 from nsm_core.conventions import CONTACTS
 from nsm_core.errors import GoalError
-from nsm_core.rotations import Array, rotate_planar, wrap_angle
+from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_angle
 from nsm_core.world.actions import require_action
 from nsm_core.world.scene.props import Prop
 from nsm_core.world.scene.terrain import Terrain
 from nsm_core.world.sensors.interaction import InteractionVolume
 
+MOST_OFF_SEAT = 0.15  # metres by which bulk holds hips off a seat
 _Kind = TypeVar("_Kind", bound=Prop)
 
 
@@ -58,6 +60,15 @@ class Goal:
             )
         if action.prop is not None and not isinstance(self.prop, action.prop):
             raise GoalError(f"The goal '{self.name}' has nothing to {self.action}; choose {action.handles}.")
+
+    def fitting(self, figure: Figure) -> Goal:
+        """The same for a body that is thicker or thinner than the bundled one: hips off seats by as much."""
+        if self.action != "sit" or figure is BUNDLED:
+            return self
+        behind, under = np.subtract(figure.seat, BUNDLED.seat)
+        ahead = np.clip(behind, 0.0, MOST_OFF_SEAT) * heading_to_direction(np.array(self.heading))
+        place = self.position + np.append(ahead, np.clip(under, -MOST_OFF_SEAT / 3, MOST_OFF_SEAT))
+        return replace(self, position=place)
 
     def moves(self, kind: type[_Kind]) -> _Kind:
         """What is moved, a ``kind`` of prop; GoalError where that is no such thing."""

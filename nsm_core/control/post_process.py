@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from nsm_core.body.capsules import SPHERES
-from nsm_core.body.contacts import ANKLES, TOES, Sole
+from nsm_core.body.capsules import BUNDLED, Figure
+from nsm_core.body.contacts import ANKLES, TOES
 from nsm_core.body.ik.clearance import Clearance, Obstacle
-from nsm_core.body.ik.foot_clearance import FOOT_SPHERES, keep_clear
+from nsm_core.body.ik.foot_clearance import keep_clear
 from nsm_core.body.ik.footsteps import FootGround, Footsteps, footsteps
 from nsm_core.body.ik.seating import settle
 from nsm_core.body.ik.solver import Pose, Task, solve
@@ -23,7 +23,7 @@ from nsm_core.body.ik.stiffness import stiffness
 from nsm_core.body.ik.tasks import PointTask, TurnTask
 from nsm_core.body.ik.two_bone import place_on
 from nsm_core.body.skeleton import ARMS, FEET, HIPS, INDEX, TOE_HEIGHT
-from nsm_core.body.tree import HUMAN, Tree
+from nsm_core.body.tree import HUMAN
 from nsm_core.conventions import FOOT_CONTACTS, HIP_CONTACT
 from nsm_core.rotations import Array, quat_mul
 from nsm_core.signals import smooth_step
@@ -62,14 +62,14 @@ class Note:
 @dataclass
 class PostProcess:
     """The notes of one take, and what its motion is solved among: ``still`` solids, ``terrain`` that feet
-    stand on, ``low`` what of it one walks over.  ``tree`` is the character's skeleton, at the network's
+    stand on, ``low`` what of it one walks over.  ``figure`` is the character's own body, at the network's
     height of hips.
     """
 
     still: DistanceQuery
     terrain: Terrain
     low: Terrain
-    tree: Tree = HUMAN
+    figure: Figure = BUNDLED
     notes: list[Note] = field(default_factory=list)
 
     def note(
@@ -111,25 +111,26 @@ class PostProcess:
             contacts[:, HIP_CONTACT],
             [n.seat for n in notes],
         )
-        pose = Pose(self.tree, hips, local)
+        pose = Pose(self.figure.tree, hips, local)
         yield
         ground = FootGround(self.terrain, self.low, np.array([n.level for n in notes]))
         solids = self._solids(props)
-        labels, sole = contacts[:, FOOT_CONTACTS], Sole.of(self.tree.offsets)
+        labels, sole = contacts[:, FOOT_CONTACTS], self.figure.sole
         # Feet go where the network has them, whatever legs they hang on.
         toes = HUMAN.forward(hips, local)[0][:, TOES] + (0, 0, sole.toe_height - TOE_HEIGHT)
         feet = footsteps(toes, pose.world[:, ANKLES], labels, ground, sole)
         yield
-        yield from keep_clear(feet, pose, solids)
+        yield from keep_clear(feet, pose, solids, self.figure.spheres)
         yield
         targets, shares, turns = self._hands(pose)
         # Arms go first, so that the trunk gives no more than what they lack.
-        pose = Pose(self.tree, pose.hips, _led(pose, pose.local, targets, np.sign(shares), turns))
+        pose = Pose(pose.tree, pose.hips, _led(pose, pose.local, targets, np.sign(shares), turns))
         tasks = [*_stand(feet), *_sit(pose, seated), *_reach(targets, shares, turns)]
         tasks.append(TurnTask(INDEX["Head"], pose.world[:, INDEX["Head"]], np.full(len(notes), HEAD_TURN)))
-        limit = Clearance(solids, left_out=FOOT_SPHERES)
+        spheres = self.figure.spheres
+        limit = Clearance(solids, spheres.foot, spheres)
         pose = yield from solve(pose, [*tasks, limit], stiffness())
-        local = place_on(self.tree, pose.hips, pose.local, _LIMBS, feet.ankles, feet.rotations)
+        local = place_on(pose.tree, pose.hips, pose.local, _LIMBS, feet.ankles, feet.rotations)
         return pose.hips, _led(pose, local, targets, smooth_step(shares / FIRM))
 
     def _hands(self, pose: Pose) -> tuple[Array, Array, Array]:
@@ -149,14 +150,14 @@ class PostProcess:
         return pose.positions[:, wrists] + smooth_step(shares / FIRM)[..., None] * ways, shares, turns
 
     def _solids(self, props: Sequence[tuple[Prop, Array]]) -> list[Obstacle]:
-        solids = [Obstacle(self.still)]
+        solids, spheres = [Obstacle(self.still)], self.figure.spheres
         for prop, poses in props:
             touching = np.array([n.touching.get(prop.name, (0.0, 0.0, False)) for n in self.notes])
             share = smooth_step((touching[:, :2] - GRASPS[0]) / (GRASPS[1] - GRASPS[0]))
-            free = np.zeros((len(poses), len(SPHERES.radii)))
+            free = np.zeros((len(poses), len(spheres.radii)))
             for side in (0, 1):
-                free += INSIDE * share[:, side, None] * (SPHERES.hand == side)
-                free += ALONG * (share[:, side] * touching[:, 2])[:, None] * (SPHERES.forearm == side)
+                free += INSIDE * share[:, side, None] * (spheres.hand == side)
+                free += ALONG * (share[:, side] * touching[:, 2])[:, None] * (spheres.forearm == side)
             solids.append(Obstacle(prop.query, poses, free if free.any() else None))
         return solids
 

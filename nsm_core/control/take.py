@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from nsm_core.body.skeleton import ARMS, HIPS, OFFSETS, PARENTS, forward_kinematics, root_of
-from nsm_core.body.tree import Tree
+from nsm_core.body.capsules import BUNDLED, Figure
+from nsm_core.body.skeleton import ARMS, HIPS, forward_kinematics, root_of
 from nsm_core.conventions import CONTACTS, FOOT_CONTACTS, FPS
 from nsm_core.errors import GoalError
 from nsm_core.model.features.codec import SensorReading, build_inputs, no_object, read_outputs
@@ -55,8 +55,8 @@ class TakeRequest:
     ``start_position`` (2,) metres and ``start_heading`` of the root; ``environment`` everything solid that
     does not move (no floor, no character, none of the goals' props); ``ground`` the heights of what is walked
     over, such as rugs and thresholds, and is no part of it; ``time_limit`` seconds without any progress after
-    which a goal is given up.  ``offsets`` (23, 3) are those of the character's joints, metres, where its
-    proportions are others than the network's; hips as high as those, since it acts in a world of that scale.
+    which a goal is given up.  ``figure`` is the character's own body where it is another than the network's,
+    its hips as high, since it acts in a world of that scale.
     """
 
     start_position: Array
@@ -68,7 +68,7 @@ class TakeRequest:
     time_limit: float = 20.0
     blending: Blending = field(default_factory=Blending)
     ground: Terrain = field(default_factory=Terrain)
-    offsets: Array = field(default_factory=lambda: OFFSETS)
+    figure: Figure = BUNDLED
 
 
 @dataclass
@@ -114,7 +114,7 @@ class TakeRunner:
                 "The character's place or heading is not a number; clear its transform and place it anew."
             )
         self.state = standing_start(model, root, rng)
-        goals, self.props = own_props(request.goals)
+        goals, self.props = own_props([goal.fitting(request.figure) for goal in request.goals])
         self.scene = Scene(request.environment, self.props.values())
         places = np.array(
             [root[:2], *[g.position[:2] for g in goals], *[p.pose[:2] for p in self.props.values()]]
@@ -126,8 +126,7 @@ class TakeRunner:
         )
         self.relief = Relief(request.ground, root[:2])
         self.terrain = merged((request.ground, ground_of(goals, request.environment)))
-        tree = Tree(PARENTS, np.asarray(request.offsets, dtype=np.float64))
-        self._post = PostProcess(request.environment, self.terrain, request.ground, tree)
+        self._post = PostProcess(request.environment, self.terrain, request.ground, request.figure)
         self._ms = dict.fromkeys(STAGES, 0.0)
         self._frames: list[tuple[Array, ...]] = []
         self._poses: dict[str, list[Array]] = {name: [] for name in self.props}
@@ -258,7 +257,7 @@ class TakeRunner:
         """
         if not goals:
             raise GoalError("There is no goal to go on with; give at least one.")
-        goals, props = own_props(goals)
+        goals, props = own_props([goal.fitting(self.request.figure) for goal in goals])
         known = {name: self.props.get(name, prop) for name, prop in props.items()}
         goals = [g if g.prop is None else replace(g, prop=known[g.prop.name]) for g in goals]
         here = self.state.root[0, :2].astype(np.float64)
@@ -363,14 +362,14 @@ class TakeRunner:
         results = self.director.results
         for index, frame in self._reached.items():
             hips, rotations = self._frames[frame][:2]
-            heading = float(root_of(forward_kinematics(hips, rotations, self.request.offsets)[0])[1])
+            heading = float(root_of(forward_kinematics(hips, rotations, self.request.figure.offsets)[0])[1])
             errors = goal_errors(results[index], hips, heading)
             results[index].position_error_cm, results[index].rotation_error_deg = errors
         for result, goal in zip(results, self.director.goals, strict=True):
             taken = result.taken
             if taken is not None and 0 <= taken.frame < self.frames:
                 hips, rotations = self._frames[taken.frame][:2]
-                wrists = forward_kinematics(hips, rotations, self.request.offsets)[0][_WRISTS]
+                wrists = forward_kinematics(hips, rotations, self.request.figure.offsets)[0][_WRISTS]
                 pose = np.zeros(4) if goal.prop is None else self._poses[goal.prop.name][taken.frame]
                 result.hand_error_cm, result.hand_rotation_deg = taken.errors(wrists, pose)
 

@@ -6,7 +6,7 @@ from collections.abc import Generator, Sequence
 
 import numpy as np
 
-from nsm_core.body.capsules import SPHERES
+from nsm_core.body.capsules import SPHERES, Spheres
 from nsm_core.body.contacts import ANKLES, TOES
 from nsm_core.rotations import Array, quat_mul, quat_rotate
 from nsm_core.signals import gaussian_smooth, smooth_step
@@ -21,23 +21,24 @@ SMOOTH = 2.0  # frames over which a swinging foot gives way
 _LEVEL = 0.3  # of a way off a solid, over the floor, that counts
 _NEAR = 0.15  # metres off feet within which solids are looked at
 
-FOOT_SPHERES = np.array([name.split("-")[0].endswith(("Ankle", "Toe")) for name in SPHERES.names])
-_FEET = SPHERES.only(np.flatnonzero(FOOT_SPHERES))
-_SIDE = np.array([int(name.startswith("Left")) for name in _FEET.names])
+FOOT_SPHERES = SPHERES.foot
 
 
-def keep_clear(feet: Footsteps, pose: Pose, solids: Sequence[Obstacle]) -> Generator[None, None, None]:
+def keep_clear(
+    feet: Footsteps, pose: Pose, solids: Sequence[Obstacle], body: Spheres = SPHERES
+) -> Generator[None, None, None]:
     """Move stands, each as a whole, and the ways between them off ``solids``, in place; ``pose`` tells how
-    toes are bent.  Yields now and then.
+    toes are bent, ``body`` how large feet are.  Yields now and then.
     """
     count = len(pose.hips)
     moved = np.zeros((count, 2, 2))
-    near = _near(feet, pose, solids, moved)
+    own = body.only(np.flatnonzero(body.foot))
+    near = _near(feet, pose, solids, moved, own)
     if not any(len(frames) for frames, _ in near):
         return
     for _ in range(ROUNDS):
         yield
-        push = _pushes(feet, pose, solids, near, moved)
+        push = _pushes(feet, pose, solids, near, moved, own)
         if not push.any():
             break
         for side in (0, 1):
@@ -47,7 +48,7 @@ def keep_clear(feet: Footsteps, pose: Pose, solids: Sequence[Obstacle]) -> Gener
     feet.ankles[..., :2] += moved
 
 
-def _centres(feet: Footsteps, pose: Pose, moved: Array) -> tuple[Array, Array]:
+def _centres(feet: Footsteps, pose: Pose, moved: Array, own: Spheres) -> tuple[Array, Array]:
     """Spheres of the feet (T, S, 3), where they are to be, and their radii."""
     positions, world = pose.positions.copy(), pose.world.copy()
     positions[:, ANKLES] = feet.ankles
@@ -57,22 +58,27 @@ def _centres(feet: Footsteps, pose: Pose, moved: Array) -> tuple[Array, Array]:
         feet.rotations, np.broadcast_to(pose.tree.offsets[TOES], feet.ankles.shape)
     )
     world[:, TOES] = quat_mul(feet.rotations, pose.local[:, TOES])
-    return _FEET.of(positions, world)
+    return own.of(positions, world)
 
 
-def _near(feet: Footsteps, pose: Pose, solids: Sequence[Obstacle], moved: Array) -> list[tuple[Array, Array]]:
-    out = []
-    centres, radii = _centres(feet, pose, moved)
-    for solid in solids:
-        out.append(near_spheres(solid, centres, radii, _FEET, _NEAR))
-    return out
+def _near(
+    feet: Footsteps, pose: Pose, solids: Sequence[Obstacle], moved: Array, own: Spheres
+) -> list[tuple[Array, Array]]:
+    centres, radii = _centres(feet, pose, moved, own)
+    return [near_spheres(solid, centres, radii, own, _NEAR) for solid in solids]
 
 
 def _pushes(
-    feet: Footsteps, pose: Pose, solids: Sequence[Obstacle], near: Sequence[tuple[Array, Array]], moved: Array
+    feet: Footsteps,
+    pose: Pose,
+    solids: Sequence[Obstacle],
+    near: Sequence[tuple[Array, Array]],
+    moved: Array,
+    own: Spheres,
 ) -> Array:
     """How far (T, 2, 2) over the floor the deepest sphere of each foot has to go."""
-    centres, radii = _centres(feet, pose, moved)
+    centres, radii = _centres(feet, pose, moved, own)
+    sides = np.array([int(name.startswith("Left")) for name in own.names])
     push, most = np.zeros((len(moved), 2, 2)), np.zeros((len(moved), 2))
     for solid, (frames, spheres) in zip(solids, near, strict=True):
         distance = solid.distance(frames, centres[frames, spheres], float(radii.max()))
@@ -83,7 +89,7 @@ def _pushes(
         ways = solid.normals(frames, centres[frames, spheres], distance[deep])[:, :2]
         size = np.linalg.norm(ways, axis=1)
         ok = size > _LEVEL
-        frames, side = frames[ok], _SIDE[spheres[ok]]
+        frames, side = frames[ok], sides[spheres[ok]]
         ways, lack = ways[ok] / size[ok, None], lack[ok]
         deeper = lack > most[frames, side]
         push[frames[deeper], side[deeper]] = (ways * lack[:, None])[deeper]

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nsm_core.body.capsules import penetration_depths
-from nsm_core.body.contacts import ANKLES, TOES, sole_depth
+from nsm_core.body.capsules import BUNDLED, Figure, penetration_depths
+from nsm_core.body.contacts import ANKLES, TOES
 from nsm_core.body.skeleton import ANKLE_HEIGHT, ARMS, FEET, HIPS, OFFSETS, TOE_HEIGHT, forward_kinematics
 from nsm_core.conventions import FPS, STYLES
 from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_rotate, quat_to_rotvec
@@ -202,14 +202,14 @@ def below_floor(
     hips_position: Array,
     local_rotations: Array,
     ground: Callable[[Array], Array] | None = None,
-    offsets: Array = OFFSETS,
+    figure: Figure = BUNDLED,
 ) -> dict[str, float]:
     """Share of frames in which a sole reaches more than 1 cm under the floor (or ``ground``), and the
     deepest, cm.
     """
-    positions, rotations = forward_kinematics(hips_position, local_rotations, offsets)
+    positions, rotations = forward_kinematics(hips_position, local_rotations, figure.offsets)
     positions = over_ground(positions, ground)
-    depth = sole_depth(positions[:, TOES], rotations[:, ANKLES]).max(-1)
+    depth = figure.sole.depth(positions[:, TOES], rotations[:, ANKLES]).max(-1)
     return {
         "below_floor_share": float((depth > BELOW).mean()),
         "below_floor_cm": float(100 * depth.max(initial=0.0)),
@@ -231,7 +231,7 @@ def travel_report(
     shortest_path: float | None = None,
     fps: float = FPS,
     ground: Callable[[Array], Array] | None = None,
-    offsets: Array = OFFSETS,
+    figure: Figure = BUNDLED,
 ) -> dict[str, float]:
     """Measure a whole take; every value is a float that JSON can hold.
 
@@ -241,10 +241,14 @@ def travel_report(
         query: solids of the scene without the floor; adds ``penetration_cm``, ``penetration_mean_cm``,
         ``penetration_share``. shortest_path: metres of the shortest free way, else the straight line, for
         ``path_ratio``. ground: heights of what feet step on, as in ``over_ground``; None is the floor.
-        offsets: (23, 3) of the joints, where the character's are not the skeleton's.
+        figure: the character's own body, where it is not the bundled one.
     """
+    offsets = np.asarray(figure.offsets)
     positions, _ = forward_kinematics(hips_position, local_rotations, offsets)
     speed, feet = hips_speed(positions, fps), over_ground(positions, ground)
+    feet = np.array(feet)  # heights over the sole as on the bundled body
+    feet[:, ANKLES, 2] += ANKLE_HEIGHT - figure.sole.ankle_height
+    feet[:, TOES, 2] += TOE_HEIGHT - figure.sole.toe_height
     report = {
         "seconds": len(positions) / fps,
         "moving_seconds": float((speed > MOVING).sum() / fps),
@@ -257,11 +261,11 @@ def travel_report(
         "jerk_m_s3": jerk(positions, fps),
         **backward_bend(hips_position, local_rotations, offsets),
         **jumps(hips_position, local_rotations, offsets),
-        **below_floor(hips_position, local_rotations, ground, offsets),
+        **below_floor(hips_position, local_rotations, ground, figure),
     }
     if action is not None:
         flips, sits = action_changes(action, fps)
         report |= {"action_flips": float(flips), "sit_count": float(sits)}
     if query is not None:
-        report |= penetration(hips_position, local_rotations, query)
+        report |= depth_report(penetration_depths(hips_position, local_rotations, query, figure))
     return report

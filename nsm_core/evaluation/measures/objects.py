@@ -12,7 +12,7 @@ from functools import singledispatch
 
 import numpy as np
 
-from nsm_core.body.capsules import Body, penetration_depths
+from nsm_core.body.capsules import BUNDLED, Body, Figure, penetration_depths
 from nsm_core.body.contacts import ANKLES, TOES
 from nsm_core.body.skeleton import ANKLE_HEIGHT, ARMS, OFFSETS, TOE_HEIGHT, forward_kinematics
 from nsm_core.conventions import CARRY, CLIMB, FPS, OPEN, RUN, SIT, STYLES
@@ -38,7 +38,7 @@ def moving_frames(poses: Array) -> Array:
 
 
 def prop_depths(
-    hips_position: Array, local_rotations: Array, prop: Prop, poses: Array, offsets: Array = OFFSETS
+    hips_position: Array, local_rotations: Array, prop: Prop, poses: Array, figure: Figure = BUNDLED
 ) -> Array:
     """Depth (T,) in metres of the deepest point of the body inside a prop that has the pose ``poses`` (T, 4)
     in each frame.
@@ -47,14 +47,14 @@ def prop_depths(
     of a hand and its forearm within 15 cm of where that wrist holds it, in frames in which the wrist is
     there.  They are judged by their distance to the grip.
     """
-    body = Body.of(hips_position, local_rotations, offsets)
+    body = Body.of(hips_position, local_rotations, figure)
     local = rotate_planar(body.centres - poses[:, None, :3], -poses[:, None, 3])
     reach = float(body.radii.max(initial=0.0)) + 0.02
     distance = prop.query.signed_distance(local.reshape(-1, 3).astype(np.float32), reach).reshape(
         body.radii.shape
     )
     depth = np.maximum(0, body.radii - distance)
-    hands = wrists(hips_position, local_rotations, offsets)
+    hands = wrists(hips_position, local_rotations, figure.offsets)
     seen = rotate_planar(hands - poses[:, None, :3], -poses[:, None, 3])
     depth[_holding(prop, body, local, seen)] = 0
     return depth.max(axis=1)
@@ -93,15 +93,15 @@ def all_depths(
     still: DistanceQuery,
     props: Mapping[str, Prop],
     poses: Mapping[str, Array],
-    offsets: Array = OFFSETS,
+    figure: Figure = BUNDLED,
 ) -> Array:
     """Depth (T,) in metres of the deepest point of the body in anything solid: what is ``still``, and props
     where they are.
     """
-    depth = penetration_depths(hips_position, local_rotations, still, offsets)
+    depth = penetration_depths(hips_position, local_rotations, still, figure)
     for name, prop in props.items():
         if name in poses:
-            depth = np.maximum(depth, prop_depths(hips_position, local_rotations, prop, poses[name], offsets))
+            depth = np.maximum(depth, prop_depths(hips_position, local_rotations, prop, poses[name], figure))
     return depth
 
 
