@@ -26,6 +26,7 @@ from .actions.approach import Command, Ground
 from .actions.base import Grasp, Stage
 from .actions.registry import begin, check_reachable
 from .goals import Goal, GoalResult, Moment
+from .start import Trail
 
 SETTLE = 12  # frames of rest after which a transition has ended
 # metres of its way that one has come nearer to a goal: it is given up where so much is not gained in time
@@ -84,6 +85,16 @@ class Director:
         self._past_action = np.repeat(_hot("idle")[None], WINDOW + 1, axis=0)
         self._wait = int(rng.integers(4, 16))  # frames of standing before the first goal is heard
 
+    def go_on(self, trail: Trail, seat: Goal | None, moment: Moment) -> None:
+        """Go on from what the character did before the take; ``seat`` is what it sits on now."""
+        self._past_position, self._past_heading = trail.goal_position, trail.goal_heading
+        self._past_action = trail.goal_action
+        if trail.moving:
+            self._wait = 0
+        if seat is not None:
+            self.stage = begin(seat, self._ground, moment, self.grasps, self._scene, self._ik)
+            self._command = self.stage.update(moment)
+
     def update(self, moment: Moment) -> tuple[Array, Array, Array, InteractionVolume | None]:
         """Return goal positions (13, 3), headings (13,) and actions (13, 6) for the next step, and the sensed
         object.
@@ -140,7 +151,7 @@ class Director:
 
     def _begin(self, index: int, moment: Moment) -> None:
         following = self.goals[index] if index < len(self.goals) else None
-        if self.stage is not None:
+        if self.stage is not None and self.index >= 0:
             result = self.results[self.index]
             again = (
                 following is not None

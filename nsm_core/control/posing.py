@@ -60,14 +60,21 @@ def unbend_elbows(local: Array) -> Array:
     return local
 
 
-def standing_start(model: Model, root: Array, rng: np.random.Generator) -> State:
-    """A standing state at ``root`` (3,) from the stance that comes with the weights."""
+def stance_of(model: Model) -> tuple[float, Array]:
+    """Height of the hips, metres, and local rotations (23, 4) of the stance that comes with the weights,
+    facing -Y.
+    """
     stance = model.metadata.get("stance")
     if stance is None:
         raise GoalError("The weights carry no standing pose; train them again with this version.")
-    local = np.array(stance["local_rotations"], dtype=np.float64).reshape(J, 4)
+    return float(stance["hips_height"]), np.array(stance["local_rotations"], dtype=np.float64).reshape(J, 4)
+
+
+def standing_start(model: Model, root: Array, rng: np.random.Generator) -> State:
+    """A standing state at ``root`` (3,) from the stance that comes with the weights."""
+    height, local = stance_of(model)
     local[0] = quat_mul(heading_quat(np.array(float(root[2]))), local[0])
-    hips = np.array([root[0], root[1], stance["hips_height"]], dtype=np.float64)
+    hips = np.array([root[0], root[1], height], dtype=np.float64)
     positions, world = forward_kinematics(hips, local)
     matrices = quat_to_matrix(world)
     state = standing_state(positions[None], -matrices[None, ..., 1], matrices[None, ..., 2], root[None])

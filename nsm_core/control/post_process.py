@@ -22,10 +22,11 @@ from nsm_core.body.ik.solver import Pose, Task, solve
 from nsm_core.body.ik.stiffness import stiffness
 from nsm_core.body.ik.tasks import PointTask, TurnTask
 from nsm_core.body.ik.two_bone import place_on
+from nsm_core.body.inertialization import BLEND_FRAMES, soften_places, soften_seam, soften_turns
 from nsm_core.body.skeleton import ARMS, FEET, HIPS, INDEX, TOE_HEIGHT
 from nsm_core.body.tree import HUMAN
 from nsm_core.conventions import FOOT_CONTACTS, HIP_CONTACT
-from nsm_core.rotations import Array, quat_mul
+from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_to_rotvec
 from nsm_core.signals import smooth_step
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.props import Prop
@@ -34,6 +35,7 @@ from nsm_core.world.scene.terrain import Terrain
 from .actions.base import Grasp, SeatTarget
 from .actions.hold import Lead, SeenBody
 from .goals import Moment
+from .start import Start
 
 # Standard deviations that are left to what is asked, metres and radians.
 FOOT, FOOT_TURN, SEAT, HAND, HEAD_TURN, HAND_TURN = 0.001, 0.03, 0.003, 0.002, 0.1, 0.25
@@ -41,6 +43,9 @@ FIRM = 0.3  # share of its way from which on a hand is led in full
 GRASPS = (0.6, 1.0)  # share of its way over which a hand comes to touch what it holds
 # Metres by which a hand that holds a thing may be inside it, and the forearm along it.
 INSIDE, ALONG = 0.3, 0.02
+# Radians between the pose a take goes on from and its own from which on the ease takes longer, by so many
+# frames at most.
+FAR, SLOWER = np.radians((40, 130)), 16
 _LIMBS = tuple(leg[:3] for leg in FEET)
 
 
@@ -70,6 +75,7 @@ class PostProcess:
     terrain: Terrain
     low: Terrain
     figure: Figure = BUNDLED
+    start: Start | None = None  # what the motion goes on from
     notes: list[Note] = field(default_factory=list)
 
     def note(
@@ -118,7 +124,9 @@ class PostProcess:
         labels, sole = contacts[:, FOOT_CONTACTS], self.figure.sole
         # Feet go where the network has them, whatever legs they hang on.
         toes = HUMAN.forward(hips, local)[0][:, TOES] + (0, 0, sole.toe_height - TOE_HEIGHT)
-        feet = footsteps(toes, pose.world[:, ANKLES], labels, ground, sole)
+        before = None if self.start is None else Pose(self.figure.tree, *self.start.second())
+        first = None if before is None else (before.positions[-1, TOES], before.world[-1, ANKLES])
+        feet = footsteps(toes, pose.world[:, ANKLES], labels, ground, sole, first)
         yield
         yield from keep_clear(feet, pose, solids, self.figure.spheres)
         yield
@@ -130,8 +138,10 @@ class PostProcess:
         spheres = self.figure.spheres
         limit = Clearance(solids, spheres.foot, spheres)
         pose = yield from solve(pose, [*tasks, limit], stiffness())
-        local = place_on(pose.tree, pose.hips, pose.local, _LIMBS, feet.ankles, feet.rotations)
-        return pose.hips, _led(pose, local, targets, smooth_step(shares / FIRM))
+        pose = Pose(pose.tree, pose.hips, _led(pose, pose.local, targets, smooth_step(shares / FIRM)))
+        if before is not None and len(notes) > 3:
+            return _gone_on(before, pose, feet.ankles, feet.rotations)
+        return pose.hips, place_on(pose.tree, pose.hips, pose.local, _LIMBS, feet.ankles, feet.rotations)
 
     def _hands(self, pose: Pose) -> tuple[Array, Array, Array]:
         """Where wrists are to be (T, 2, 3), right and left, how firmly (T, 2), and their world rotations
@@ -175,6 +185,32 @@ def _led(pose: Pose, local: Array, targets: Array, shares: Array, turns: Array |
             turn = None if turns is None else turns[led, side, None]
             local[led] = place_on(pose.tree, pose.hips[led], local[led], (arm,), at[:, None], turn)
     return local
+
+
+def _gone_on(before: Pose, pose: Pose, ankles: Array, turns: Array) -> tuple[Array, Array]:
+    """Hips (T, 3) and local rotations (T, 23, 4) of a motion with feet at ``ankles`` (T, 2, 3) and ``turns``
+    (T, 2, 4), whose first frame is the last one of what was ``before``: the way from there fades
+    (``inertialization``).
+    """
+
+    def joined(old: Array, new: Array) -> Array:
+        return np.concatenate((old[-2:], new[1:]))
+
+    hips, local = joined(before.hips, pose.hips), joined(before.local, pose.local)
+    far = quat_to_rotvec(quat_mul(pose.local[0], quat_conjugate(before.local[-1])))
+    share = float(smooth_step((np.linalg.norm(far, axis=-1).max() - FAR[0]) / (FAR[1] - FAR[0])))
+    soften_seam(hips, local, 2, BLEND_FRAMES + round(share * SLOWER))
+    ankles = joined(before.positions[:, ANKLES], ankles)
+    turns = joined(before.world[:, ANKLES], turns)
+    soften_places(ankles, 2)
+    soften_turns(turns, 2)
+    legs = [j for leg in _LIMBS for j in leg]
+    eased = place_on(pose.tree, hips, local, _LIMBS, ankles, turns)
+    # Legs that were stretched further than the solver does are let go as slowly.
+    eased[:2] = before.local[-2:]
+    soften_turns(part := eased[:, legs], 2)
+    eased[:, legs] = part
+    return hips[1:], eased[1:]
 
 
 def _stand(feet: Footsteps) -> list[Task]:

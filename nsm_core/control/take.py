@@ -38,9 +38,10 @@ from .batch import step_together
 from .director import Director, rotation_error
 from .goals import Goal, GoalResult, Moment
 from .insight import Insight
-from .posing import pose_of, standing_start
+from .posing import pose_of, stance_of, standing_start
 from .post_process import PostProcess
 from .relief import Relief
+from .start import Start, trail_of
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
 _MARGIN = 4.0  # metres of floor planned on around start and goals
@@ -56,7 +57,8 @@ class TakeRequest:
     does not move (no floor, no character, none of the goals' props); ``ground`` the heights of what is walked
     over, such as rugs and thresholds, and is no part of it; ``time_limit`` seconds without any progress after
     which a goal is given up.  ``figure`` is the character's own body where it is another than the network's,
-    its hips as high, since it acts in a world of that scale.
+    its hips as high, since it acts in a world of that scale.  ``start`` is the motion that the take goes on
+    from, on that body; None: it begins with a quiet stand.
     """
 
     start_position: Array
@@ -69,6 +71,7 @@ class TakeRequest:
     blending: Blending = field(default_factory=Blending)
     ground: Terrain = field(default_factory=Terrain)
     figure: Figure = BUNDLED
+    start: Start | None = None
 
 
 @dataclass
@@ -113,7 +116,12 @@ class TakeRunner:
             raise GoalError(
                 "The character's place or heading is not a number; clear its transform and place it anew."
             )
+        self.relief = Relief(request.ground, root[:2])
         self.state = standing_start(model, root, rng)
+        trail = None
+        if request.start is not None:
+            trail = trail_of(request.start, stance_of(model)[1], self.relief.level)
+            self.state, root = trail.state, trail.state.root[0]
         goals, self.props = own_props([goal.fitting(request.figure) for goal in request.goals])
         self.scene = Scene(request.environment, self.props.values())
         places = np.array(
@@ -124,9 +132,10 @@ class TakeRunner:
         self.director = Director(
             goals, self.plan, root, rng, request.time_limit, self.scene, request.contact_ik
         )
-        self.relief = Relief(request.ground, root[:2])
         self.terrain = merged((request.ground, ground_of(goals, request.environment)))
-        self._post = PostProcess(request.environment, self.terrain, request.ground, request.figure)
+        self._post = PostProcess(
+            request.environment, self.terrain, request.ground, request.figure, request.start
+        )
         self._ms = dict.fromkeys(STAGES, 0.0)
         self._frames: list[tuple[Array, ...]] = []
         self._poses: dict[str, list[Array]] = {name: [] for name in self.props}
@@ -136,6 +145,9 @@ class TakeRunner:
         self._reached: dict[int, int] = {}  # frames in which goals were judged, by their number
         contact = np.zeros(len(CONTACTS), np.float32)
         contact[FOOT_CONTACTS] = 1
+        if trail is not None and request.start is not None:
+            contact = trail.contacts
+            self.director.go_on(trail, request.start.seat, self._moment(contact))
         self.memory = model.start()
         self._keep(contact, np.zeros(model.config.info_sizes.get("experts", 0), np.float32))
 

@@ -11,12 +11,12 @@ import captures
 import numpy as np
 import pytest
 
+from nsm_core.body.inertialization import BLEND_FRAMES, soften_seam
 from nsm_core.body.skeleton import FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
 from nsm_core.body.thin_capsules import thin_depths
 from nsm_core.conventions import CARRY, GOAL_ACTIONS, IDLE, SIT, WALK
 from nsm_core.data import coverage
 from nsm_core.data.export import export, is_held_back
-from nsm_core.data.matching.inertialization import BLEND_FRAMES, soften_seam
 from nsm_core.data.scenarios.composer import Composer, load
 from nsm_core.data.scenarios.furnishing import furnish
 from nsm_core.data.scenarios.session import Session

@@ -9,7 +9,7 @@ import numpy as np
 
 from nsm_core.body.contacts import RESTING, Sole, foot_heading
 from nsm_core.conventions import FPS
-from nsm_core.rotations import Array, heading_quat, heading_to_direction, quat_mul, quat_rotate
+from nsm_core.rotations import Array, heading_quat, heading_to_direction, quat_mul, quat_rotate, wrap_angle
 from nsm_core.signals import gaussian_smooth, intervals, smooth_step
 from nsm_core.world.scene.terrain import Terrain
 
@@ -67,12 +67,19 @@ class FootGround:
 
 
 def footsteps(
-    toes: Array, feet: Array, labels: Array, ground: FootGround, sole: Sole | None = None
+    toes: Array,
+    feet: Array,
+    labels: Array,
+    ground: FootGround,
+    sole: Sole | None = None,
+    first: tuple[Array, Array] | None = None,
 ) -> Footsteps:
     """Plant the feet of a whole take: toe joints (T, 2, 3), ankle rotations (T, 2, 4), contact labels (T, 2).
 
     In every stand the toe joint keeps one place and the foot one heading, from landing to lift-off; between
     two stands the correction goes over from one to the other with the speed of the foot at both ends.
+    ``first``: toe joints (2, 3) and ankle rotations (2, 4) of feet that stood before the first frame and
+    stay.
     """
     sole = sole or Sole()
     toes, feet = toes.copy(), feet.copy()
@@ -85,7 +92,10 @@ def footsteps(
         runs = _stands(toes[:, side], labels[:, side], ground)
         runs, steps = _set_anew(toes[:, side], foot_heading(feet[:, side]), runs, steps)
         stands.append(runs)
-        toes[:, side], feet[:, side] = _pinned(toes[:, side], feet[:, side], runs, ground, sole.toe_height)
+        kept = None if first is None else (first[0][side], first[1][side])
+        toes[:, side], feet[:, side] = _pinned(
+            toes[:, side], feet[:, side], runs, ground, sole.toe_height, kept
+        )
         for a, b in runs:
             planted[a:b, side] = True
     for side in (0, 1):
@@ -172,17 +182,27 @@ def _set_anew(
 
 
 def _pinned(
-    toe: Array, foot: Array, runs: Sequence[tuple[int, int]], ground: FootGround, toe_height: float
+    toe: Array,
+    foot: Array,
+    runs: Sequence[tuple[int, int]],
+    ground: FootGround,
+    toe_height: float,
+    first: tuple[Array, Array] | None = None,
 ) -> tuple[Array, Array]:
-    """Toe joints (T, 3) and rotations (T, 4) of one foot that stands still in each of ``runs``."""
+    """Toe joints (T, 3) and rotations (T, 4) of one foot that stands still in each of ``runs``; one that
+    stands from the beginning on stays where it ``first`` was.
+    """
     heading = np.unwrap(foot_heading(foot))
     shift, turn = np.zeros((len(toe), 3)), np.zeros(len(toe))
     for a, b in runs:
         h = heading[a:b]
         middle, spread = float(np.median(h)), float(np.ptp(h))
         firm = float(np.clip((np.radians(60) - spread) / np.radians(20), 0, 1))
-        turn[a:b] = firm * (middle - h)
         place = np.median(toe[a:b, :2], axis=0)
+        if a == 0 and first is not None:
+            place = first[0][:2]
+            middle = h[0] + float(wrap_angle(foot_heading(first[1]) - h[0]))
+        turn[a:b] = firm * (middle - h)
         under = _stand_height(place, middle, float(np.median(toe[a:b, 2])) - toe_height, ground)
         place = place + _off_risers(place, middle, under, ground)
         shift[a:b, :2] = place - toe[a:b, :2]

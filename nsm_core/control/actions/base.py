@@ -97,7 +97,7 @@ class Grasp(Protocol):
 
 
 @dataclass(frozen=True)
-class Start:
+class StageStart:
     """What a stage begins with: the character's ``moment``, the ``ground`` it goes on, and the ``grasps``
     that are still at work.
 
@@ -135,5 +135,5 @@ class Performer:
     ``registry.standing_places`` says.
     """
 
-    begin: Callable[[Goal, Start], Stage]
+    begin: Callable[[Goal, StageStart], Stage]
     places: Callable[[Goal, Way], list[Array | None]] = _its_place

@@ -18,7 +18,7 @@ from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.props import Box
 
 from .approach import CARRYING, Approach, Command, Ground
-from .base import EXECUTED, Performer, Stage, Start, Way
+from .base import EXECUTED, Performer, Stage, StageStart, Way
 from .box_grasp import Carrying
 
 FETCH, BRING = 2.5, 2.2  # metres from which the box, and its place, are commanded themselves
@@ -129,7 +129,7 @@ class Carry(Stage):
             self.grasp.let_go()
 
 
-def _begin(goal: Goal, start: Start) -> Carry:
+def _begin(goal: Goal, start: StageStart) -> Carry:
     """Fetch the box, or bring it where hands that are still at work hold it."""
     hands: list[Carrying] = [g for g in start.grasps if isinstance(g, Carrying)]
     held = next((g for g in hands if g.prop is goal.prop and g.state == "held"), None)

@@ -17,7 +17,7 @@ from nsm_core.world.scene.solids import Scene
 
 from . import carry, climb, open, sit, touch, walk
 from .approach import Ground
-from .base import Grasp, Performer, Stage, Start, Way
+from .base import Grasp, Performer, Stage, StageStart, Way
 from .rise import TurnBack
 
 PERFORMERS: dict[str, Performer] = {
@@ -41,13 +41,13 @@ def begin(
     ik: bool = True,
     before: Stage | None = None,
 ) -> Stage:
-    """Make the stage of a goal for a character as it is now; see ``Start``.  ``before`` is the stage that it
-    leaves.
+    """Make the stage of a goal for a character as it is now; see ``StageStart``.  ``before`` is the stage
+    that it leaves.
     """
     back = before.leave(goal) if before is not None else None
     if back is not None:
         return TurnBack(goal, back, lambda then: begin(goal, ground, then, grasps, scene, ik))
-    return PERFORMERS[goal.action].begin(goal, Start(ground, moment, grasps, scene, ik))
+    return PERFORMERS[goal.action].begin(goal, StageStart(ground, moment, grasps, scene, ik))
 
 
 def standing_places(

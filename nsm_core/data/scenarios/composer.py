@@ -16,10 +16,11 @@ from nsm_core.body.contacts import ANKLES, LEGS, RESTING, TOES
 from nsm_core.body.ik.footsteps import FootGround, footsteps
 from nsm_core.body.ik.reach import into_reach, sinking
 from nsm_core.body.ik.two_bone import leg_reach, place_limbs
+from nsm_core.body.inertialization import soften_seam
 from nsm_core.body.skeleton import FEET, forward_kinematics
 from nsm_core.conventions import FOOT_CONTACTS, FPS
 from nsm_core.data.captures.folder import CaptureFolder
-from nsm_core.data.matching.inertialization import put_on_roots, soften_seam
+from nsm_core.data.matching.placing import put_on_roots
 from nsm_core.data.matching.source import Source, gather
 from nsm_core.rotations import (
     Array,

@@ -1,12 +1,9 @@
-"""Join captured pieces into one motion without a pop: root alignment, decaying offsets, feet held through
-seams.
-"""
+"""A motion goes on from another one without a pop: what it lacks at the seam is added and fades away."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.clip import transform
 from nsm_core.rotations import (
     Array,
     quat_conjugate,
@@ -17,17 +14,6 @@ from nsm_core.rotations import (
 )
 
 BLEND_FRAMES = 14  # how long the offset across a seam takes to fade
-
-
-def put_on_roots(
-    hips: Array, rotations: Array, root: Array, heading: Array, to_root: Array, to_heading: Array
-) -> tuple[Array, Array]:
-    """Move frames (T, ...) rigidly so that their roots (T, 2), (T,) come to lie on other roots."""
-    turn = (to_heading - heading).astype(hips.dtype)
-    moved = hips.copy()
-    moved[:, :2] -= root
-    hips, rotations = transform(moved, rotations, to_root, turn)
-    return hips.astype(np.float32), rotations.astype(np.float32)
 
 
 def _quintic(count: int, blend: int) -> tuple[Array, Array]:
@@ -42,24 +28,38 @@ def _quintic(count: int, blend: int) -> tuple[Array, Array]:
     return value.astype(np.float32), speed.astype(np.float32)
 
 
-def soften_seam(hips: Array, rotations: Array, seam: int, blend: int = BLEND_FRAMES) -> None:
-    """Remove the jump of pose and speed at frame ``seam`` of a motion (T, ...), in place.
+def soften_places(places: Array, seam: int, blend: int = BLEND_FRAMES) -> None:
+    """Remove the jump of place and speed at frame ``seam`` of points (T, ..., 3), in place.
 
     What the frames after the seam lack against the continuation of those before it, in place and in speed, is
     added and fades away over ``blend`` frames (inertialisation).
     """
-    if not 2 <= seam < len(hips) - 2:
-        return
-    n = min(blend, len(hips) - seam)
-    value, speed = _quintic(n, blend)
-    before, after = hips[seam - 1] - hips[seam - 2], hips[seam + 1] - hips[seam]
-    offset = hips[seam - 1] - (hips[seam] - after)
-    hips[seam : seam + n] += value[:, None] * offset + speed[:, None] * (before - after)
+    n = min(blend, len(places) - seam)
+    value, speed = (w.reshape(-1, *[1] * (places.ndim - 1)) for w in _quintic(n, blend))
+    before, after = places[seam - 1] - places[seam - 2], places[seam + 1] - places[seam]
+    offset = places[seam - 1] - (places[seam] - after)
+    places[seam : seam + n] += value * offset + speed * (before - after)
+
+
+def soften_turns(rotations: Array, seam: int, blend: int = BLEND_FRAMES) -> None:
+    """``soften_places`` of quaternions (T, ..., 4)."""
+    n = min(blend, len(rotations) - seam)
+    value, speed = (w.reshape(-1, *[1] * (rotations.ndim - 1)) for w in _quintic(n, blend))
     turn_before = quat_to_rotvec(quat_mul(rotations[seam - 1], quat_conjugate(rotations[seam - 2])))
     turn_after = quat_to_rotvec(quat_mul(rotations[seam + 1], quat_conjugate(rotations[seam])))
     expected = quat_mul(quat_from_rotvec(-turn_after), rotations[seam])
     turned = quat_to_rotvec(quat_mul(rotations[seam - 1], quat_conjugate(expected)))
-    fading = value[:, None, None] * turned[None] + speed[:, None, None] * (turn_before - turn_after)[None]
+    fading = value * turned[None] + speed * (turn_before - turn_after)[None]
     rotations[seam : seam + n] = quat_normalize(
         quat_mul(quat_from_rotvec(fading), rotations[seam : seam + n])
     )
+
+
+def soften_seam(hips: Array, rotations: Array, seam: int, blend: int = BLEND_FRAMES) -> None:
+    """Remove the jump of pose and speed at frame ``seam`` of a motion (T, 3), (T, J, 4), in place."""
+    if 2 <= seam < len(hips) - 2:
+        soften_places(hips, seam, blend)
+        soften_turns(rotations, seam, blend)
+
+
+__all__ = ["BLEND_FRAMES", "soften_places", "soften_seam", "soften_turns"]
