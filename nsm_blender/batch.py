@@ -26,9 +26,10 @@ if __name__ == "__main__":  # run as a script: make this folder importable as th
 
 import bpy
 
-from nsm_core.data.captures import bvh_writer
 from nsm_core.errors import GoalError, JobError, NsmError, OutputError, SkeletonError
 
+from .exports.bvh import export_bvh
+from .exports.glb import export_glb
 from .goals.spec import GoalSpec
 from .jobs.farm import end_with_worker, run_on
 from .jobs.job import Job, JobTake
@@ -217,13 +218,13 @@ def _write(take: Take, entry: JobTake, title: str, say: Callable[[str], None]) -
     """Write what the take's entry asks for; what fails keeps the others from nothing.  Raises OutputError
     with all that failed.
     """
+    keyed, armature, scene = take.keyed, take.keyed.armature, bpy.context.scene
     writers: dict[str, Callable[[Path], object]] = {
         "out": lambda path: save_blend(path, "'out'"),
-        "bvh": lambda path: bvh_writer.write_bvh(
-            path, take.result.hips_position, take.result.local_rotations
-        ),
-        "sheet": lambda path: contact_sheet(take.keyed, path),
-        "video": lambda path: video(take.keyed, path),
+        "bvh": lambda path: export_bvh(path, armature, keyed.frame_start, keyed.frame_end, scene),
+        "glb": lambda path: export_glb(path, armature, [t.object for t in keyed.things], scene, "'glb'"),
+        "sheet": lambda path: contact_sheet(keyed, path),
+        "video": lambda path: video(keyed, path),
     }
     failed = []
     for key, write in writers.items():

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 # Blender keeps paths of 1023 bytes and cuts longer ones; disks take names of 255.
 _LONGEST_PATH, _LONGEST_NAME = 1000, 255
-_ENDINGS = {"sheet": PICTURE, "video": FILM}
+_ENDINGS = {"sheet": PICTURE, "video": FILM, "glb": ".glb"}
 _OTHERS = {".blend", ".toml", ".json", ".bvh"}  # endings of what a job reads or writes elsewhere
 
 

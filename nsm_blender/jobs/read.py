@@ -12,7 +12,7 @@ from nsm_core.world.actions import Aim, require_action
 from .job import Job, JobGoal, JobTake
 from .paths import refuse_clashes, require_path, require_words
 
-OUTPUTS = ("report", "out", "sheet", "video", "bvh")
+OUTPUTS = ("report", "out", "sheet", "video", "bvh", "glb")
 _JOB_KEYS = ("scene", "scripts", "take")
 _TAKE_KEYS = ("name", "character", "seed", "start_frame", "contact_ik", "goals", "overwrite", *OUTPUTS)
 _GOAL_KEYS = ("object", "action", "to", "hold", "location")

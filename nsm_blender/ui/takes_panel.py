@@ -67,6 +67,9 @@ class NSM_PT_takes(Sidebar, bpy.types.Panel):
                 sentence(context, box, line.text, "CHECKMARK" if line.good else "ERROR")
         if listed:
             _draw_list(layout, settings)
+        row = layout.row(align=True)
+        row.operator("nsm.export_bvh", icon="EXPORT")
+        row.operator("nsm.export_glb", icon="EXPORT")
 
 
 def _draw_list(layout: Any, settings: Any) -> None:

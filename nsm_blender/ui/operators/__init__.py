@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from . import bones, character, generate, goal_list, help, review, timeline
+from . import bones, character, export, generate, goal_list, help, review, timeline
 
 CLASSES = (
     *character.CLASSES,
@@ -11,5 +11,6 @@ CLASSES = (
     *generate.CLASSES,
     *review.CLASSES,
     *timeline.CLASSES,
+    *export.CLASSES,
     *help.CLASSES,
 )

@@ -24,8 +24,16 @@ _USUAL_ORDERS = {
 }
 
 
-def write_bvh(path: str | Path, hips_position: Array, local_rotations: Array, fps: float = FPS) -> None:
+def write_bvh(
+    path: str | Path,
+    hips_position: Array,
+    local_rotations: Array,
+    fps: float = FPS,
+    offsets: Array = OFFSETS,
+) -> None:
     """Write hips (T, 3), metres, world, and parent-relative rotations (T, J, 4) as BVH, whole or not at all.
+
+    ``offsets`` (J, 3), metres, are those of the joints where the body has other proportions than ours.
 
     The file is in centimetres, Y up, facing +Z.  The order of a joint's channels is the first of its usual
     ones that the motion keeps away from the pole (the hips' begins with the heading), and its angles go on
@@ -54,7 +62,10 @@ def write_bvh(path: str | Path, hips_position: Array, local_rotations: Array, fp
         axis=1,
     )
     head = ["MOTION", f"Frames: {len(rows)}", f"Frame Time: {1 / fps:.7f}"]
-    text = "\n".join(("HIERARCHY", *_joint(0, 0, orders), *head, *(_numbers(row) for row in rows))) + "\n"
+    text = (
+        "\n".join(("HIERARCHY", *_joint(0, 0, orders, offsets), *head, *(_numbers(row) for row in rows)))
+        + "\n"
+    )
     try:
         with atomic_path(path) as temporary:
             temporary.write_text(text, encoding="ascii")
@@ -70,11 +81,11 @@ def _y_up(v: Array) -> Array:
     return v[..., (0, 2, 1)] * np.array((1, 1, -1), dtype=v.dtype)
 
 
-def _joint(index: int, depth: int, orders: list[str]) -> list[str]:
+def _joint(index: int, depth: int, orders: list[str], offsets: Array) -> list[str]:
     """Lines of the hierarchy from one joint down."""
     tab, inner = "\t" * depth, "\t" * (depth + 1)
     # The root's place is in its channels.
-    name, offset = JOINTS[index], OFFSETS[index] if index else np.zeros(3)
+    name, offset = JOINTS[index], offsets[index] if index else np.zeros(3)
     place = _numbers(_y_up(np.asarray(offset)) * _CENTIMETRES)
     lines = [f"{tab}{'JOINT' if index else 'ROOT'} {name}", f"{tab}{{", f"{inner}OFFSET {place}"]
     rotations = " ".join(f"{axis}rotation" for axis in orders[index])
@@ -84,9 +95,10 @@ def _joint(index: int, depth: int, orders: list[str]) -> list[str]:
         else f"{inner}CHANNELS 6 Xposition Yposition Zposition {rotations}"
     )
     for child in (c for c, p in enumerate(PARENTS) if p == index):
-        lines += _joint(child, depth + 1, orders)
+        lines += _joint(child, depth + 1, orders, offsets)
     if name in END_SITES:
-        end = _numbers(_y_up(np.array(END_SITES[name])) * _CENTIMETRES)
+        size = float(offsets[0, 2] / OFFSETS[0, 2])  # by the height of the hips
+        end = _numbers(_y_up(np.array(END_SITES[name])) * size * _CENTIMETRES)
         lines += [f"{inner}End Site", f"{inner}{{", f"{inner}\tOFFSET {end}", f"{inner}}}"]
     return [*lines, f"{tab}}}"]
 

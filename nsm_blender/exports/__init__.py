@@ -1,0 +1,1 @@
+"""A take for other programs: as BVH and as GLB."""
