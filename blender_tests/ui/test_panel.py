@@ -348,7 +348,9 @@ def test_while_a_take_runs_every_button_is_off_and_says_why(settings):
     buttons = [getattr(bpy.ops.nsm, cls.bl_idname.removeprefix("nsm.")) for cls in operators.CLASSES]
     off = {"fit_scene", "goal_to_cursor"}  # no take, and no place of its own
     off |= {
-        name for button in buttons if (name := button.idname_py().removeprefix("nsm.")).startswith("take")
+        name
+        for button in buttons
+        if (name := button.idname_py().removeprefix("nsm.")).startswith(("take", "export"))
     }
     assert {button.idname_py().removeprefix("nsm.") for button in buttons if not button.poll()} == off
     running.begin_take(bpy.context.scene, settings.character)
