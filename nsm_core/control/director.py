@@ -8,6 +8,8 @@ series.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from nsm_core.conventions import FPS, GOAL_ACTIONS, INTERACTIONS
@@ -84,6 +86,10 @@ class Director:
         self._past_heading = np.full(WINDOW + 1, root[2], np.float32)
         self._past_action = np.repeat(_hot("idle")[None], WINDOW + 1, axis=0)
         self._wait = int(rng.integers(4, 16))  # frames of standing before the first goal is heard
+        # Where others are about: whether a goal may begin now, and what is commanded while one gives way.
+        self.gate: Callable[[Goal], bool] | None = None
+        self.giving_way: Command | None = None
+        self._resumes = False
 
     def go_on(self, trail: Trail, seat: Goal | None, moment: Moment) -> None:
         """Go on from what the character did before the take; ``seat`` is what it sits on now."""
@@ -138,6 +144,30 @@ class Director:
         if self.index >= 0:
             self._hold = 1
 
+    @property
+    def ground(self) -> Ground:
+        """The floor as it is planned on, with what stands about on it."""
+        return self._ground
+
+    @property
+    def command(self) -> Command | None:
+        """What is commanded now."""
+        return self._command
+
+    @property
+    def holding(self) -> bool:
+        """Whether the present goal has been judged, and is held or gives way to the next one."""
+        return self._hold >= 0
+
+    def resume(self) -> None:
+        """Do what the goal asks for again from the next frame on, by a way that is looked for anew."""
+        self.giving_way, self._resumes = None, True
+
+    def give_up(self, error: GoalError) -> None:
+        """Give the present goal up for a reason that the stage does not know."""
+        self.giving_way = None
+        self._give_up(error)
+
     def _sense(self, moment: Moment) -> InteractionVolume | None:
         """What is commanded is sensed, and after that until its label has faded; props where they are now."""
         if self._command is not None and self._command.thing is not None:
@@ -151,6 +181,9 @@ class Director:
 
     def _begin(self, index: int, moment: Moment) -> None:
         following = self.goals[index] if index < len(self.goals) else None
+        if following is not None and self.gate is not None and not self.gate(following):
+            self._hold = 1 if self.index >= 0 else -1
+            return
         if self.stage is not None and self.index >= 0:
             result = self.results[self.index]
             again = (
@@ -177,7 +210,12 @@ class Director:
         """Let the stage command, and put the hands to work that it wants."""
         if self.stage is None:
             return
+        if self.giving_way is not None:
+            self._command, self._since = self.giving_way, self._frame
+            return
         try:
+            if self._resumes:
+                self._take_up(moment)
             self._command = self.stage.update(moment)
         except GoalError as error:
             self._give_up(error)
@@ -188,6 +226,15 @@ class Director:
                 if other.prop is grasp.prop:
                     other.give_way()
             self.grasps.append(grasp)
+
+    def _take_up(self, moment: Moment) -> None:
+        """Go on with a goal after giving way: by another way, and with a thing as others have left it."""
+        self._resumes, goal = False, self.goals[self.index]
+        if goal.prop is not None and all(g.prop is not goal.prop for g in self.grasps):
+            self.stage = begin(goal, self._ground, moment, self.grasps, self._scene, self._ik)
+        approach = getattr(self.stage, "approach", None)
+        if approach is not None:
+            approach.anew()
 
     def _give_up(self, error: GoalError) -> None:
         """Report the present goal as one that cannot be reached; the error itself where nothing has been

@@ -103,10 +103,12 @@ class PostProcess:
                 touching[grasp.prop.name] = right, left, grasp.forearms
         self.notes.append(Note(hips, local, moment.contacts, moment.heading, seat, level, leads, touching))
 
-    def solve(self, props: Sequence[tuple[Prop, Array]]) -> Generator[None, None, tuple[Array, Array]]:
+    def solve(
+        self, props: Sequence[tuple[Prop, Array]], others: Sequence[Obstacle] = ()
+    ) -> Generator[None, None, tuple[Array, Array]]:
         """Return hips (T, 3) and local rotations (T, 23, 4) of the take; yields now and then.
 
-        ``props`` are what moves, with the poses (T, 4) that it has had.
+        ``props`` are what moves, with the poses (T, 4) that it has had; ``others`` who else moves.
         """
         notes = self.notes
         contacts = np.stack([n.contacts for n in notes])
@@ -120,7 +122,7 @@ class PostProcess:
         pose = Pose(self.figure.tree, hips, local)
         yield
         ground = FootGround(self.terrain, self.low, np.array([n.level for n in notes]))
-        solids = self._solids(props)
+        solids = [*self._solids(props), *others]
         labels, sole = contacts[:, FOOT_CONTACTS], self.figure.sole
         # Feet go where the network has them, whatever legs they hang on.
         toes = HUMAN.forward(hips, local)[0][:, TOES] + (0, 0, sole.toe_height - TOE_HEIGHT)

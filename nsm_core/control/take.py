@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from nsm_core.body.capsules import BUNDLED, Figure
+from nsm_core.body.ik.clearance import Obstacle
 from nsm_core.body.skeleton import ARMS, HIPS, forward_kinematics, root_of
 from nsm_core.conventions import CONTACTS, FOOT_CONTACTS, FPS
 from nsm_core.errors import GoalError
@@ -140,6 +141,7 @@ class TakeRunner:
         self._frames: list[tuple[Array, ...]] = []
         self._poses: dict[str, list[Array]] = {name: [] for name in self.props}
         self._insights: dict[int, Insight] = {}
+        self.others: list[Obstacle] = []  # who else moves, and what they move, as the take is solved
         self._mending: Any = None
         self._mended = 0  # frames that are as they stay
         self._reached: dict[int, int] = {}  # frames in which goals were judged, by their number
@@ -246,7 +248,7 @@ class TakeRunner:
             return False
         if self._mending is None:
             props = [(prop, np.stack(self._poses[name])) for name, prop in self.props.items()]
-            self._mending = self._post.solve(props)
+            self._mending = self._post.solve(props, self.others)
         start = time.perf_counter()
         try:
             next(self._mending)
@@ -260,6 +262,28 @@ class TakeRunner:
         self._mended = self.frames
         self._measure_kept()
         return False
+
+    @property
+    def mending(self) -> bool:
+        """Whether the whole take is being solved."""
+        return self._mending is not None
+
+    def motion(self) -> tuple[Array, Array]:
+        """Hips (T, 3) and local rotations (T, 23, 4) of all frames so far, as they will be keyed."""
+        return np.stack([f[0] for f in self._frames]), np.stack([f[1] for f in self._frames])
+
+    def poses_of(self, name: str) -> Array:
+        """Poses (T, 4) so far of a prop of the goals, by its name."""
+        return np.stack(self._poses[name])
+
+    def move_prop(self, name: str, pose: Array) -> None:
+        """Have a prop be where another character has moved it to in the newest frame: ``pose`` (4,)."""
+        self.props[name].pose = pose
+        self._poses[name][-1] = pose.copy()
+
+    def mend_anew(self) -> None:
+        """Have the whole take solved once more, among ``others`` as they are by then."""
+        self._mending, self._mended = None, 0
 
     def interrupt(self, goals: list[Goal]) -> None:
         """Drop the goal in hand and those that wait, and do ``goals`` from the next frame on.

@@ -20,7 +20,7 @@ from nsm_core.world.geometry.distance import Union
 from nsm_core.world.planning.floor_plan import FloorPlan, path_length
 from nsm_core.world.planning.path import Course
 from nsm_core.world.scene.props import Leaf, Prop
-from nsm_core.world.scene.solids import Scene
+from nsm_core.world.scene.solids import Other, Scene
 from nsm_core.world.sensors.interaction import InteractionVolume
 
 REACH = 3.6  # metres from which goal-driven mode takes over
@@ -82,13 +82,15 @@ class Ground:
     def __init__(self, plan: FloorPlan | None, rng: np.random.Generator, scene: Scene | None = None) -> None:
         self.plan, self.rng = plan, rng
         self._props = [] if scene is None else list(scene.props)
-        self._seen: tuple[list[Prop], Array, FloorPlan] | None = None
+        self._others = [] if scene is None else scene.others
+        self._seen: tuple[list[Prop | Other], Array, FloorPlan] | None = None
 
     def floor(self, but: Prop | None = None) -> FloorPlan | None:
         """The free floor with all that stands about where it is now, ``but`` what is in hand."""
-        about = [
+        about: list[Prop | Other] = [
             p for p in self._props if p is not but and (not isinstance(p, Leaf) or abs(p.angle) > STANDS_OPEN)
         ]
+        about += [other for other in self._others if other.settled]
         if self.plan is None or not about:
             return self.plan
         poses = np.array([p.pose for p in about])
@@ -156,6 +158,10 @@ class Approach:
     def given(self) -> bool:
         """Whether the goal itself is commanded now."""
         return self.command is self.final
+
+    def anew(self) -> None:
+        """Look for a way once more from wherever one is by then."""
+        self.command, self._stall, self._led = None, 0, 0
 
     def update(self, moment: Moment, arrived: Callable[[Moment], bool]) -> Command:
         """Choose what is commanded; ``arrived`` tells whether there is anything left to do."""
