@@ -13,6 +13,8 @@ import numpy as np
 # Speeds of the root at which walking begins and is complete, and the same for running: the labels of training
 # data by rule, and the ramps that are proposed for captures.
 IDLE_TO_WALK, WALK_TO_RUN = (0.12, 0.47), (1.8, 2.4)
+# Speeds of the root at which ways of training data are walked and run.
+WALKED, RUN_AT = (0.85, 1.4), (2.4, 3.6)
 IDLE_PERIOD = 1.0  # seconds of a cycle of the phase where nobody moves
 
 STAND_AHEAD = 0.45  # how far before the seated hips a person stands before sitting, metres

@@ -11,6 +11,9 @@ import bpy
 class GoalSpec:
     """A goal as asked for: an object or a place (3,), world, an action and a hold in seconds; ``to`` where a
     box is carried.
+
+    Of walk and run: ``along`` tells that the object is a curve to go along, ``rounds`` times where it is
+    closed; ``speed`` m/s of the character, drawn where None.
     """
 
     action: str
@@ -18,6 +21,9 @@ class GoalSpec:
     hold: float = 2.0
     location: tuple[float, float, float] | None = None
     to: bpy.types.Object | None = None
+    along: bool = False
+    rounds: int = 1
+    speed: float | None = None
 
     @property
     def label(self) -> str:

@@ -15,6 +15,7 @@ from nsm_core.world.scene.terrain import FLOOR_TOP
 from ..world.bodies import GoalBody, place_of
 from ..world.surroundings import Surroundings
 from ..world.tops import crossings
+from .curves import follow_goal
 from .climb import HIGHEST, LOWEST, climb_onto
 from .finder import Finder, Place
 from .loose_parts import is_group, seat_body
@@ -123,6 +124,8 @@ def _what_is_under(place: Array, around: Surroundings) -> tuple[str, float]:
 
 
 def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: Place) -> Goal:
+    if spec.along:
+        return follow_goal(spec, around, before)
     here, facing = before
     frame, name = around.frame, spec.label
     if spec.object is not None:
@@ -138,7 +141,7 @@ def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: 
         heading = float(direction_to_heading(way)) if np.linalg.norm(way) > 0.2 else facing
     goal = walk_goal(spec.action, name, position, heading, spec.hold, around, here)
     goal.name = spec.label
-    return goal
+    return goal if goal.action != spec.action else replace(goal, speed=spec.speed)
 
 
 def _in_front_of(body: GoalBody, around: Surroundings) -> tuple[Array, float]:

@@ -9,7 +9,8 @@ from pathlib import Path
 @dataclass(frozen=True)
 class JobGoal:
     """A goal of a job file: an object's name or a place (3,), world; ``to`` names the destination of what is
-    carried.
+    carried; ``along`` that the object is a curve to go along, ``rounds`` times where it is closed, ``speed``
+    m/s.
     """
 
     action: str
@@ -17,6 +18,9 @@ class JobGoal:
     hold: float = 2.0
     location: tuple[float, float, float] | None = None
     to: str | None = None
+    along: bool = False
+    rounds: int = 1
+    speed: float | None = None
 
 
 @dataclass

@@ -9,6 +9,7 @@ import numpy as np
 
 from nsm_core.body.capsules import BUNDLED, Figure
 from nsm_core.conventions import CONTACTS
+from nsm_core.distances import RUN_AT, WALKED
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_angle
 from nsm_core.world.actions import require_action
@@ -18,6 +19,8 @@ from nsm_core.world.sensors.interaction import InteractionVolume
 
 MOST_OFF_SEAT = 0.15  # metres by which bulk holds hips off a seat
 _Kind = TypeVar("_Kind", bound=Prop)
+# m/s that a goal may ask for, by action: those of the training data, and beside them what takes keep to.
+SPEEDS = {"walk": (min(0.5, WALKED[0]), max(1.6, WALKED[1])), "run": (min(2.0, RUN_AT[0]), RUN_AT[1])}
 
 
 @dataclass
@@ -31,7 +34,8 @@ class Goal:
     ``heading`` the way to face there, radians (for open it is ignored: the side one comes from decides);
     ``hold`` seconds to stay once it is reached; ``interaction`` the sensed object of sit and climb; ``prop``
     what is moved: the box of carry, the leaf of open; ``terrain`` the heights of what a climb stands on
-    (probed from the scene where None).
+    (probed from the scene where None).  Of walk and run: ``way`` (N, 2) a line over the floor that is
+    followed from its first point to its last, which is the position; ``speed`` m/s, drawn where None.
     """
 
     action: str
@@ -42,6 +46,8 @@ class Goal:
     interaction: InteractionVolume | None = None
     prop: Prop | None = None
     terrain: Terrain | None = None
+    way: Array | None = None
+    speed: float | None = None
 
     def __post_init__(self) -> None:
         action = require_action(self.action)
@@ -58,6 +64,8 @@ class Goal:
             raise GoalError(
                 f"The goal '{self.name}' has a hold of {self.hold} seconds; give it zero or more."
             )
+        if self.speed is not None:
+            require_speed(self.action, self.speed)
         if action.prop is not None and not isinstance(self.prop, action.prop):
             raise GoalError(f"The goal '{self.name}' has nothing to {self.action}; choose {action.handles}.")
 
@@ -75,6 +83,18 @@ class Goal:
         if not isinstance(self.prop, kind):
             raise GoalError(f"The goal '{self.name}' has nothing to {self.action}; choose another object.")
         return self.prop
+
+
+def require_speed(action: str, speed: float) -> None:
+    """Raise GoalError unless one can go at ``speed`` (m/s) as the action asks."""
+    low, high = SPEEDS.get(action, (np.inf, -np.inf))
+    if low > high:
+        raise GoalError(f"A goal to {action} has no speed; remove it, or choose to walk or run.")
+    if not low <= speed <= high:
+        raise GoalError(
+            f"A goal to {action} asks for {speed:g} m/s; the network has learned to {action} at {low:g} to "
+            f"{high:g} m/s: choose a speed between, or the other gait."
+        )
 
 
 @dataclass
@@ -112,6 +132,8 @@ class GoalResult:
     For carry, ``position_error_cm`` and ``rotation_error_deg`` are the box's, where it was set down.  The
     hands' errors are those at the end of the grasp (carry: mean of both wrists and the turn of their axis;
     open: the one hand); nan elsewhere.
+    ``line`` (N, 2) is what was to be followed, and ``line_cm`` are mean and largest distance from it to the
+    root's ground track, nan elsewhere; ``remarks`` are sentences on how it was done.
     ``reason``: why it was given up, a sentence, where in the middle of a take no way led to it; empty where
     its time ran out.  ``place`` and ``facing`` are what the errors were measured to, over the first ``axes``
     axes; None where nothing was measured.  ``taken`` is what the hands' were measured to.
@@ -131,6 +153,9 @@ class GoalResult:
     hand_rotation_deg: float = float("nan")
     network_hand_error_cm: float = float("nan")
     network_hand_rotation_deg: float = float("nan")
+    line: Array | None = None
+    line_cm: tuple[float, float] = (float("nan"), float("nan"))
+    remarks: list[str] = field(default_factory=list)
     reason: str = ""
     place: Array | None = None
     facing: float = 0.0

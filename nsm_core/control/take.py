@@ -7,7 +7,7 @@ Per frame: direct (goals), sense, feed, predict, read and blend; a take that is 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from nsm_core.body.capsules import BUNDLED, Figure
+from nsm_core.body.clip import smoothed_root
 from nsm_core.body.ik.clearance import Obstacle
 from nsm_core.body.skeleton import ARMS, HIPS, forward_kinematics, root_of
 from nsm_core.conventions import CONTACTS, FOOT_CONTACTS, FPS
@@ -28,7 +29,8 @@ from nsm_core.model.networks.protocol import Info
 from nsm_core.rotations import Array, wrap_angle
 from nsm_core.world.actions import BY_KEY
 from nsm_core.world.geometry.distance import DistanceQuery
-from nsm_core.world.planning.floor_plan import FloorPlan
+from nsm_core.world.planning.floor_plan import FloorPlan, resample_path
+from nsm_core.world.planning.track import off_line
 from nsm_core.world.scene.props import Box, Prop
 from nsm_core.world.scene.solids import Scene
 from nsm_core.world.scene.terrain import Terrain, around, merged
@@ -125,9 +127,7 @@ class TakeRunner:
             self.state, root = trail.state, trail.state.root[0]
         goals, self.props = own_props([goal.fitting(request.figure) for goal in request.goals])
         self.scene = Scene(request.environment, self.props.values())
-        places = np.array(
-            [root[:2], *[g.position[:2] for g in goals], *[p.pose[:2] for p in self.props.values()]]
-        )
+        places = np.concatenate((root[None, :2], *places_of(goals, self.props.values())))
         self.plan = FloorPlan(request.environment, (places.min(0) - _MARGIN, places.max(0) + _MARGIN))
         check_reachable(goals, self.plan, root[:2], request.environment)
         self.director = Director(
@@ -297,7 +297,7 @@ class TakeRunner:
         known = {name: self.props.get(name, prop) for name, prop in props.items()}
         goals = [g if g.prop is None else replace(g, prop=known[g.prop.name]) for g in goals]
         here = self.state.root[0, :2].astype(np.float64)
-        places = np.array([here, *[g.position[:2] for g in goals], *[p.pose[:2] for p in known.values()]])
+        places = np.concatenate((here[None], *places_of(goals, known.values())))
         low, high = places.min(0) - _MARGIN / 2, places.max(0) + _MARGIN / 2
         plan = self.plan
         if (low < plan.bounds[0]).any() or (high > plan.bounds[1]).any():
@@ -379,6 +379,7 @@ class TakeRunner:
             return
         network_hips = self._frames[-1][2]
         result.place, result.facing, result.axes = d.stage.target()  # type: ignore[union-attr]
+        result.line, result.remarks = d.stage.line()  # type: ignore[union-attr]
         if isinstance(d.goals[d.index].prop, Box):  # it was not set down where it should be
             pose = d.goals[d.index].prop.pose  # type: ignore[union-attr]
             result.axes = 3
@@ -402,6 +403,11 @@ class TakeRunner:
             errors = goal_errors(results[index], hips, heading)
             results[index].position_error_cm, results[index].rotation_error_deg = errors
         for result, goal in zip(results, self.director.goals, strict=True):
+            if result.line is not None:
+                frames = self._frames[result.start_frame : result.end_frame + 1]
+                hips, rotations = (np.stack([f[k] for f in frames]) for k in (0, 1))
+                joints = forward_kinematics(hips, rotations, self.request.figure.offsets)[0]
+                result.line_cm = line_errors(result.line, joints)
             taken = result.taken
             if taken is not None and 0 <= taken.frame < self.frames:
                 hips, rotations = self._frames[taken.frame][:2]
@@ -431,6 +437,20 @@ def own_props(goals: list[Goal]) -> tuple[list[Goal], dict[str, Prop]]:
             props[goal.prop.name] = copy(goal.prop)
             props[goal.prop.name].pose = goal.prop.pose.copy()
     return [g if g.prop is None else replace(g, prop=props[g.prop.name]) for g in goals], props
+
+
+def places_of(goals: list[Goal], props: Iterable[Prop]) -> list[Array]:
+    """Floor places (N, 2) that goals and their props lead to, in pieces."""
+    ways = [g.way for g in goals if g.way is not None]
+    return [*[g.position[None, :2] for g in goals], *[p.pose[None, :2] for p in props], *ways]
+
+
+def line_errors(line: Array, joints: Array) -> tuple[float, float]:
+    """Mean and largest centimetres from a line (N, 2) to the ground track of joints (T, 23, 3), from where it
+    comes to the line's start.
+    """
+    away = 100 * off_line(resample_path(line, 0.02), smoothed_root(joints)[0])
+    return float(away.mean()), float(away.max())
 
 
 def ground_of(goals: list[Goal], environment: DistanceQuery) -> Terrain:

@@ -49,6 +49,10 @@ class Stage:
         """The seat that the hips are to settle on."""
         return None
 
+    def line(self) -> tuple[Array | None, list[str]]:
+        """The line (N, 2) that is followed, None where there is none, and sentences on how it is gone."""
+        return None, []
+
     def leave(self, following: Goal) -> Command | None:
         """What is commanded before another goal may begin; None where it may begin at once."""
         return None

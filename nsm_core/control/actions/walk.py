@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from nsm_core.control.goals import Goal, Moment
@@ -9,10 +11,12 @@ from nsm_core.conventions import IDLE, SIT
 from nsm_core.distances import STAND_AHEAD
 from nsm_core.rotations import Array, heading_to_direction
 
+from . import follow
 from .approach import REACH, RUNNING, WALKING, Approach, Command, Gait, Ground
-from .base import EXECUTED, Performer, Stage
+from .base import EXECUTED, Performer, Stage, Start, Way
 
 LED_RUN = 1.0  # metres from its end up to which a run is led, as in the training data
+LED_WALK = 0.6  # the same of a walk along a line, or at a speed that is asked for
 
 
 class Stay(Stage):
@@ -54,6 +58,20 @@ class Go(Stage):
         return float(np.linalg.norm(moment.root[:2] - self.goal.position[:2])) < 0.3 and moment.speed < 0.15
 
 
+def _going(goal: Goal, start: Start) -> Stage:
+    """Along the goal's line, if it has one, or to its place; at its own speed, if it has one."""
+    runs = goal.action == "run"
+    gait, led = (RUNNING, LED_RUN) if runs else (WALKING, LED_WALK)
+    if goal.way is not None:
+        return follow.Follow(goal, start.ground, gait, led)
+    if goal.speed is not None:
+        return Go(goal, start.ground, led, replace(gait, speeds=(goal.speed, goal.speed)))
+    return Go(goal, start.ground, led if runs else REACH, gait)
+
+
+def _places(goal: Goal, way: Way) -> list[Array | None]:
+    return [goal.position[:2].astype(np.float64)] if goal.way is None else follow.places(goal, way)
+
+
 STAY = Performer(lambda goal, start: Stay(goal, start.moment), lambda goal, way: [])
-WALK = Performer(lambda goal, start: Go(goal, start.ground))
-RUN = Performer(lambda goal, start: Go(goal, start.ground, LED_RUN, RUNNING))
+GO = Performer(_going, _places)

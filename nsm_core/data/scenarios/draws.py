@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from nsm_core.distances import WALKED
+
 
 @dataclass(frozen=True)
 class PerformanceDraws:
@@ -29,7 +31,7 @@ class PerformanceDraws:
 class WayDraws:
     """As ``PerformanceDraws``: the ways from here to a place."""
 
-    speed: tuple[float, float] = (0.85, 1.4)
+    speed: tuple[float, float] = WALKED
     turn_distance: tuple[float, float] = (0.35, 0.9)  # metres before the end in which one turns as is asked
     deceleration: tuple[float, float] = (0.7, 1.1)
     arrives: tuple[float, float] = (60.0, 130.0)  # degrees at most between the end of a way and what is faced

@@ -31,7 +31,8 @@ Meaning = dict[str, dict[str, Value]]  # "features" and "distances" -> name -> v
 # Units that sentences tell; what is not here is in metres.
 _UNITS = {
     "FPS": "Hz", "KEY_TIMES": "s", "ROOT_SMOOTHING": "s", "IDLE_PERIOD": "s", "IDLE_TO_WALK": "m/s",
-    "WALK_TO_RUN": "m/s", "OPENED": "rad", "STYLES": "", "GOAL_ACTIONS": "", "CONTACTS": "", "PHASE": "",
+    "WALK_TO_RUN": "m/s", "WALKED": "m/s", "RUN_AT": "m/s", "OPENED": "rad", "STYLES": "", "GOAL_ACTIONS": "",
+    "CONTACTS": "", "PHASE": "",
     "RINGS": "", "LAYERS": "", "CELLS_ACROSS": "", "SEAT_MEMORY": "", "WRIST_BELOW": "", "BOX_READS": "",
 }  # fmt: skip
 # Of ``distances``: what the network is fed by, whatever it is asked to do.

@@ -70,6 +70,11 @@ class ClearanceMap:
         self._slots: dict[int, int] = {}
         self._nodes = np.zeros((0, _TILE + 1, _TILE + 1, 3))  # clearance and the way it grows, by slot
 
+    @property
+    def solids(self) -> DistanceQuery:
+        """What stands on the floor."""
+        return self._query if self._base is None else self._base.solids
+
     def clearance(self, points: Array) -> Array:
         """Distance (N,) in metres from floor points (N, 2) to the nearest solid at body height, capped near
         0.7 m, negative inside.

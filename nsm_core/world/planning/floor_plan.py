@@ -109,7 +109,7 @@ class FloorPlan(ClearanceMap):
         """What to do where no way leads to ``goal`` (2,): name what stands in it, where there is one thing
         without which one would.
         """
-        query = self._query if self._base is None else self._base._query
+        query = self.solids
         line = start + np.linspace(0, 1, 2 + int(np.linalg.norm(goal - start) / self.cell))[:, None] * (
             goal - start
         )

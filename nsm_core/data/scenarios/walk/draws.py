@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from nsm_core.distances import RUN_AT
+
 
 @dataclass(frozen=True)
 class WalkDraws:
@@ -31,7 +33,7 @@ class RunDraws:
 
     place: tuple[float, float] = (4.0, 10.0)
     off_the_way: float = 0.5
-    speed: tuple[float, float] = (2.4, 3.6)
+    speed: tuple[float, float] = RUN_AT
     acceleration: tuple[float, float] = (1.8, 2.8)
     deceleration: tuple[float, float] = (1.4, 2.4)
     turn_distance: float = 1.0
