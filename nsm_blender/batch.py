@@ -32,7 +32,7 @@ from .exports.bvh import export_bvh
 from .exports.glb import export_glb
 from .goals.spec import GoalSpec
 from .jobs.farm import end_with_worker, run_on
-from .jobs.job import Job, JobTake
+from .jobs.job import Job, JobGoal, JobTake
 from .jobs.options import of_shard, read_options
 from .jobs.paths import refuse_used
 from .jobs.read import read_job
@@ -138,10 +138,7 @@ def _make(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -> T
         )
     spec = TakeSpec(
         character=_armature(scene, entry.character),
-        goals=[
-            GoalSpec(g.action, _target(scene, g.object), g.hold, g.location, _target(scene, g.to, "to"))
-            for g in entry.goals
-        ],
+        goals=[_goal(scene, g) for g in entry.goals],
         name=entry.name,
         start_frame=entry.start_frame,
         seed=entry.seed,
@@ -197,14 +194,26 @@ def _armature(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
     return found
 
 
+def _goal(scene: bpy.types.Scene, goal: JobGoal) -> GoalSpec:
+    to = _target(scene, goal.to, "to")
+    if goal.curve is not None:
+        curve = _target(scene, goal.curve, "curve")
+        return GoalSpec(goal.action, curve, goal.hold, along=True, rounds=goal.rounds, speed=goal.speed)
+    return GoalSpec(goal.action, _target(scene, goal.object), goal.hold, goal.location, to, speed=goal.speed)
+
+
 def _target(scene: bpy.types.Scene, name: str | None, key: str = "object") -> bpy.types.Object | None:
     if name is None:
         return None
     found = _named(scene, name)
     if found is None:
-        there = sorted(o.name for o in scene.objects if o.type in {"MESH", "EMPTY"})
+        kinds = {"CURVE"} if key == "curve" else {"MESH", "EMPTY"}
+        there = sorted(o.name for o in scene.objects if o.type in kinds)
         listed = ", ".join(there[:12]) + (", ..." if len(there) > 12 else "")
-        raise GoalError(f"The scene has no object '{name}'; it has {listed or 'none'}: correct '{key}'.")
+        raise GoalError(
+            f"The scene has no {'curve' if key == 'curve' else 'object'} '{name}'; it has "
+            f"{listed or 'none'}: correct '{key}'."
+        )
     return found
 
 

@@ -21,8 +21,8 @@ _STEP = 0.02
 
 
 def follow_goal(spec: GoalSpec, around: Surroundings, before: Place) -> Goal:
-    """Build the goal to go along the curve of ``spec``: from its start to its end, as it runs; once or several
-    times around where it is closed, from the place of it that is nearest to ``before`` and free.
+    """Build the goal to go along the curve of ``spec``: from its start to its end, as it runs; around, as
+    often as is asked for, where it is closed, from the place of it that is nearest to ``before`` and free.
 
     Its height does not matter, it lies on the floor.  Raises GoalError where it cannot be gone along,
     GeometryError where the object is no single line.
@@ -43,9 +43,7 @@ def follow_goal(spec: GoalSpec, around: Surroundings, before: Place) -> Goal:
         line = _rounds(line, spec.rounds, np.asarray(before[0])[:2], around)
     line = resample_path(line, _STEP)
     place = np.append(line[-1], 0.0)
-    return Goal(
-        spec.action, spec.label, place, heading_at_end(line), spec.hold, way=line, speed=spec.speed
-    )
+    return Goal(spec.action, spec.label, place, heading_at_end(line), spec.hold, way=line, speed=spec.speed)
 
 
 def line_of(curve: bpy.types.Object) -> tuple[Array, bool]:

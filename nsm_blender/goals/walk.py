@@ -15,8 +15,8 @@ from nsm_core.world.scene.terrain import FLOOR_TOP
 from ..world.bodies import GoalBody, place_of
 from ..world.surroundings import Surroundings
 from ..world.tops import crossings
-from .curves import follow_goal
 from .climb import HIGHEST, LOWEST, climb_onto
+from .curves import follow_goal
 from .finder import Finder, Place
 from .loose_parts import is_group, seat_body
 from .points import goal_point_of

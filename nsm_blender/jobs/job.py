@@ -9,8 +9,7 @@ from pathlib import Path
 @dataclass(frozen=True)
 class JobGoal:
     """A goal of a job file: an object's name or a place (3,), world; ``to`` names the destination of what is
-    carried; ``along`` that the object is a curve to go along, ``rounds`` times where it is closed, ``speed``
-    m/s.
+    carried; ``curve`` is gone along, ``rounds`` times where it is closed, at ``speed`` m/s.
     """
 
     action: str
@@ -18,7 +17,7 @@ class JobGoal:
     hold: float = 2.0
     location: tuple[float, float, float] | None = None
     to: str | None = None
-    along: bool = False
+    curve: str | None = None
     rounds: int = 1
     speed: float | None = None
 

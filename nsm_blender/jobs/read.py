@@ -11,11 +11,12 @@ from nsm_core.world.actions import Aim, require_action
 
 from .job import Job, JobGoal, JobTake
 from .paths import refuse_clashes, require_path, require_words
+from .ways import WAY_KEYS, read_way
 
 OUTPUTS = ("report", "out", "sheet", "video", "bvh", "glb")
 _JOB_KEYS = ("scene", "scripts", "take")
 _TAKE_KEYS = ("name", "character", "seed", "start_frame", "contact_ik", "goals", "overwrite", *OUTPUTS)
-_GOAL_KEYS = ("object", "action", "to", "hold", "location")
+_GOAL_KEYS = ("object", "action", "to", "hold", "location", *WAY_KEYS)
 # Blender's first frame, and one that leaves its last 48,574 to the take.
 _FIRST_FRAME, _LAST_START = -1_048_574, 1_000_000
 _LARGEST_SEED = 2**31 - 1
@@ -109,14 +110,15 @@ def _goal(entry: Any, where: str) -> JobGoal:
             f"In {where}, '{action.key}' needs its 'object' alone; remove 'location', or place the object "
             "there."
         )
-    if action.aim is Aim.PLACE and target is None and location is None:
+    curve, rounds, speed = read_way(entry, action.key, where)
+    if action.aim is Aim.PLACE and target is None and location is None and curve is None:
         raise JobError(f"In {where}, '{action.key}' needs an 'object' or a 'location'; add one.")
     if action.aim is Aim.HERE and (target or location is not None):
         raise JobError(
             f"In {where}, '{action.key}' stands where the character is; take 'walk' with a 'hold' to stand "
             "at an object or a place."
         )
-    return JobGoal(action.key, target, hold, location, to)
+    return JobGoal(action.key, target, hold, location, to, curve, rounds, speed)
 
 
 def _known(entry: dict[str, Any], keys: tuple[str, ...], where: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from nsm_core.body.skeleton import ARMS, forward_kinematics, root_of
 from nsm_core.control.goals import GoalResult
-from nsm_core.control.take import TakeRequest, TakeResult, goal_errors
+from nsm_core.control.take import TakeRequest, TakeResult, goal_errors, line_errors
 from nsm_core.evaluation.measures.motion import depth_report, travel_report
 from nsm_core.evaluation.measures.objects import all_depths
 from nsm_core.world.actions import BY_KEY
@@ -90,12 +90,17 @@ def _goal_report(goal: GoalResult, shown: ShownTake, prop: Prop | None) -> dict[
         values["hand_error_cm"], values["hand_rotation_deg"] = goal.taken.errors(
             joints[_WRISTS], shown.poses[prop.name][frame]
         )
+    if goal.line is not None and math.isfinite(goal.line_cm[0]):
+        part = slice(goal.start_frame, goal.end_frame + 1)
+        joints, _ = forward_kinematics(shown.hips[part], shown.local[part], shown.offsets.astype(np.float64))
+        values["line_mean_cm"], values["line_max_cm"] = line_errors(goal.line, joints)
     return {
         "object": goal.object,
         "action": goal.action,
         "reached": reached,
         "seconds": round(float(goal.seconds), 3),
         "reason": reason,
+        **({"remarks": list(goal.remarks)} if goal.remarks else {}),
         **{key: _number(value) for key, value in values.items()},
     }
 
@@ -123,6 +128,12 @@ def goal_line(goal: dict[str, Any]) -> str:
     """One sentence about one goal of a report."""
     distance, turn = goal["position_error_cm"], goal["rotation_error_deg"]
     errors = "never near it" if distance is None or turn is None else f"{distance:.1f} cm and {turn:.1f}° off"
+    if goal["reached"] and "line_mean_cm" in goal:
+        told = "".join(f" {remark}." for remark in goal.get("remarks", ()))
+        return (
+            f"{goal['object']}: gone along in {goal['seconds']:.1f} s, {goal['line_mean_cm']:.1f} cm off it "
+            f"on average and {goal['line_max_cm']:.1f} cm at most.{told}"
+        )
     if goal["reached"]:
         return f"{goal['object']}: {BY_KEY[goal['action']].done} after {goal['seconds']:.1f} s, {errors}."
     if goal.get("reason"):

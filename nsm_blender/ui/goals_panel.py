@@ -12,6 +12,7 @@ from ..goals.registry import FINDERS
 from . import running
 from .drawing import Sidebar
 from .properties import action_of, queue_of
+from .ways import draw_way
 
 
 class NSM_UL_goals(bpy.types.UIList):
@@ -92,6 +93,7 @@ def _draw_goal(layout: Any, goal: Any) -> None:
     if goal.object is None and action.aim is Aim.PLACE:
         column.prop(goal, "location")
         column.operator("nsm.goal_to_cursor", icon="PIVOT_CURSOR")
+    draw_way(column, goal)
     if FINDERS[action.key].swings and goal.object is not None:
         column.operator("nsm.door_swing", icon="ARROW_LEFTRIGHT")
     held = column.row(align=True)

@@ -14,6 +14,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from nsm_core.control.goals import SPEEDS
 from nsm_core.errors import GoalError
 from nsm_core.world.actions import ACTIONS, BY_KEY, Action, Aim
 
@@ -113,6 +114,39 @@ class NsmGoal(bpy.types.PropertyGroup):
         description="Where a carried object goes: set down on top of this one, or in the place of this empty",
         type=bpy.types.Object,
         poll=_is_goal,
+        override=OVERRIDABLE,
+    )
+    follow: BoolProperty(
+        name="Go Along",
+        description="Go along the curve, as it runs, from its start to its end; a closed one around from "
+        "where it is nearest. Off: go to it, as to other objects. Only its way over the floor counts, not "
+        "its height; Switch Direction (Edit Mode, Segments) turns it around",
+        default=True,
+        override=OVERRIDABLE,
+    )
+    rounds: IntProperty(
+        name="Rounds",
+        description="How often to go around a closed curve",
+        default=1,
+        min=1,
+        max=100,
+        override=OVERRIDABLE,
+    )
+    own_speed: BoolProperty(
+        name="Own Speed",
+        description="Go at a speed that you choose; off, each take draws one that suits the gait",
+        override=OVERRIDABLE,
+    )
+    speed: FloatProperty(
+        name="Speed",
+        description="Speed on the way, of a character of average height, in metres a second: 0.5 to 1.6 to "
+        "walk, 2.0 to 3.6 to run. Tight bends are gone slower. Other styles than these two gaits are not in "
+        "what the network has learned from",
+        default=1.2,
+        min=0.5,
+        max=3.6,
+        step=10,
+        precision=2,
         override=OVERRIDABLE,
     )
     location: FloatVectorProperty(
@@ -241,6 +275,11 @@ def action_of(row: NsmGoal) -> Action | None:
     return BY_KEY.get(row.action)
 
 
+def goes_along(row: NsmGoal) -> bool:
+    """Whether a row asks to go along its object, a curve."""
+    return row.follow and row.action in SPEEDS and row.object is not None and row.object.type == "CURVE"
+
+
 def spec_of_row(row: NsmGoal, number: int = 1) -> GoalSpec:
     """Return what row ``number`` of the queue asks for; GoalError where its stored action is unknown."""
     action = action_of(row)
@@ -248,8 +287,12 @@ def spec_of_row(row: NsmGoal, number: int = 1) -> GoalSpec:
         raise GoalError(unknown_action(number, row.object.name if row.object else ""))
     if action.aim is Aim.HERE:  # has no place of its own, whatever the row was before
         return GoalSpec(row.action, hold=row.hold)
+    speed = row.speed if row.own_speed and row.action in SPEEDS else None
+    if goes_along(row):
+        return GoalSpec(row.action, row.object, row.hold, along=True, rounds=row.rounds, speed=speed)
     to = row.destination if action.needs_destination else None
-    return GoalSpec(row.action, row.object, row.hold, tuple(row.location) if row.object is None else None, to)
+    place = tuple(row.location) if row.object is None else None
+    return GoalSpec(row.action, row.object, row.hold, place, to, speed=speed)
 
 
 def show_results(settings: NsmSettings, lines: list[tuple[str, bool]]) -> None:

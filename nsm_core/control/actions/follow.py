@@ -14,7 +14,6 @@ from .approach import Command, Gait, Ground
 from .base import Stage, Way
 
 _AT_START = 0.15  # metres from its start at which one is on the line at once
-_SIDEWAYS = {"walk": 0.9, "run": 2.5}  # m/s2 by which bodies of the data are turned without leaving their way
 
 
 class Follow(Stage):
@@ -42,7 +41,7 @@ class Follow(Stage):
         return self._command is self._final and near and moment.speed < 0.15
 
     def line(self) -> tuple[Array | None, list[str]]:
-        return self._line, [f"{self.goal.name}: {d}" for d in self._detours]
+        return self._line, [f"It {d}" for d in self._detours]
 
     def _lead(self, here: Array) -> Command:
         line, ground = np.asarray(self.goal.way, dtype=np.float64), self._ground
@@ -63,7 +62,7 @@ class Follow(Stage):
             0.3,
             gait.acceleration,
             gait.deceleration,
-            sideways=_SIDEWAYS[gait.action],
+            sideways=gait.sideways,
             joins=joins,
         )
         return Command(gait.action, course=track)

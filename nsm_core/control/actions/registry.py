@@ -22,8 +22,8 @@ from .rise import TurnBack
 
 PERFORMERS: dict[str, Performer] = {
     "idle": walk.STAY,
-    "walk": walk.GO,
-    "run": walk.GO,
+    "walk": walk.WALK,
+    "run": walk.RUN,
     "sit": sit.PERFORMER,
     "carry": carry.PERFORMER,
     "open": open.PERFORMER,

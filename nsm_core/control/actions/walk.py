@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -58,15 +59,20 @@ class Go(Stage):
         return float(np.linalg.norm(moment.root[:2] - self.goal.position[:2])) < 0.3 and moment.speed < 0.15
 
 
-def _going(goal: Goal, start: Start) -> Stage:
-    """Along the goal's line, if it has one, or to its place; at its own speed, if it has one."""
-    runs = goal.action == "run"
-    gait, led = (RUNNING, LED_RUN) if runs else (WALKING, LED_WALK)
-    if goal.way is not None:
-        return follow.Follow(goal, start.ground, gait, led)
-    if goal.speed is not None:
-        return Go(goal, start.ground, led, replace(gait, speeds=(goal.speed, goal.speed)))
-    return Go(goal, start.ground, led if runs else REACH, gait)
+def _goer(gait: Gait, reach: float, led: float) -> Callable[[Goal, Start], Stage]:
+    """Stages of a gait: along the goal's line, if it has one, or to its place; at its own speed, if it has one.
+
+    ``reach``: metres from which one is sent to the goal itself, and ``led`` the same where the way counts.
+    """
+
+    def begin(goal: Goal, start: Start) -> Stage:
+        if goal.way is not None:
+            return follow.Follow(goal, start.ground, gait, led)
+        if goal.speed is not None:
+            return Go(goal, start.ground, led, replace(gait, speeds=(goal.speed, goal.speed)))
+        return Go(goal, start.ground, reach, gait)
+
+    return begin
 
 
 def _places(goal: Goal, way: Way) -> list[Array | None]:
@@ -74,4 +80,5 @@ def _places(goal: Goal, way: Way) -> list[Array | None]:
 
 
 STAY = Performer(lambda goal, start: Stay(goal, start.moment), lambda goal, way: [])
-GO = Performer(_going, _places)
+WALK = Performer(_goer(WALKING, REACH, LED_WALK), _places)
+RUN = Performer(_goer(RUNNING, LED_RUN, LED_RUN), _places)
