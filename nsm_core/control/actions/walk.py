@@ -14,7 +14,7 @@ from nsm_core.rotations import Array, heading_to_direction
 
 from . import follow
 from .approach import REACH, RUNNING, WALKING, Approach, Command, Gait, Ground
-from .base import EXECUTED, Performer, Stage, Start, Way
+from .base import EXECUTED, Performer, Stage, StageStart, Way
 
 LED_RUN = 1.0  # metres from its end up to which a run is led, as in the training data
 LED_WALK = 0.6  # the same of a walk along a line, or at a speed that is asked for
@@ -59,13 +59,13 @@ class Go(Stage):
         return float(np.linalg.norm(moment.root[:2] - self.goal.position[:2])) < 0.3 and moment.speed < 0.15
 
 
-def _goer(gait: Gait, reach: float, led: float) -> Callable[[Goal, Start], Stage]:
-    """Stages of a gait: along the goal's line, if it has one, or to its place; at its own speed, if it has one.
+def _goer(gait: Gait, reach: float, led: float) -> Callable[[Goal, StageStart], Stage]:
+    """Stages of a gait: along the goal's line or to its place; at the goal's own speed, if it has one.
 
     ``reach``: metres from which one is sent to the goal itself, and ``led`` the same where the way counts.
     """
 
-    def begin(goal: Goal, start: Start) -> Stage:
+    def begin(goal: Goal, start: StageStart) -> Stage:
         if goal.way is not None:
             return follow.Follow(goal, start.ground, gait, led)
         if goal.speed is not None:
