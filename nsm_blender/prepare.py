@@ -8,18 +8,21 @@ from dataclasses import dataclass, replace
 import bpy
 import numpy as np
 
+from nsm_core.body.capsules import Figure
 from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest
 from nsm_core.errors import GoalError, NsmError, SkeletonError
 from nsm_core.rotations import Array
 
 from .animation.kept import SceneState
+from .begin import POSE, STAND, goes_on, reading_start
 from .goals.resolve import make_goal_point, moved_by, place_after, require_possible, resolve, sought
 from .goals.spec import GoalSpec
 from .keys.objects import MovedObject, require_movable, rides_along
 from .progress import Progress, staged, waited
 from .rigs.armature import Placement, read_pose, require_skeleton
-from .rigs.skin import reading_figure
+from .rigs.mount import go_to
+from .rigs.skin import Skin
 from .world.beside import beside
 from .world.evaluated import Snapshot
 from .world.frame import WorldFrame, holds
@@ -29,14 +32,23 @@ from .world.surroundings import Surroundings
 
 @dataclass
 class TakeSpec:
-    """What to generate: goals for a character, where the keys start, and with which chance numbers."""
+    """What to generate: goals for a character, where the keys start, and with which chance numbers.
+
+    ``begin``: "stand" begins with a quiet stand where the character is at ``start_frame``; "pose" goes on
+    from the pose and the pace that it has there, and keeps what is animated before.
+    """
 
     character: bpy.types.Object
     goals: list[GoalSpec]
     name: str = ""
-    start_frame: int = 1
+    start_frame: float = 1
     seed: int = 0
     contact_ik: bool = True
+    begin: str = STAND
+
+    def __post_init__(self) -> None:
+        if self.begin not in (STAND, POSE):
+            raise GoalError(f'A take cannot begin with "{self.begin}"; give "{POSE}" or "{STAND}".')
 
     def title(self) -> str:
         """Name of the take and of its action: as asked for, else after its goals."""
@@ -73,7 +85,10 @@ def prepare(
             target.name: MovedObject.of(target, frame, around.left[target][0]) for target in moving_alone
         }
         environment, ground = around.query, around.ground
-        figure = yield from reading_figure(spec.character, Placement.of(spec.character))
+        figure = yield from _figure_of(spec.character)
+        motion = None
+        if spec.begin == POSE and goes_on(spec.character, spec.start_frame):
+            motion = yield from reading_start(spec.character, scene, frame, spec.start_frame, around)
     finally:
         state.restore()
     request = TakeRequest(
@@ -85,6 +100,7 @@ def prepare(
         contact_ik=spec.contact_ik,
         ground=ground,
         figure=figure,
+        start=motion,
     )
     return request, frame, things
 
@@ -143,9 +159,15 @@ def surroundings_of(
     return around
 
 
-def _go_to(scene: bpy.types.Scene, frame: int) -> None:
-    if scene.frame_current != frame or scene.frame_subframe:
-        scene.frame_set(frame)
+def _go_to(scene: bpy.types.Scene, frame: float) -> None:
+    if scene.frame_current + scene.frame_subframe != frame:
+        go_to(scene, frame)
+
+
+def _figure_of(character: bpy.types.Object) -> Generator[Progress, None, Figure]:
+    """The body that a character's skin shows."""
+    skin = yield from staged("Reading the body", Skin.reading(character, Placement.of(character)))
+    return (yield from waited("Reading the body", lambda _: skin.figure()))
 
 
 def resolve_goals(

@@ -20,7 +20,8 @@ from ..animation.channels import ActionChannels, assign, new_action, remove_unus
 from ..animation.kept import Kept, restored_on_failure
 from ..rigs.armature import Placement, StartPose, read_pose, read_world_pose
 from ..rigs.bone_map import bone_map_of
-from ..rigs.mount import Mount, last, over_frames
+from ..rigs.mount import Mount, go_to, last, over_frames
+from .before import keep_before
 from .layers import bones_between, carried, channels_of_strips, require_keyable, rotation_channel
 from .objects import KeyedThing, MovedObject, key_thing, take_off_thing
 
@@ -38,8 +39,8 @@ class KeyedTake:
     armature: bpy.types.Object
     action: bpy.types.Action
     slot: Any | None
-    frame_start: int
-    frame_end: int
+    frame_start: float
+    frame_end: float
     fps: float  # of the scene, keys per second
     previous_action: bpy.types.Action | None
     previous_slot: Any | None
@@ -70,7 +71,7 @@ def key_take(
     armature: bpy.types.Object,
     hips_position: Array,
     local_rotations: Array,
-    frame_start: int = 1,
+    frame_start: float = 1,
     fps: float = FPS,
     name: str = "Take",
     scene: bpy.types.Scene | None = None,
@@ -90,15 +91,19 @@ def key_take_steps(
     armature: bpy.types.Object,
     hips_position: Array,
     local_rotations: Array,
-    frame_start: int = 1,
+    frame_start: float = 1,
     fps: float = FPS,
     name: str = "Take",
     scene: bpy.types.Scene | None = None,
+    keep: bool = False,
 ) -> Generator[float, None, KeyedTake]:
     """``key_take`` in slices: yields the share done after every frame that had to be looked at, and every
-    bone keyed.
+    bone keyed.  With ``keep``, what the armature's action shows before ``frame_start`` goes into the new one.
     """
     scene = scene or bpy.context.scene
+    shown = scene.frame_current, scene.frame_subframe
+    if keep:
+        go_to(scene, frame_start)  # what carries the armature is held as it is there
     bpy.context.view_layer.update()
     placement = Placement.of(armature)
     require_keyable(armature)
@@ -136,13 +141,19 @@ def key_take_steps(
         for between in bones_between(armature):
             _key_still(channels, armature.pose.bones[between], frames, others)
         _key_switches(channels, armature, frames)
+        if keep:
+            above = {
+                b.name for j in apart for b in armature.pose.bones[placement.keyed.bones[j]].parent_recursive
+            }
+            keep_before(channels, previous, previous_slot, frame_start, above)
+            scene.frame_set(shown[0], subframe=shown[1])
         _touch(armature)
     return KeyedTake(
         armature,
         channels.action,
         channels.slot,
-        int(frames[0]),
-        int(frames[-1]),
+        _number(frames[0]),
+        _number(frames[-1]),
         rate,
         previous,
         previous_slot,
@@ -151,10 +162,21 @@ def key_take_steps(
     )
 
 
+def _number(frame: float) -> float:
+    """A frame as the interface knows it: whole, or between two of them."""
+    return int(frame) if frame == int(frame) else float(frame)
+
+
 def key_things(
-    take: KeyedTake, moved: Sequence[tuple[MovedObject, Array]], fps: float, name: str, scene: bpy.types.Scene
+    take: KeyedTake,
+    moved: Sequence[tuple[MovedObject, Array]],
+    fps: float,
+    name: str,
+    scene: bpy.types.Scene,
+    keep: bool = False,
 ) -> Generator[float, None, None]:
     """Key what a take has moved, each object in an action of its own named after ``name`` and the object.
+    With ``keep``, what was keyed of them before the take stays.
 
     ``moved`` are things with the poses (T, 4) of their props at ``fps``.  Yields the share of an object's
     frames looked at.  Where one cannot be keyed, the whole take is discarded and the error goes on.
@@ -162,7 +184,7 @@ def key_things(
     try:
         for thing, poses in moved:
             keyed = yield from key_thing(
-                thing, poses, take.frame_start, fps, take.fps, f"{name} {thing.object.name}", scene
+                thing, poses, take.frame_start, fps, take.fps, f"{name} {thing.object.name}", scene, keep
             )
             if keyed is not None:
                 take.things.append(keyed)

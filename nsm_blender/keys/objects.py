@@ -19,6 +19,7 @@ from nsm_core.world.scene.props import Prop
 from ..animation.channels import assign, new_action, strip_curves, transform_of
 from ..animation.kept import Kept, restored_on_failure
 from ..rigs.mount import over_frames
+from .before import keep_before
 from .layers import (
     acts,
     animated_switches,
@@ -169,11 +170,12 @@ def resample_poses(poses: Array, fps_from: float, fps_to: float) -> Array:
 def key_thing(
     thing: MovedObject,
     poses: Array,
-    frame_start: int,
+    frame_start: float,
     fps: float,
     scene_rate: float,
     name: str,
     scene: bpy.types.Scene,
+    keep: bool = False,
 ) -> Generator[float, None, KeyedThing | None]:
     """Key a moved object as a new action and keep the action it had; the generator's value is None where it
     never moves.
@@ -224,6 +226,8 @@ def key_thing(
         if previous or any(c.data_path == "scale" for c in strip_curves(target)):
             for i in range(3):
                 channels.curve("scale", i, "Object Transforms", frames[:1], scale[i : i + 1])
+        if keep:
+            keep_before(channels, previous, previous_slot, frame_start)
         assign(target, channels.action, channels.slot)
         target.update_tag(refresh={"TIME"})
     keyed.action, keyed.slot = channels.action, channels.slot

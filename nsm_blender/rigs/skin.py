@@ -18,7 +18,6 @@ from nsm_core.body.fitted import fitted
 from nsm_core.body.skeleton import INDEX, JOINTS, OFFSETS
 from nsm_core.rotations import Array, quat_rotate, quat_to_matrix
 
-from ..progress import Progress, staged, waited
 from .armature import Placement
 
 _POINTS = 3000  # on the skin that are looked at
@@ -76,12 +75,6 @@ class Skin:
         if known and _fits(self.points):
             return BUNDLED
         return fitted(self.points, self.joints, self.offsets, self.toes)
-
-
-def reading_figure(armature: bpy.types.Object, placement: Placement) -> Generator[Progress, None, Figure]:
-    """The character's own body, read in slices and fitted by a thread."""
-    skin = yield from staged("Reading the body", Skin.reading(armature, placement))
-    return (yield from waited("Reading the body", lambda _: skin.figure()))
 
 
 def skins(armature: bpy.types.Object) -> list[bpy.types.Object]:
@@ -197,4 +190,4 @@ def _in_t_pose(points: Array, joints: Array, armature: bpy.types.Object, placeme
     return out
 
 
-__all__ = ["Skin", "reading_figure"]
+__all__ = ["Skin"]

@@ -1,0 +1,118 @@
+"""The motion that a take goes on from: the pose and pace that the character has at the take's first frame."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import bpy
+import numpy as np
+
+from nsm_core.body.skeleton import FEET, HIP_OVER_SEAT, HIPS, forward_kinematics, root_of
+from nsm_core.control.goals import Goal
+from nsm_core.control.start import Start
+from nsm_core.conventions import FPS
+from nsm_core.model.features.state import WINDOW
+from nsm_core.rotations import Array
+
+from .goals.loose_parts import seat_body
+from .keys.keying import scene_fps
+from .keys.layers import may_move
+from .progress import Progress, staged
+from .rigs.armature import Placement, read_world_pose
+from .rigs.mount import over_frames
+from .world.bvh_query import BVHQuery
+from .world.frame import WorldFrame
+from .world.solids import Solid
+from .world.surroundings import Surroundings
+
+BEGIN = "nsm_begin"  # on the action of a take: how it began, and its first frame
+STAND, POSE = "stand", "pose"
+# Seated: thighs that drop by less than this share of their length, a seat this near under the hips, metres,
+# and hips that rest, m/s.
+_THIGH, _UNDER, _RESTS = 0.75, 0.12, 0.2
+_AT_REST = 1e-3  # by which bones may differ from their rest pose that nobody has posed
+
+
+def goes_on(armature: bpy.types.Object, start_frame: float) -> bool:
+    """Whether a character, as it is shown now, has a pose to go on from at a take's first frame: one in its
+    rest pose has none, nor one whose take began there with a quiet stand.
+    """
+    action = armature.animation_data.action if armature.animation_data else None
+    if action is not None and BEGIN in action:
+        how, first = action[BEGIN]
+        if how == 0 and abs(first - start_frame) < 1e-3:
+            return False
+    mapped = {name for name in Placement.of(armature).keyed.bones if name}
+    identity = np.eye(4)
+    return any(
+        np.abs(np.array(bone.matrix_basis) - identity).max() > _AT_REST
+        for bone in armature.pose.bones
+        if bone.name in mapped
+    )
+
+
+def note_begin(action: bpy.types.Action, begin: str, start_frame: float) -> None:
+    """Note on a take's action how it began."""
+    action[BEGIN] = [float(begin == POSE), float(start_frame)]
+
+
+def reading_start(
+    armature: bpy.types.Object,
+    scene: bpy.types.Scene,
+    frame: WorldFrame,
+    start_frame: float,
+    around: Surroundings,
+) -> Generator[Progress, None, Start]:
+    """Read the second up to a take's first frame, in slices, and what the character sits on then.
+
+    Raises GoalError as ``Start`` does.
+    """
+    placement = Placement.of(armature)
+    count = WINDOW + 1 if _animated(armature) else 1
+    times = start_frame - np.arange(count - 1, -1, -1) * scene_fps(scene) / FPS
+
+    def read() -> tuple[Array, Array]:
+        _, hips, local = read_world_pose(armature, placement)
+        return frame.to_core(hips), local
+
+    rows = yield from staged("Reading the pose", over_frames(scene, times, read))
+    hips, local = (np.stack(column) for column in zip(*rows, strict=True))
+    start = Start(hips, local)
+    return Start(hips, local, _seat_of(start, placement.own_offsets, around))
+
+
+def _animated(armature: bpy.types.Object) -> bool:
+    data = armature.animation_data
+    layers = data is not None and (data.action is not None or len(data.nla_tracks) > 0)
+    constrained = any(len(bone.constraints) for bone in armature.pose.bones)
+    return layers or constrained or may_move(armature)
+
+
+def _seat_of(start: Start, offsets: Array, around: Surroundings) -> Goal | None:
+    """The goal of what the character sits on, where it sits; None where it does not sit on anything."""
+    hips, local = start.second()
+    if np.linalg.norm(hips[-1] - hips[-4]) * FPS / 3 > _RESTS:
+        return None
+    joints, _ = forward_kinematics(hips[-1], local[-1], offsets)
+    for hip, knee, *_ in FEET:
+        thigh = joints[knee] - joints[hip]
+        if -thigh[2] > _THIGH * np.linalg.norm(thigh):
+            return None
+    place = (joints[HIPS] - (0, 0, HIP_OVER_SEAT))[None].astype(np.float32)
+    by_owner: dict[str, list[Solid]] = {}
+    for solid in around.obstacles:
+        low, high = solid.bounds
+        if (low[:2] - _UNDER < place[0, :2]).all() and (high[:2] + _UNDER > place[0, :2]).all():
+            by_owner.setdefault(solid.owner, []).append(solid)
+    near = {
+        owner: float(BVHQuery(solids).signed_distance(place, _UNDER)[0]) for owner, solids in by_owner.items()
+    }
+    owner = min(near, key=lambda name: near[name], default="")
+    if not owner or near[owner] >= _UNDER:
+        return None
+    seat = next((o for o in around.scene.objects if o.name_full == owner), None)
+    if seat is None:
+        return None
+    heading = float(root_of(joints)[1])
+    volume = seat_body(seat, around).interaction(heading)
+    return Goal("sit", seat.name, joints[HIPS].astype(np.float32), heading, 0.0, volume)
