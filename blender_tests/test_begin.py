@@ -7,16 +7,25 @@ import numpy as np
 import pytest
 from scenes import box, empty, furnish
 
+import nsm_blender
 from nsm_blender.animation.channels import curves_in
 from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.keys.keying import read_back
 from nsm_blender.prepare import TakeSpec
 from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import Take, finish, generate
+from nsm_blender.ui.properties import queue_of
 from nsm_core.body.skeleton import INDEX, forward_kinematics
 from nsm_core.errors import GoalError
 
 FPS = 24
+
+
+@pytest.fixture(scope="module", autouse=True)
+def addon():
+    nsm_blender.register()
+    yield
+    nsm_blender.unregister()
 
 
 @pytest.fixture
@@ -133,11 +142,40 @@ def test_a_box_keeps_what_was_keyed_of_it_before(room):
 
     before = track()
     goal = GoalSpec("carry", crate, 0.3, to=empty("Back", (-1.2, -0.4, 0.15)))
-    second = finish(
-        generate(TakeSpec(character, [goal], start_frame=end, begin="pose"), bpy.context.scene)
-    )
+    second = finish(generate(TakeSpec(character, [goal], start_frame=end, begin="pose"), bpy.context.scene))
     assert second.report["goals"][0]["reached"]
     assert np.abs(track() - before).max() < 1e-4
+
+
+def test_continue_from_here_appends_at_the_current_frame(room):
+    character, chair, _ = room
+    scene = bpy.context.scene
+    scene.nsm.character = character
+    row = queue_of(scene).goals.add()
+    row.object, row.action, row.hold = chair, "sit", 0.2
+    assert bpy.ops.nsm.generate() == {"FINISHED"}
+    first = character.animation_data.action
+    scene.frame_set(round(first.frame_range[1]))
+    row.action, row.object, row.location = "walk", None, (-1.5, -2.5, 0.0)
+    hips = joints(character, [scene.frame_current])[0, 0]
+    assert bpy.ops.nsm.continue_take() == {"FINISHED"}
+    second = character.animation_data.action
+    assert second != first and first.use_fake_user
+    assert second.frame_range[0] == first.frame_range[0] and second.frame_range[1] > first.frame_range[1] + 20
+    assert np.abs(joints(character, [scene.frame_current])[0, 0] - hips).max() < 1e-4
+
+
+def test_frames_may_be_fractional_and_rates_have_a_base(room):
+    character, _, _ = room
+    scene = bpy.context.scene
+    scene.render.fps, scene.render.fps_base = 24, 1.001
+    take = make(character, "walk", location=(-1.5, -1.0, 0.0), start_frame=-7.5)
+    assert take.report["goals"][0]["reached"]
+    assert take.keyed.frame_start == -7.5 and take.keyed.first == -7
+    seconds = (take.keyed.frame_end - take.keyed.frame_start) / take.keyed.fps
+    assert seconds == pytest.approx((len(take.result.hips_position) - 1) / 30, abs=1.5 / take.keyed.fps)
+    hips, _ = read_back(character, [-7.5])
+    assert np.abs(hips[0] - take.result.hips_position[0]).max() < 1e-4
 
 
 def test_what_a_take_cannot_begin_with_is_told(room):

@@ -230,7 +230,7 @@ def _write(take: Take, entry: JobTake, title: str, say: Callable[[str], None]) -
     keyed, armature, scene = take.keyed, take.keyed.armature, bpy.context.scene
     writers: dict[str, Callable[[Path], object]] = {
         "out": lambda path: save_blend(path, "'out'"),
-        "bvh": lambda path: export_bvh(path, armature, keyed.frame_start, keyed.frame_end, scene),
+        "bvh": lambda path: export_bvh(path, armature, keyed.first, keyed.last, scene),
         "glb": lambda path: export_glb(path, armature, [t.object for t in keyed.things], scene, "'glb'"),
         "sheet": lambda path: contact_sheet(keyed, path),
         "video": lambda path: video(keyed, path),

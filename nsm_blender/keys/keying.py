@@ -49,6 +49,21 @@ class KeyedTake:
     previous_pose: list[tuple[str, Any]]
     things: list[KeyedThing] = field(default_factory=list)
 
+    @property
+    def first(self) -> int:
+        """The first whole frame."""
+        return int(np.ceil(self.frame_start))
+
+    @property
+    def last(self) -> int:
+        """The last whole frame."""
+        return int(np.floor(self.frame_end))
+
+    @property
+    def count(self) -> int:
+        """Frames that have keys."""
+        return round(self.frame_end - self.frame_start) + 1
+
 
 def scene_fps(scene: bpy.types.Scene) -> float:
     """Frames per second that the scene plays, its base included."""

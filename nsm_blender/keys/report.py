@@ -52,7 +52,7 @@ def build_report(
     ms["total"] = sum(ms.values())
     return {
         "name": name,
-        "frames": keyed.frame_end - keyed.frame_start + 1,
+        "frames": keyed.count,
         "fps": round(keyed.fps, 4),
         "goals": [_goal_report(goal, shown, asked.goals[i].prop) for i, goal in enumerate(result.goals)],
         "warnings": _warnings(shown),

@@ -68,7 +68,7 @@ def look_at(
     ``result`` is the motion made, in the ``frame`` of the character; ``things`` are what it moves, by their
     names.
     """
-    count = keyed.frame_end - keyed.frame_start + 1
+    count = keyed.count
     budget = max(SHARE * sum(result.stage_ms.values()) / 1000 * len(result.hips_position), 0.2)
     moments = [goal.end_frame for goal in result.goals] + [
         goal.taken.frame for goal in result.goals if goal.taken is not None

@@ -70,7 +70,7 @@ def follow_camera(
     for last, turn in zip(turns[:-1], turns[1:], strict=True):
         turn.make_compatible(last)
     channels = new_action("NSM Picture", camera.name)
-    at = np.arange(take.frame_start, take.frame_end + 1)
+    at = np.arange(take.first, take.last + 1)
     for path, values in (
         ("location", targets + views.directions * distance),
         ("rotation_quaternion", np.array(turns)),
@@ -100,7 +100,7 @@ def path_of(take: KeyedTake, scene: bpy.types.Scene) -> tuple[Array, Array]:
     hips, facing = [], []
     seen = bone_map_of(take.armature)
     kept = scene.frame_current, scene.frame_subframe
-    for number in range(take.frame_start, take.frame_end + 1):
+    for number in range(take.first, take.last + 1):
         scene.frame_set(number)
         matrix, bones = take.armature.matrix_world, take.armature.pose.bones
         hips.append(tuple(matrix @ bones[seen.seen("Hips")].head))

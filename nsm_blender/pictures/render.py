@@ -44,7 +44,7 @@ def contact_sheet(
     scene = scene or bpy.context.scene
     path = require_writable(path, PICTURE, "The picture")
     if frames is None:
-        frames = np.unique(np.linspace(take.frame_start, take.frame_end, tiles).round().astype(int))
+        frames = np.unique(np.linspace(take.first, take.last, tiles).round().astype(int))
     pictures = []
     # Twice as large and halved: smooth edges for half of what the renderer's own samples cost without a
     # graphics card.
@@ -60,7 +60,7 @@ def contact_sheet(
             if numbers:
                 stamp(
                     picture,
-                    f"{(frame - take.frame_start) / take.fps:.1f}s",
+                    f"{(frame - take.first) / take.fps:.1f}s",
                     size=max(1, picture.shape[0] // 90),
                 )
             pictures.append(picture)
@@ -91,7 +91,7 @@ def video(
     def hear(*_: object) -> None:
         heard.append(0)
         if progress:
-            progress(min(len(heard) / max(1, len(range(take.frame_start, take.frame_end + 1, step))), 1.0))
+            progress(min(len(heard) / max(1, len(range(take.first, take.last + 1, step))), 1.0))
 
     with scratch_folder() as folder, studio(scene, size, fast=True) as temporary:
         follow_camera(

@@ -64,11 +64,9 @@ def choose_views(
     film = frames is None
     if film:
         frames = np.unique(
-            np.linspace(take.frame_start, take.frame_end, 2 + int(len(places) / take.fps / _EVERY))
-            .round()
-            .astype(int)
+            np.linspace(take.first, take.last, 2 + int(len(places) / take.fps / _EVERY)).round().astype(int)
         )
-    rows = np.asarray(frames) - take.frame_start
+    rows = np.asarray(frames) - take.first
     azimuth, elevation = _grid(wish)
     candidates = _direction(azimuth[:, None], elevation[None])  # (A, E, 3)
     merit = _merit(candidates, elevation, facing[rows], wish)

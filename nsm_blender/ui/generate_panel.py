@@ -21,6 +21,7 @@ class NSM_PT_generate(Sidebar, bpy.types.Panel):
         column.enabled = running.current() is None
         column.use_property_split, column.use_property_decorate = True, False
         column.prop(settings, "start_frame")
+        column.prop(settings, "begin")
         column.prop(settings, "seed")
         column.prop(settings, "contact_ik")
         big = layout.column()
@@ -28,6 +29,7 @@ class NSM_PT_generate(Sidebar, bpy.types.Panel):
         big.operator("nsm.generate", icon="PLAY")
         if takes_of(context.scene):
             layout.operator("nsm.another_take", icon="FILE_REFRESH")
+        layout.operator("nsm.continue_take", icon="FRAME_NEXT")
         reason = running.reason_not_ready(context)
         if reason:
             sentence(context, layout, reason, "INFO")

@@ -241,8 +241,22 @@ class NsmSettings(bpy.types.PropertyGroup):
     active_goal: IntProperty(name="Goal", default=0, min=0)
     start_frame: IntProperty(
         name="Start Frame",
-        description="The frame of the first key; the character starts from its pose there",
+        description="The frame of the first key",
         default=1,
+    )
+    begin: EnumProperty(
+        name="Start From",
+        description="How the take begins",
+        items=(
+            (
+                "POSE",
+                "Its Pose",
+                "Go on from the pose and pace that the character has at the start frame, seated too, and "
+                "keep what is animated before; a character in its rest pose begins with a quiet stand",
+            ),
+            ("STAND", "A Quiet Stand", "Begin with a quiet stand where the character is at the start frame"),
+        ),
+        default="POSE",
     )
     seed: IntProperty(
         name="Variation",

@@ -38,7 +38,7 @@ def remember(scene: bpy.types.Scene, take: KeyedTake, seed: int = 0, beside: boo
             takes.remove(index)
         elif record.character.object == take.armature and record.character.action == take.previous_action:
             old = keyed(record)
-            same = not record.accepted and record.frame_start == take.frame_start
+            same = not record.accepted and record.frame_start == take.first
             if same and beside:
                 _inherit_all(take, old)
             elif same and record.keys == _checksum(old):
@@ -47,7 +47,7 @@ def remember(scene: bpy.types.Scene, take: KeyedTake, seed: int = 0, beside: boo
             else:
                 record.accepted = True
     record = takes.add()
-    record.frame_start, record.frame_end, record.fps = take.frame_start, take.frame_end, take.fps
+    record.frame_start, record.frame_end, record.fps = take.first, take.last, take.fps
     record.seed = seed
     _note(record.character, take.armature, take, take.previous_pose)
     for thing in take.things:

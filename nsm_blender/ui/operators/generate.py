@@ -10,6 +10,7 @@ import bpy
 
 from nsm_core.errors import NsmError
 
+from ...begin import POSE
 from ...keys.report import result_lines
 from ...prepare import TakeSpec
 from ...progress import finish
@@ -32,6 +33,7 @@ def spec_of(scene: bpy.types.Scene) -> TakeSpec:
         start_frame=settings.start_frame,
         seed=settings.seed,
         contact_ik=settings.contact_ik,
+        begin=settings.begin.lower(),
     )
 
 
@@ -101,4 +103,21 @@ class NSM_OT_another_take(_Generate, bpy.types.Operator):
         return replace(spec, seed=max((take.seed for take in takes_of(scene)), default=spec.seed) + 1)
 
 
-CLASSES = (NSM_OT_generate, NSM_OT_another_take)
+class NSM_OT_continue_take(_Generate, bpy.types.Operator):
+    bl_idname = "nsm.continue_take"
+    bl_label = "Continue from Here"
+    bl_description = (
+        "Generate the enabled goals from the current frame on: from the pose and pace that the character has "
+        "there, standing, sitting or in the middle of a step. What is animated before stays as it is; what "
+        "came after is replaced in the new action and kept in the old one"
+    )
+
+    def _asked(self, scene: bpy.types.Scene) -> TakeSpec:
+        return replace(spec_of(scene), start_frame=scene.frame_current, begin=POSE)
+
+    def _keep(self, scene: bpy.types.Scene, take: Take) -> set[str]:
+        settings_of(scene).start_frame = take.keyed.first  # another one begins there, too
+        return super()._keep(scene, take)
+
+
+CLASSES = (NSM_OT_generate, NSM_OT_another_take, NSM_OT_continue_take)
