@@ -15,6 +15,7 @@ import importlib
 import sys
 import time
 import traceback
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +29,7 @@ import bpy
 
 from nsm_core.errors import GoalError, JobError, NsmError, OutputError, SkeletonError
 
+from . import register, unregister
 from .exports.bvh import export_bvh
 from .exports.glb import export_glb
 from .goals.spec import GoalSpec
@@ -40,10 +42,13 @@ from .leaving import leave
 from .pictures.outputs import require_writable, save_blend, write_json
 from .pictures.render import contact_sheet, video
 from .prepare import TakeSpec
+from .rigs.bone_map import store_map
+from .rigs.detect import judged_on
+from .rigs.presets import load_preset, named_preset
 from .takes import Take, generate
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
 _SAY_EVERY = 2.0  # seconds between two progress lines of a take
 
@@ -60,15 +65,31 @@ def main(arguments: Sequence[str], say: Callable[[str], None] | None = None) -> 
         if options.scheduler:
             failed = run_on(options.scheduler, job, takes, say, lambda take, why: _lost(take, why, say))
         else:
-            failed = sum(
-                not run_take(job, take, f"[{i}/{len(job.takes)}] {take.name}", say, options.worker)
-                for i, take in takes
-            )
+            with _switched_on():
+                failed = sum(
+                    not run_take(job, take, f"[{i}/{len(job.takes)}] {take.name}", say, options.worker)
+                    for i, take in takes
+                )
     except NsmError as error:
         say(f"Error: {error}")
         return 2
     say(f"{len(takes) - failed} of {len(takes)} takes are as asked for.")
     return 1 if failed else 0
+
+
+@contextmanager
+def _switched_on() -> Iterator[None]:
+    """Have the add-on registered, as it is in Blender: what a scene keeps of it, such as lists of bones, is
+    read then.
+    """
+    theirs = hasattr(bpy.types.Armature, "nsm_rig")
+    if not theirs:
+        register()
+    try:
+        yield
+    finally:
+        if not theirs:
+            unregister()
 
 
 def run_take(job: Job, entry: JobTake, title: str, say: Callable[[str], None], worker: str = "") -> bool:
@@ -83,7 +104,7 @@ def run_take(job: Job, entry: JobTake, title: str, say: Callable[[str], None], w
             raise JobError(entry.error)
         _require_writable(entry)
         take = _make(job, entry, title, say)
-        report = {**take.report, "name": entry.name, **by}
+        report = {**take.report, "name": entry.name, "seed": entry.seed, **by}
         missed = [g for g in report["goals"] if not g["reached"]]
         if missed:
             report["error"] = (
@@ -136,8 +157,11 @@ def _make(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -> T
             f"{title}: scripts in the scene did not run ({blocked}); where you trust it, say `scripts = "
             "true` in the job file."
         )
+    character = _armature(scene, entry.character)
+    if entry.rig:
+        _wear(character, entry.rig)
     spec = TakeSpec(
-        character=_armature(scene, entry.character),
+        character=character,
         goals=[_goal(scene, g) for g in entry.goals],
         name=entry.name,
         start_frame=entry.start_frame,
@@ -200,6 +224,18 @@ def _goal(scene: bpy.types.Scene, goal: JobGoal) -> GoalSpec:
         curve = _target(scene, goal.curve, "curve")
         return GoalSpec(goal.action, curve, goal.hold, along=True, rounds=goal.rounds, speed=goal.speed)
     return GoalSpec(goal.action, _target(scene, goal.object), goal.hold, goal.location, to, speed=goal.speed)
+
+
+def _wear(character: bpy.types.Object, rig: str | Path) -> None:
+    """Give a character the bone map of a preset or a file; SkeletonError where its bones do not fit."""
+    if character.type != "ARMATURE":
+        return  # refused with what else may be wrong with it
+    preset = load_preset(rig) if isinstance(rig, Path) else named_preset(rig)
+    bone_map = preset.on(character.data.bones)
+    problem = bone_map.problem(character.name, character.data.bones)
+    if problem:
+        raise SkeletonError(f"By the bone map {preset.name}: {problem}")
+    store_map(character.data, judged_on(character.data, bone_map))
 
 
 def _target(scene: bpy.types.Scene, name: str | None, key: str = "object") -> bpy.types.Object | None:

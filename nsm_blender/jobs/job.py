@@ -28,6 +28,9 @@ class JobTake:
 
     name: str
     character: str = "Character"
+    rig: str | Path = (
+        ""  # the character's bone map: the name of a preset, or a file; as it has it where empty
+    )
     seed: int = 0
     start_frame: int = 1
     contact_ik: bool = True

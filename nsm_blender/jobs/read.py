@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +16,15 @@ from .ways import WAY_KEYS, read_way
 
 OUTPUTS = ("report", "out", "sheet", "video", "bvh", "glb")
 _JOB_KEYS = ("scene", "scripts", "take")
-_TAKE_KEYS = ("name", "character", "seed", "start_frame", "contact_ik", "goals", "overwrite", *OUTPUTS)
+_TAKE_KEYS = (
+    "name", "character", "rig", "seed", "variations", "start_frame", "contact_ik", "goals", "overwrite",
+    *OUTPUTS,
+)  # fmt: skip
 _GOAL_KEYS = ("object", "action", "to", "hold", "location", *WAY_KEYS)
 # Blender's first frame, and one that leaves its last 48,574 to the take.
 _FIRST_FRAME, _LAST_START = -1_048_574, 1_000_000
 _LARGEST_SEED = 2**31 - 1
+_MOST_VARIATIONS = 1000
 _LONGEST_HOLD = 600.0  # seconds
 _FARTHEST = 1e6  # of a coordinate
 
@@ -43,7 +48,11 @@ def read_job(path: str | Path) -> Job:
     entries = data.get("take")
     if not isinstance(entries, list) or not entries:
         raise JobError("The job file has no takes; add at least one [[take]].")
-    takes = [_take(entry, number, path.parent) for number, entry in enumerate(entries, 1)]
+    takes = [
+        take
+        for number, entry in enumerate(entries, 1)
+        for take in _variations(_take(entry, number, path.parent), entry)
+    ]
     refuse_clashes(path, scene, takes)
     return Job(path, scene, takes, scripts)
 
@@ -68,9 +77,11 @@ def _take(entry: Any, number: int, folder: Path) -> JobTake:
         if wrong:
             raise wrong
         take.character = require_words(entry.get("character", take.character), f"'character' in {where}")
+        take.rig = _rig(entry, where, folder)
         take.seed = validate.whole(
             entry.get("seed", take.seed), f"'seed' in {where}", JobError, 0, _LARGEST_SEED
         )
+        validate.whole(entry.get("variations", 1), f"'variations' in {where}", JobError, 1, _MOST_VARIATIONS)
         start = entry.get("start_frame", take.start_frame)
         take.start_frame = validate.whole(
             start, f"'start_frame' in {where}", JobError, _FIRST_FRAME, _LAST_START
@@ -84,6 +95,30 @@ def _take(entry: Any, number: int, folder: Path) -> JobTake:
     except NsmError as error:
         take.error = str(error)
     return take
+
+
+def _variations(take: JobTake, entry: Any) -> list[JobTake]:
+    """A take as often as its entry asks for: each by another seed, its number in its name and its files."""
+    count = 1 if take.error else entry.get("variations", 1)
+    if count == 1:
+        return [take]
+    return [
+        replace(
+            take,
+            name=f"{take.name} {number}",
+            seed=(take.seed + number - 1) % (_LARGEST_SEED + 1),
+            outputs={k: path.with_stem(f"{path.stem}-{number}") for k, path in take.outputs.items()},
+        )
+        for number in range(1, count + 1)
+    ]
+
+
+def _rig(entry: dict[str, Any], where: str, folder: Path) -> str | Path:
+    """The bone map that a take asks for: a file where it ends as one, else the name of a preset."""
+    if "rig" not in entry:
+        return ""
+    words = require_words(entry["rig"], f"'rig' in {where}")
+    return require_path(words, f"'rig' in {where}", folder) if words.lower().endswith(".toml") else words
 
 
 def _goal(entry: Any, where: str) -> JobGoal:

@@ -87,6 +87,16 @@ def load_preset(path: str | Path) -> Preset:
     return _read(path, path.stat().st_mtime_ns if path.exists() else 0)
 
 
+def named_preset(name: str) -> Preset:
+    """The preset of a name, the user's own before the add-on's; SkeletonError lists the names there are."""
+    files = [path for path, _ in preset_files()]
+    found = next((path for path in files if path.stem == name), None)
+    if found is None:
+        names = ", ".join(dict.fromkeys(path.stem for path in files))
+        raise SkeletonError(f"There is no bone map '{name}'; take one of {names}, or name a file (.toml).")
+    return load_preset(found)
+
+
 @lru_cache(maxsize=64)
 def _read(path: Path, _changed: int) -> Preset:
     try:
