@@ -1,4 +1,4 @@
-"""What a take of a job file may ask for beyond its goals: variations, and a bone map."""
+"""What a take of a job file may ask for beyond its goals: variations, a bone map, and how it begins."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from nsm_blender import batch
 from nsm_blender.animation.channels import curves_in
 from nsm_blender.jobs.read import read_job
 from nsm_blender.rigs.bone_map import BoneMap
+from nsm_blender.rigs.character import add_character
 from nsm_blender.rigs.presets import save_preset
 
 IDLE = "goals = [{ action = 'idle', hold = 0.2 }]\n"
@@ -101,3 +102,27 @@ class TestRig:
     )
     def test_what_does_not_fit_is_told_in_a_sentence(self, room, rig, words):
         assert words in self.run(room, rig)["error"]
+
+
+class TestStart:
+    @pytest.mark.parametrize("line", ['start = "sitting"', "start = 3", "start = ['pose']"])
+    def test_another_word_is_refused(self, tmp_path, line):
+        error = take_of(tmp_path, f'name = "a"\n{line}\n{IDLE}').error
+        assert error.startswith("'start' in take 'a' is") and error.endswith('it must be "stand" or "pose".')
+
+    def test_pose_goes_on_from_the_pose_at_the_start_frame(self, tmp_path):
+        character = add_character((0.0, 0.0, 0.0))
+        head = character.pose.bones["Head"]
+        head.rotation_mode = "XYZ"
+        head.rotation_euler = (0.0, 0.6, 0.0)
+        head.keyframe_insert("rotation_euler", frame=10)
+        character.pose.bones["Hips"].keyframe_insert("location", frame=10)
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "room.blend"))
+        turned = {}
+        for start in ("stand", "pose"):
+            line = f'name = "a"\nstart_frame = 10\nstart = "{start}"\nout = "{start}.blend"\n'
+            assert batch.main([str(write_job(tmp_path, line + IDLE))], [].append) == 0
+            bpy.ops.wm.open_mainfile(filepath=str(tmp_path / f"{start}.blend"))
+            bpy.context.scene.frame_set(10)
+            turned[start] = bpy.data.objects["Character"].pose.bones["Head"].matrix.to_3x3()
+        assert (turned["pose"].inverted() @ turned["stand"]).to_quaternion().angle > 0.4

@@ -28,11 +28,10 @@ class JobTake:
 
     name: str
     character: str = "Character"
-    rig: str | Path = (
-        ""  # the character's bone map: the name of a preset, or a file; as it has it where empty
-    )
+    rig: str | Path = ""  # bone map: name of a preset, or a file; where empty, the one that it has
     seed: int = 0
     start_frame: int = 1
+    start: str = "stand"  # or "pose": from the pose and the pace at the start frame
     contact_ik: bool = True
     overwrite: bool = False  # whether ``out`` may take the place of the scene
     goals: list[JobGoal] = field(default_factory=list)

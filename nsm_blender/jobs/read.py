@@ -10,6 +10,7 @@ from nsm_core import validate
 from nsm_core.errors import JobError, NsmError
 from nsm_core.world.actions import Aim, require_action
 
+from ..begin import POSE, STAND
 from .job import Job, JobGoal, JobTake
 from .paths import refuse_clashes, require_path, require_words
 from .ways import WAY_KEYS, read_way
@@ -17,8 +18,8 @@ from .ways import WAY_KEYS, read_way
 OUTPUTS = ("report", "out", "sheet", "video", "bvh", "glb")
 _JOB_KEYS = ("scene", "scripts", "take")
 _TAKE_KEYS = (
-    "name", "character", "rig", "seed", "variations", "start_frame", "contact_ik", "goals", "overwrite",
-    *OUTPUTS,
+    "name", "character", "rig", "seed", "variations", "start", "start_frame", "contact_ik", "goals",
+    "overwrite", *OUTPUTS,
 )  # fmt: skip
 _GOAL_KEYS = ("object", "action", "to", "hold", "location", *WAY_KEYS)
 # Blender's first frame, and one that leaves its last 48,574 to the take.
@@ -82,6 +83,11 @@ def _take(entry: Any, number: int, folder: Path) -> JobTake:
             entry.get("seed", take.seed), f"'seed' in {where}", JobError, 0, _LARGEST_SEED
         )
         validate.whole(entry.get("variations", 1), f"'variations' in {where}", JobError, 1, _MOST_VARIATIONS)
+        take.start = entry.get("start", take.start)
+        if take.start not in (STAND, POSE):
+            raise JobError(
+                f'\'start\' in {where} is {validate.shown(take.start)}; it must be "{STAND}" or "{POSE}".'
+            )
         start = entry.get("start_frame", take.start_frame)
         take.start_frame = validate.whole(
             start, f"'start_frame' in {where}", JobError, _FIRST_FRAME, _LAST_START
