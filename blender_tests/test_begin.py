@@ -10,7 +10,7 @@ from scenes import box, empty, furnish
 import nsm_blender
 from nsm_blender.animation.channels import curves_in
 from nsm_blender.goals.spec import GoalSpec
-from nsm_blender.keys.keying import read_back
+from nsm_blender.keys.keying import discard_take, read_back
 from nsm_blender.prepare import TakeSpec
 from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import Take, finish, generate
@@ -142,8 +142,18 @@ def test_a_box_keeps_what_was_keyed_of_it_before(room):
 
     before = track()
     goal = GoalSpec("carry", crate, 0.3, to=empty("Back", (-1.2, -0.4, 0.15)))
-    second = finish(generate(TakeSpec(character, [goal], start_frame=end, begin="pose"), bpy.context.scene))
+    second = finish(generate(TakeSpec(character, [goal], start_frame=end, begin="pose"), scene))
     assert second.report["goals"][0]["reached"]
+    assert np.abs(track() - before).max() < 1e-4
+    # Cut short where the box was not yet taken, it stays where it was; on the way nobody can go on.
+    held = 1 + 6 * int(np.flatnonzero(np.abs(np.diff(before, axis=0)).max(1) > 1e-3)[0])
+    walk = [GoalSpec("walk", None, 0.2, location=(1.5, -1.5, 0.0))]
+    with pytest.raises(GoalError, match="Crate is being moved"):
+        finish(generate(TakeSpec(character, walk, start_frame=held + 14, begin="pose"), scene))
+    third = finish(generate(TakeSpec(character, walk, start_frame=held - 12, begin="pose"), scene))
+    assert [thing.object for thing in third.keyed.things] == [crate]
+    assert np.abs(track() - before[0]).max() < 1e-4
+    discard_take(third.keyed)
     assert np.abs(track() - before).max() < 1e-4
 
 

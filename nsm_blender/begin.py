@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Generator
 
 import bpy
@@ -11,11 +12,13 @@ from nsm_core.body.skeleton import FEET, HIP_OVER_SEAT, HIPS, forward_kinematics
 from nsm_core.control.goals import Goal
 from nsm_core.control.start import Start
 from nsm_core.conventions import FPS
+from nsm_core.errors import GoalError
 from nsm_core.model.features.state import WINDOW
 from nsm_core.rotations import Array
 
+from .animation.channels import curves_in
 from .goals.loose_parts import seat_body
-from .keys.keying import scene_fps
+from .keys.keying import KeyedTake, scene_fps
 from .keys.layers import may_move
 from .progress import Progress, staged
 from .rigs.armature import Placement, read_world_pose
@@ -26,10 +29,12 @@ from .world.solids import Solid
 from .world.surroundings import Surroundings
 
 BEGIN = "nsm_begin"  # on the action of a take: how it began, and its first frame
+TAKE = "nsm_take"  # on all actions of one take: the same word
 STAND, POSE = "stand", "pose"
 # Seated: thighs that drop by less than this share of their length, a seat this near under the hips, metres,
 # and hips that rest, m/s.
 _THIGH, _UNDER, _RESTS = 0.75, 0.12, 0.2
+_RESTING_THING = 1e-4  # by which the channels of a thing at rest may change in two frames
 _AT_REST = 1e-3  # by which bones may differ from their rest pose that nobody has posed
 
 
@@ -51,9 +56,37 @@ def goes_on(armature: bpy.types.Object, start_frame: float) -> bool:
     )
 
 
-def note_begin(action: bpy.types.Action, begin: str, start_frame: float) -> None:
-    """Note on a take's action how it began."""
-    action[BEGIN] = [float(begin == POSE), float(start_frame)]
+def note_begin(take: KeyedTake, begin: str) -> None:
+    """Note on a take's actions how it began, and that they belong together."""
+    take.action[BEGIN] = [float(begin == POSE), float(take.frame_start)]
+    token = secrets.token_hex(8)
+    for action in (take.action, *(thing.action for thing in take.things)):
+        action[TAKE] = token
+
+
+def others_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """What the take moves that a character shows now, each with the take's own keys."""
+    token = _token(armature)
+    return [] if not token else [o for o in scene.objects if o != armature and _token(o) == token]
+
+
+def _token(target: bpy.types.Object) -> str:
+    action = target.animation_data.action if target.animation_data else None
+    return str(action.get(TAKE, "")) if action is not None else ""
+
+
+def require_at_rest(armature: bpy.types.Object, scene: bpy.types.Scene, frame: float) -> None:
+    """Raise GoalError where what the character's present take moves is on its way at a frame: it may be in
+    its hands.
+    """
+    for thing in others_of(armature, scene):
+        data = thing.animation_data
+        for curve in curves_in(data.action, getattr(data, "action_slot", None)):
+            if abs(curve.evaluate(frame + 1) - curve.evaluate(frame - 1)) > _RESTING_THING:
+                raise GoalError(
+                    f"{thing.name} is being moved by {armature.name} at frame {frame:g}; go on from a frame "
+                    "before it is taken, or after it has come to rest."
+                )
 
 
 def reading_start(

@@ -15,7 +15,7 @@ from nsm_core.errors import GoalError, NsmError, SkeletonError
 from nsm_core.rotations import Array
 
 from .animation.kept import SceneState
-from .begin import POSE, STAND, goes_on, reading_start
+from .begin import POSE, STAND, goes_on, reading_start, require_at_rest
 from .goals.resolve import make_goal_point, moved_by, place_after, require_possible, resolve, sought
 from .goals.spec import GoalSpec
 from .keys.objects import MovedObject, require_movable, rides_along
@@ -88,6 +88,7 @@ def prepare(
         figure = yield from _figure_of(spec.character)
         motion = None
         if spec.begin == POSE and goes_on(spec.character, spec.start_frame):
+            require_at_rest(spec.character, scene, spec.start_frame)
             motion = yield from reading_start(spec.character, scene, frame, spec.start_frame, around)
     finally:
         state.restore()

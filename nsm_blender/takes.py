@@ -22,9 +22,9 @@ from nsm_core.rotations import Array
 from nsm_core.world.actions import require_learned
 
 from .animation.kept import Kept, restored_on_failure
-from .begin import POSE, STAND, note_begin
+from .begin import POSE, STAND, note_begin, others_of
 from .goals.resolve import require_room_for
-from .keys.keying import KeyedTake, key_take_steps, key_things
+from .keys.keying import KeyedTake, end_things, key_take_steps, key_things
 from .keys.layers import require_keyable
 from .keys.objects import MovedObject
 from .keys.report import build_report
@@ -114,14 +114,17 @@ def key_and_check(
     """
     with restored_on_failure(Kept(scene, [spec.character, *(thing.object for thing in things.values())])):
         keep = request.start is not None
+        before = others_of(spec.character, scene)
         begin, title, hips = time.perf_counter(), spec.title(), frame.to_world(result.hips_position)
         steps = key_take_steps(
             spec.character, hips, result.local_rotations, spec.start_frame, FPS, title, scene, keep
         )
         keyed = yield from staged("Making keys", steps)
-        note_begin(keyed.action, POSE if keep else STAND, spec.start_frame)
         moved = [(thing, result.props[thing.prop]) for thing in things.values()]
         yield from staged("Making keys", key_things(keyed, moved, FPS, title, scene, keep))
+        if keep:
+            end_things(keyed, before, title)
+        note_begin(keyed, POSE if keep else STAND)
         keying_ms = (time.perf_counter() - begin) * 1000 / max(len(result.hips_position), 1)
         seen = yield from staged("Checking", look_at(keyed, result, frame, things, scene))
         report = yield from waited(

@@ -23,7 +23,7 @@ from ..rigs.bone_map import bone_map_of
 from ..rigs.mount import Mount, go_to, last, over_frames
 from .before import keep_before
 from .layers import bones_between, carried, channels_of_strips, require_keyable, rotation_channel
-from .objects import KeyedThing, MovedObject, key_thing, take_off_thing
+from .objects import KeyedThing, MovedObject, end_thing, key_thing, take_off_thing
 
 __all__ = ["KeyedTake", "StartPose", "discard_take", "key_take", "read_back", "read_pose", "resample_take"]
 
@@ -207,6 +207,16 @@ def key_things(
         discard_take(take)
         raise
     _touch(take.armature)
+
+
+def end_things(take: KeyedTake, things: Sequence[bpy.types.Object], name: str) -> None:
+    """Have what an earlier take moved come to rest where ``take`` begins, unless that moves it, too: its own
+    action gives way to one that ends there.
+    """
+    mine = {thing.object for thing in take.things}
+    for thing in things:
+        if thing not in mine:
+            take.things.append(end_thing(thing, take.frame_start, f"{name} {thing.name}"))
 
 
 def take_off(take: KeyedTake) -> None:

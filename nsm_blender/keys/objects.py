@@ -234,6 +234,21 @@ def key_thing(
     return keyed
 
 
+def end_thing(target: bpy.types.Object, frame: float, name: str) -> KeyedThing:
+    """Give an animated object an action that is its own up to ``frame`` and holds from there on."""
+    data = target.animation_data
+    previous, slot = data.action, getattr(data, "action_slot", None)
+    keyed = KeyedThing(target, None, None, previous, slot, previous.use_fake_user, transform_of(target))
+    with restored_on_failure(Kept(bpy.context.scene, [target])):
+        previous.use_fake_user = True  # or it would be lost with the file's next save
+        channels = new_action(name, target.name)
+        keep_before(channels, previous, slot, frame)
+        assign(target, channels.action, channels.slot)
+        target.update_tag(refresh={"TIME"})
+    keyed.action, keyed.slot = channels.action, channels.slot
+    return keyed
+
+
 def take_off_thing(keyed: KeyedThing) -> None:
     """Give a moved object back the action and the place it had; its take's own action stays in the file."""
     if keyed.previous_action:
