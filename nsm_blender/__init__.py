@@ -75,9 +75,9 @@ def __dir__() -> list[str]:
 
 def register() -> None:
     """Add operators, panel and scene settings to Blender; a second call changes nothing."""
-    from .ui import operators, panels, properties, watch
+    from .ui import operators, overlays, panels, properties, watch
 
-    for cls in (*properties.CLASSES, *operators.CLASSES, *panels.CLASSES):
+    for cls in (*properties.CLASSES, *overlays.CLASSES, *operators.CLASSES, *panels.CLASSES):
         if not cls.is_registered:
             bpy.utils.register_class(cls)
     if not hasattr(bpy.types.Scene, "nsm"):
@@ -89,6 +89,7 @@ def register() -> None:
             type=properties.NsmQueue, override=properties.OVERRIDABLE
         )
     operators.help.install()
+    overlays.install()
     watch.install()
     # The wheel complains of leaks, and can hang, when a program ends with classes registered.
     if bpy.app.module:
@@ -98,17 +99,18 @@ def register() -> None:
 
 def unregister() -> None:
     """Take them away again; what a file holds stays in it.  A second call changes nothing."""
-    from .ui import operators, panels, properties, running, watch
+    from .ui import operators, overlays, panels, properties, running, watch
 
     running.interrupt("The add-on was switched off meanwhile, so Generate stopped and nothing was keyed.")
     watch.uninstall()
     operators.help.uninstall()
+    overlays.uninstall()
     if hasattr(bpy.types.Scene, "nsm"):
         del bpy.types.Scene.nsm
     if hasattr(bpy.types.Armature, "nsm_rig"):
         del bpy.types.Armature.nsm_rig
     if hasattr(bpy.types.Object, "nsm_queue"):
         del bpy.types.Object.nsm_queue
-    for cls in reversed((*properties.CLASSES, *operators.CLASSES, *panels.CLASSES)):
+    for cls in reversed((*properties.CLASSES, *overlays.CLASSES, *operators.CLASSES, *panels.CLASSES)):
         if cls.is_registered:
             bpy.utils.unregister_class(cls)

@@ -30,7 +30,10 @@ from .demo_scene.room import DemoRoom, build_room
 from .goals.spec import GoalSpec
 from .keys.report import goal_line
 from .leaving import leave
+from .outlook import outlook
+from .overlays.picture import View, overlay_sheet
 from .pictures import outputs, render
+from .progress import finish
 from .rigs.character import add_character
 
 FPS = 30
@@ -61,6 +64,7 @@ def make_demo(options: argparse.Namespace) -> int:
         character, goals, name="Demo", start_frame=1, seed=options.seed, contact_ik=not options.no_contact_ik
     )
     lines = [Line("Take"), Line("Contact sheet"), Line("Video")]
+    before = finish(outlook(spec, scene)) if options.overlays else None
     with lines[0] as line:
         take = _generate(spec, scene, line)
     scene.frame_start, scene.frame_end = take.keyed.frame_start, take.keyed.frame_end
@@ -71,17 +75,38 @@ def make_demo(options: argparse.Namespace) -> int:
         render.contact_sheet(
             take.keyed, out / "demo.png", tiles=options.tiles, direction=room.view, progress=line
         )
+    if options.overlays:
+        overlay_sheet(take.keyed, out / "overlays.png", overlay_views(take), before, direction=room.view)
     if not options.no_video:
         with lines[2] as line:
             size = (options.width, options.width * 9 // 16)
             render.video(take.keyed, out / "demo.mp4", size, options.video_step, room.view, progress=line)
     print_report(take.report)
-    for name in ("demo.blend", "demo.png", "demo.json", *(() if options.no_video else ("demo.mp4",))):
+    more = {"demo.mp4": not options.no_video, "overlays.png": options.overlays}
+    for name in ("demo.blend", "demo.png", "demo.json", *(name for name, made in more.items() if made)):
         print(f"  {out / name}")
     parts = ", ".join(f"{line.label.lower()} {line.spent:.0f} s" for line in lines if line.spent)
     motion = take.report["frames"] / take.report["fps"]
     print(f"Done in {time.perf_counter() - began:.0f} s ({parts}) for {motion:.0f} s of motion.", flush=True)
     return 0 if all(goal["reached"] for goal in take.report["goals"]) else 1
+
+
+def overlay_views(take: takes.Take) -> list[View]:
+    """Moments of a take at which its overlays tell most: before it, on the way, at the first goal, and where
+    something is held.
+    """
+    first, goals = take.keyed.frame_start, take.result.goals
+    at = [first + (goal.start_frame + goal.end_frame) // 2 for goal in goals]
+    seated = first + goals[0].end_frame
+    held = next((first + g.taken.frame for g in goals if g.taken is not None and g.taken.frame > 0), at[-1])
+    return [
+        View(("colliders", "goals", "way"), first, whole=True),
+        View(("environment",), at[0]),
+        View(("trajectories", "gating"), at[0]),
+        View(("interaction", "goals"), seated),
+        View(("interaction", "goals"), held),
+        View(("environment", "trajectories"), at[-1]),
+    ]
 
 
 def goals_in(room: DemoRoom, hold: float = 2.0) -> list[GoalSpec]:
@@ -215,6 +240,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--no-contact-ik", action="store_true", help="show the network alone")
     parser.add_argument("--tiles", type=int, default=15, help="pictures on the contact sheet")
     parser.add_argument("--no-video", action="store_true")
+    parser.add_argument(
+        "--overlays", action="store_true", help="also render what the character senses and plans"
+    )
     parser.add_argument("--width", type=int, default=384, help="width of the video, pixels")
     parser.add_argument(
         "--video-step",

@@ -29,6 +29,7 @@ from .keys.layers import require_keyable
 from .keys.objects import MovedObject
 from .keys.report import build_report
 from .keys.shown import look_at
+from .overlays.kept import remember_take
 from .prepare import TakeSpec, prepare, require_character
 from .progress import Progress, finish, staged, waited
 from .world.beside import beside
@@ -130,6 +131,7 @@ def key_and_check(
         report = yield from waited(
             "Checking", lambda _: build_report(title, result, seen, keyed, request, keying_ms)
         )
+        remember_take(keyed, spec.start_frame, request, result, frame)
         return Take(keyed, report, result, frame)
 
 

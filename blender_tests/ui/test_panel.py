@@ -70,8 +70,8 @@ class Layout:
 
     def template_list(self, kind, _name, data, collection, active_data, active, **_):
         assert hasattr(bpy.types, kind)
-        for row in getattr(data, collection):
-            getattr(panels, kind).draw_item(None, None, self, data, row, 0, active_data, active)
+        for index, row in enumerate(getattr(data, collection)):
+            getattr(panels, kind).draw_item(None, bpy.context, self, data, row, 0, active_data, active, index)
 
     def progress(self, factor, text):
         assert 0 <= factor <= 1

@@ -55,7 +55,7 @@ def contact_sheet(
             scene.frame_set(int(frame))
             tile = folder / f"{frame:06d}.png"
             scene.render.filepath = str(tile)
-            _render(tile, png_is_whole, write_still=True, scene=scene.name)
+            render_still(tile, scene)
             picture = halved(read_png(tile))
             if numbers:
                 stamp(
@@ -121,6 +121,13 @@ def use_mp4(scene: bpy.types.Scene) -> None:
     ffmpeg.format, ffmpeg.codec = "MPEG4", "H264"
     ffmpeg.constant_rate_factor, ffmpeg.ffmpeg_preset = "HIGH", "GOOD"
     ffmpeg.audio_codec = "NONE"
+
+
+def render_still(made: Path, scene: bpy.types.Scene) -> None:
+    """Render the current frame to the scene's output path, which is ``made``; OutputError where that
+    fails.
+    """
+    _render(made, png_is_whole, write_still=True, scene=scene.name)
 
 
 def _render(made: Path, is_whole: Callable[[Path], bool], **how: str | bool) -> None:

@@ -9,8 +9,8 @@ import bpy
 from nsm_core.world.actions import Aim
 
 from ..goals.registry import FINDERS
-from . import running
-from .drawing import Sidebar
+from . import lookout, running
+from .drawing import Sidebar, sentence
 from .properties import action_of, queue_of
 from .ways import draw_way
 
@@ -20,14 +20,14 @@ class NSM_UL_goals(bpy.types.UIList):
 
     def draw_item(
         self,
-        _context: bpy.types.Context,
+        context: bpy.types.Context,
         layout: Any,
         _data: Any,
         item: Any,
         _icon: int,
         _active: Any,
         _property: str,
-        _index: int = 0,
+        index: int = 0,
     ) -> None:
         row = layout.row(align=True)
         row.prop(item, "enabled", text="")
@@ -50,6 +50,18 @@ class NSM_UL_goals(bpy.types.UIList):
             to = item.destination
             body.label(text=f"to {to.name}" if to else "No destination", icon="NONE" if to else "ERROR")
         body.prop(item, "action", text="", emboss=False)
+        if item.enabled:
+            problem, checked = judged(context.scene, index, item)
+            body.label(text="", icon="ERROR" if problem else "CHECKMARK" if checked else "BLANK1")
+
+
+def judged(scene: bpy.types.Scene, index: int, row: Any) -> tuple[str, bool]:
+    """Why a row of the queue cannot be done, as a sentence, empty where nothing is known against it; and
+    whether it was checked in the scene as it is.
+    """
+    problem = running.problem_of_row(index + 1, row, scene)
+    told = None if problem else lookout.told_of(scene, index, row)
+    return (told.problem, True) if told is not None else (problem, False)
 
 
 class NSM_PT_goals(Sidebar, bpy.types.Panel):
@@ -73,8 +85,16 @@ class NSM_PT_goals(Sidebar, bpy.types.Panel):
         if 0 <= queue.active_goal < len(queue.goals):
             column = layout.column()
             column.enabled = idle
-            _draw_goal(column, queue.goals[queue.active_goal])
-        layout.operator("nsm.goal_points", icon="EMPTY_ARROWS")
+            chosen = queue.goals[queue.active_goal]
+            _draw_goal(column, chosen)
+            problem, _ = judged(context.scene, queue.active_goal, chosen)
+            if problem and chosen.enabled:
+                sentence(context, layout, problem, "ERROR")
+        row = layout.row(align=True)
+        row.operator("nsm.check_goals", icon="CHECKMARK")
+        row.operator("nsm.goal_points", icon="EMPTY_ARROWS")
+        if lookout.under_way():
+            layout.label(text="Looking at the scene ...", icon="SORTTIME")
 
 
 def _draw_goal(layout: Any, goal: Any) -> None:

@@ -14,6 +14,7 @@ from .character_panel import NSM_PT_character
 from .drawing import Sidebar
 from .generate_panel import NSM_PT_generate
 from .goals_panel import NSM_PT_goals, NSM_UL_goals
+from .overlays_panel import NSM_PT_overlays
 from .takes_panel import NSM_PT_takes, NSM_UL_takes
 
 
@@ -42,4 +43,5 @@ CLASSES = (
     NSM_PT_goals,
     NSM_PT_generate,
     NSM_PT_takes,
+    NSM_PT_overlays,
 )

@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import bpy
 
-from nsm_core.world.actions import BY_KEY
+from nsm_core.world.actions import BY_KEY, Aim
 
 from ..rigs.bone_map import told_map
 from ..world.frame import holds
@@ -90,19 +91,11 @@ def reason_busy() -> str:
 
 def reason_not_ready(context: bpy.types.Context) -> str:
     """Why Generate cannot start, as a sentence with what to do; empty when it can."""
-    settings = context.scene.nsm
-    character = settings.character
     if _running is not None:
         return reason_busy()
-    if character is None:
-        return "No character is chosen; choose its armature, or add the bundled character."
-    if not holds(context.scene, character):
-        return f"The character {character.name} is no longer in this scene; choose another one."
-    if character.type != "ARMATURE":
-        return f"{character.name} is no armature, and none moves it; choose the armature that is to act."
-    problem = told_map(character).problem(character.name, character.data.bones)
-    if problem:
-        return problem
+    reason = reason_no_character(context.scene)
+    if reason:
+        return reason
     goals = queue_of(context.scene).goals
     if not len(goals):
         return "There is no goal yet; select a seat and press the plus beside the list."
@@ -110,18 +103,48 @@ def reason_not_ready(context: bpy.types.Context) -> str:
     if not enabled:
         return "No goal is enabled; tick one in the list."
     for number, goal in enabled:
-        action = BY_KEY.get(goal.action)
-        if action is None:
-            return unknown_action(number, goal.object.name if goal.object else "")
-        if goal.object is None and action.needs_object:
-            return f"A goal to {goal.action} has no object; choose one, or remove the goal."
-        if goal.destination is None and action.needs_destination:
-            return (
-                f"A goal to {goal.action} {goal.object.name} has no destination; choose the object or empty "
-                "where it goes."
-            )
+        problem = problem_of_row(number, goal, context.scene)
+        if problem:
+            return problem
     if context.mode not in {"OBJECT", "POSE"}:
         return "Generate works in Object and Pose Mode; leave the present mode with Tab."
+    return ""
+
+
+def reason_no_character(scene: bpy.types.Scene) -> str:
+    """Why the chosen character cannot act, as a sentence with what to do; empty when it can."""
+    character = scene.nsm.character
+    if character is None:
+        return "No character is chosen; choose its armature, or add the bundled character."
+    if not holds(scene, character):
+        return f"The character {character.name} is no longer in this scene; choose another one."
+    if character.type != "ARMATURE":
+        return f"{character.name} is no armature, and none moves it; choose the armature that is to act."
+    return told_map(character).problem(character.name, character.data.bones)
+
+
+def problem_of_row(number: int, goal: Any, scene: bpy.types.Scene) -> str:
+    """What row ``number`` of the queue lacks, as a sentence with what to do; empty where it can be tried."""
+    action = BY_KEY.get(goal.action)
+    if action is None:
+        return unknown_action(number, goal.object.name if goal.object else "")
+    if action.aim is Aim.HERE:
+        return ""
+    if goal.object is None and action.needs_object:
+        return f"A goal to {goal.action} has no object; choose one, or remove the goal."
+    if goal.object is not None and not holds(scene, goal.object):
+        return f"The goal {goal.object.name} is no longer in this scene; choose another object."
+    if not action.needs_destination:
+        return ""
+    if goal.destination is None:
+        return (
+            f"A goal to {goal.action} {goal.object.name} has no destination; choose the object or empty "
+            "where it goes."
+        )
+    if not holds(scene, goal.destination):
+        return f"The destination {goal.destination.name} is no longer in this scene; choose another one."
+    if goal.destination == goal.object:
+        return f"{goal.object.name} cannot be set down on itself; choose another destination."
     return ""
 
 
