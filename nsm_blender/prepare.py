@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from nsm_core.body.capsules import Figure
+from nsm_core.body.key_reduction import Bound
 from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest
 from nsm_core.errors import GoalError, NsmError, SkeletonError
@@ -19,6 +20,7 @@ from .begin import POSE, STAND, goes_on, reading_start, require_at_rest
 from .goals.resolve import make_goal_point, moved_by, place_after, require_possible, resolve, sought
 from .goals.spec import GoalSpec
 from .keys.objects import MovedObject, require_movable, rides_along
+from .keys.style import PLAIN, KeyStyle
 from .progress import Progress, staged, waited
 from .rigs.armature import Placement, read_pose, require_skeleton
 from .rigs.mount import go_to
@@ -36,6 +38,9 @@ class TakeSpec:
 
     ``begin``: "stand" begins with a quiet stand where the character is at ``start_frame``; "pose" goes on
     from the pose and the pace that it has there, and keeps what is animated before.
+
+    ``root_motion`` is one of ``keys.root_motion.KINDS``; ``reduce`` how far the motion may be off for fewer
+    keys, None for one in every frame.
     """
 
     character: bpy.types.Object
@@ -45,10 +50,16 @@ class TakeSpec:
     seed: int = 0
     contact_ik: bool = True
     begin: str = STAND
+    root_motion: str = PLAIN.root_motion
+    reduce: Bound | None = None
 
     def __post_init__(self) -> None:
         if self.begin not in (STAND, POSE):
             raise GoalError(f'A take cannot begin with "{self.begin}"; give "{POSE}" or "{STAND}".')
+
+    def style(self) -> KeyStyle:
+        """How its keys are made."""
+        return KeyStyle(self.root_motion, self.reduce)
 
     def title(self) -> str:
         """Name of the take and of its action: as asked for, else after its goals."""

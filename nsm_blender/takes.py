@@ -28,6 +28,7 @@ from .keys.keying import KeyedTake, end_things, key_take_steps, key_things
 from .keys.layers import require_keyable
 from .keys.objects import MovedObject
 from .keys.report import build_report
+from .keys.root_motion import require_root
 from .keys.shown import look_at
 from .overlays.kept import remember_take
 from .prepare import TakeSpec, prepare, require_character
@@ -87,6 +88,7 @@ def generate(
     """
     require_character(spec.character, scene)
     require_keyable(spec.character)
+    require_root(spec.character, spec.root_motion)
     loading = _loading() if model is None else None
     request, frame, things = yield from prepare(spec, scene)
     for goal in request.goals:
@@ -118,7 +120,15 @@ def key_and_check(
         before = others_of(spec.character, scene)
         begin, title, hips = time.perf_counter(), spec.title(), frame.to_world(result.hips_position)
         steps = key_take_steps(
-            spec.character, hips, result.local_rotations, spec.start_frame, FPS, title, scene, keep
+            spec.character,
+            hips,
+            result.local_rotations,
+            spec.start_frame,
+            FPS,
+            title,
+            scene,
+            keep,
+            spec.style(),
         )
         keyed = yield from staged("Making keys", steps)
         moved = [(thing, result.props[thing.prop]) for thing in things.values()]

@@ -15,7 +15,11 @@ import numpy as np
 
 from .identity import identity
 
-LINEAR = bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items["LINEAR"].value
+LINEAR, BEZIER = (
+    bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items[kind].value
+    for kind in ("LINEAR", "BEZIER")
+)
+_ALIGNED = bpy.types.Keyframe.bl_rna.properties["handle_left_type"].enum_items["ALIGNED"].value
 # The type that marks keys as made by a tool came with 4.5; before that they are ordinary keys.
 _KEY_TYPES = bpy.types.Keyframe.bl_rna.properties["type"].enum_items
 GENERATED = _KEY_TYPES["GENERATED"].value if "GENERATED" in _KEY_TYPES else _KEY_TYPES["KEYFRAME"].value
@@ -29,19 +33,53 @@ class ActionChannels:
     slot: Any | None  # bpy.types.ActionSlot from 4.4 on
     bag: Any  # the channelbag, or the action itself before slots
 
+    def curves(
+        self,
+        path: str,
+        group: str,
+        frames: np.ndarray,
+        values: np.ndarray,
+        slopes: np.ndarray | None = None,
+    ) -> None:
+        """Add the F-curves of a property of C numbers: ``frames`` (N,), ``values`` and ``slopes`` (N, C), as
+        ``curve``.
+        """
+        for i in range(values.shape[1]):
+            self.curve(path, i, group, frames, values[:, i], None if slopes is None else slopes[:, i])
+
     def curve(
-        self, path: str, index: int, group: str, frames: np.ndarray, values: np.ndarray
+        self,
+        path: str,
+        index: int,
+        group: str,
+        frames: np.ndarray,
+        values: np.ndarray,
+        slopes: np.ndarray | None = None,
     ) -> bpy.types.FCurve:
-        """Add an F-curve with one linear, GENERATED key per frame: ``frames`` (N,), ``values`` (N,)."""
+        """Add an F-curve with one GENERATED key per frame: ``frames`` (N,), ``values`` (N,).
+
+        The keys are linear, or with ``slopes`` (N,), a frame, Bézier keys whose handles span a third of the
+        way to the next ones, so that the curve is the cubic with these slopes.
+        """
         fcurve = self.bag.fcurves.new(path, index=index)
         fcurve.group = self.bag.groups.get(group) or self.bag.groups.new(group)
         keys = fcurve.keyframe_points
         keys.add(len(frames))
-        keys.foreach_set("co", np.column_stack((frames, values)).astype(np.float32).ravel())
-        keys.foreach_set("interpolation", np.full(len(frames), LINEAR, np.intc))
+        keys.foreach_set("co", _pairs(frames, values))
         keys.foreach_set("type", np.full(len(frames), GENERATED, np.intc))
+        kind = LINEAR if slopes is None else BEZIER
+        keys.foreach_set("interpolation", np.full(len(frames), kind, np.intc))
+        if slopes is not None and len(frames) > 1:
+            thirds = np.diff(frames) / 3
+            for side, third in (("left", -np.r_[thirds[0], thirds]), ("right", np.r_[thirds, thirds[-1]])):
+                keys.foreach_set(f"handle_{side}_type", np.full(len(frames), _ALIGNED, np.intc))
+                keys.foreach_set(f"handle_{side}", _pairs(frames + third, values + slopes * third))
         fcurve.update()
         return fcurve
+
+
+def _pairs(frames: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return np.column_stack((frames, values)).astype(np.float32).ravel()
 
 
 _made: list[int | str] = []  # what tells the actions that the add-on has made in this session

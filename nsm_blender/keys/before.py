@@ -57,6 +57,25 @@ def keep_before(
         mine.update()
 
 
+def stand_before(
+    channels: ActionChannels,
+    action: bpy.types.Action | None,
+    slot: Any | None,
+    first: float,
+    values: dict[str, Iterable[float]],
+) -> None:
+    """Have what the new ``channels`` move from ``first`` on, and ``action`` does not, stand before that where
+    it stood: ``values`` by path.
+    """
+    old = set() if action is None else {c.data_path for c in curves_in(action, slot)}
+    for curve in channels.bag.fcurves:
+        if curve.data_path in values and curve.data_path not in old:
+            value = tuple(values[curve.data_path])[curve.array_index]
+            _add(curve, np.array([first - 1]), np.array([value]))
+            curve.update()
+            curve.keyframe_points[0].interpolation = "CONSTANT"
+
+
 def _prepend(mine: bpy.types.FCurve, old: bpy.types.FCurve, first: float) -> None:
     """Give a curve that begins at ``first`` the keys of an old one before it, and its shape in between."""
     places = np.empty(2 * len(old.keyframe_points))
@@ -123,8 +142,9 @@ def _turn_alike(
 
 
 def _change(curve: bpy.types.FCurve, change: Any) -> None:
-    places = np.empty(2 * len(curve.keyframe_points), np.float32)
-    curve.keyframe_points.foreach_get("co", places)
-    places[1::2] = change(places[1::2])
-    curve.keyframe_points.foreach_set("co", places)
+    for part in _KEY:
+        places = np.empty(2 * len(curve.keyframe_points), np.float32)
+        curve.keyframe_points.foreach_get(part, places)
+        places[1::2] = change(places[1::2])
+        curve.keyframe_points.foreach_set(part, places)
     curve.update()

@@ -8,26 +8,34 @@ from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Quaternion
+from mathutils import Matrix
 
 from nsm_core.body import clip
+from nsm_core.body.key_reduction import Reduced, reduce_keys
 from nsm_core.body.skeleton import HIPS, J
 from nsm_core.conventions import FPS
 from nsm_core.errors import NsmError, SkeletonError
-from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_normalize, quat_to_rotvec
+from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_normalize
 
-from ..animation.channels import ActionChannels, assign, new_action, remove_unused
+from ..animation.channels import ActionChannels, assign, new_action, remove_unused, transform_of
 from ..animation.kept import Kept, restored_on_failure
 from ..rigs.armature import Placement, StartPose, read_pose, read_world_pose
 from ..rigs.bone_map import bone_map_of
 from ..rigs.mount import Mount, go_to, last, over_frames
-from .before import keep_before
-from .layers import bones_between, carried, channels_of_strips, require_keyable, rotation_channel
+from ..world.beside import beside
+from .before import keep_before, stand_before
+from .layers import bones_between, carried, channels_of_strips, require_keyable
 from .objects import KeyedThing, MovedObject, end_thing, key_thing, take_off_thing
+from .root_motion import OBJECT, RootWay, require_root
+from .style import PLAIN, ROOT, KeptKeys, KeyStyle, body_of, kept_keys
+from .turns import continuous, rotation_channel, rotation_values
 
 __all__ = ["KeyedTake", "StartPose", "discard_take", "key_take", "read_back", "read_pose", "resample_take"]
 
 _NO_TURN = {"rotation_quaternion": (1.0, 0.0, 0.0, 0.0), "rotation_axis_angle": (0.0, 0.0, 1.0, 0.0)}
+
+
+_PLACE = ""  # the object itself, among the names of its bones
 
 
 @dataclass
@@ -48,6 +56,8 @@ class KeyedTake:
     # Bone name, matrix_basis before the take; or, where it has switches that are keyed, their values by name.
     previous_pose: list[tuple[str, Any]]
     things: list[KeyedThing] = field(default_factory=list)
+    reduced: Reduced | None = None  # where fewer keys were asked for
+    aside: list[Matrix] | None = None  # by which each frame is seen off its place, where it plays in place
 
     @property
     def first(self) -> int:
@@ -90,8 +100,11 @@ def key_take(
     fps: float = FPS,
     name: str = "Take",
     scene: bpy.types.Scene | None = None,
+    style: KeyStyle = PLAIN,
 ) -> KeyedTake:
     """Key a take as a new action on ``armature`` and keep the action it had.
+
+    ``style`` says what carries the root and how many keys stay.
 
     ``hips_position`` (T, 3), world metres, and ``local_rotations`` (T, 23, 4) at ``fps`` are resampled to the
     scene's rate from ``frame_start`` on.  The armature may stand, face, be scaled (evenly) and be carried as
@@ -99,7 +112,9 @@ def key_take(
     Raises SkeletonError (bones missing, misplaced or moved by something else) and NsmError (as
     ``layers.require_keyable``, bad numbers).  Whatever is raised, everything is then as before.
     """
-    return last(key_take_steps(armature, hips_position, local_rotations, frame_start, fps, name, scene))
+    return last(
+        key_take_steps(armature, hips_position, local_rotations, frame_start, fps, name, scene, style)
+    )
 
 
 def key_take_steps(
@@ -111,6 +126,7 @@ def key_take_steps(
     name: str = "Take",
     scene: bpy.types.Scene | None = None,
     keep: bool = False,
+    style: KeyStyle = PLAIN,
 ) -> Generator[float, None, KeyedTake]:
     """``key_take`` in slices: yields the share done after every frame that had to be looked at, and every
     bone keyed.  With ``keep``, what the armature's action shows before ``frame_start`` goes into the new one.
@@ -122,6 +138,7 @@ def key_take_steps(
     bpy.context.view_layer.update()
     placement = Placement.of(armature)
     require_keyable(armature)
+    require_root(armature, style.root_motion)
     hips_position = np.asarray(hips_position, dtype=np.float64)
     local_rotations = quat_normalize(np.asarray(local_rotations, dtype=np.float64))
     _require_take(hips_position, local_rotations)
@@ -132,7 +149,7 @@ def key_take_steps(
     data = armature.animation_data
     previous = data.action if data else None
     previous_slot = getattr(data, "action_slot", None) if previous else None
-    previous_pose = pose_of(armature)
+    previous_pose = pose_of(armature, placed=style.root_motion == OBJECT)
     with restored_on_failure(Kept(scene, [armature])):
         fake_user = bool(previous and previous.use_fake_user)
         if previous:
@@ -141,25 +158,49 @@ def key_take_steps(
         # Empty as it is: what carries the armature is read as it will be when the old action no longer plays.
         assign(armature, channels.action, channels.slot)
         bpy.context.view_layer.update()
-        apart = placement.keyed.apart
-        mounts = mounts_of(armature, placement)
-        if carried(armature):
-            every = yield from over_frames(scene, frames, lambda: mounts_of(armature, placement))
-            mounts = {j: Mount.over([each[j] for each in every]) for j in apart}
-            mounts[HIPS].require_one_size(armature.name)
+        root = None
+        if style.root_motion != PLAIN.root_motion:
+            root = RootWay.of(armature, style.root_motion, placement, hips, local, rate)
+        mounts = yield from _mounts_over(armature, placement, root, scene, frames)
         places, basis = bone_channels(armature, placement, mounts, hips, local)
+        modes = {
+            j: armature.pose.bones[placement.keyed.bones[j]].rotation_mode for j in placement.keyed.mapped
+        }
+        turns = {j: rotation_values(mode, basis[:, j]) for j, mode in modes.items()}
+        carrier = None if root is None else (yield from root.channels(scene, frames, mounts))
+        reduced, fewer = None, {}
+        if style.reduce is not None:
+            body = body_of(
+                placement, mounts, hips, local, turns, places, modes, set(_loose_joints(armature, placement)),
+                None if root is None or carrier is None else (root, carrier), rate,
+            )  # fmt: skip
+            reduced = yield from beside(lambda _: reduce_keys(body, style.reduce))
+            fewer = kept_keys(reduced, carrier is not None)
         others = channels_of_strips(armature)
+        if carrier is not None:
+            _key_moves(
+                channels, carrier.prefix, carrier.group, carrier.mode, frames, carrier.turns, carrier.places,
+                fewer.get(ROOT),
+            )  # fmt: skip
         for j in placement.keyed.mapped:
             yield j / J
             bone = armature.pose.bones[placement.keyed.bones[j]]
-            _key_bone(channels, bone, frames, basis[:, j], places.get(j), others)
+            _key_bone(channels, bone, frames, turns[j], places.get(j), others, fewer.get(j))
         for between in bones_between(armature):
             _key_still(channels, armature.pose.bones[between], frames, others)
+        if root is not None and root.bone:
+            moving = armature.pose.bones[root.bone]
+            _key_still(channels, moving, frames, others, turned=True, moved=True)
         _key_switches(channels, armature, frames)
         if keep:
             above = {
-                b.name for j in apart for b in armature.pose.bones[placement.keyed.bones[j]].parent_recursive
+                b.name
+                for j in placement.keyed.apart
+                for b in armature.pose.bones[placement.keyed.bones[j]].parent_recursive
             }
+            if carrier is not None:
+                values = carrier.now(armature)
+                stand_before(channels, previous, previous_slot, frame_start, values)
             keep_before(channels, previous, previous_slot, frame_start, above)
             scene.frame_set(shown[0], subframe=shown[1])
         _touch(armature)
@@ -174,6 +215,8 @@ def key_take_steps(
         previous_slot,
         fake_user,
         previous_pose,
+        reduced=reduced,
+        aside=None if root is None else root.aside(),
     )
 
 
@@ -231,7 +274,10 @@ def take_off(take: KeyedTake) -> None:
     bpy.context.view_layer.update()  # the old action plays once more, before the pose that was not keyed
     for name, matrix in take.previous_pose:
         bone = take.armature.pose.bones.get(name)
-        if bone is not None and isinstance(matrix, dict):
+        if name == _PLACE:
+            for channel, value in matrix.items():
+                setattr(take.armature, channel, value)
+        elif bone is not None and isinstance(matrix, dict):
             set_switches(bone, matrix)
         elif bone is not None:
             bone.matrix_basis = matrix
@@ -248,17 +294,50 @@ def discard_take(take: KeyedTake) -> None:
         remove_unused(made.action)
 
 
-def pose_of(armature: bpy.types.Object) -> list[tuple[str, Any]]:
+def pose_of(armature: bpy.types.Object, placed: bool = False) -> list[tuple[str, Any]]:
     """What a take must be able to give back of a pose: bones with their ``matrix_basis``, and with the values
-    of their switches that are keyed.
+    of their switches that are keyed; and where it is ``placed`` by the take, the object's own transform.
     """
     pose: list[tuple[str, Any]] = [(bone.name, bone.matrix_basis.copy()) for bone in armature.pose.bones]
-    return pose + switches_of(armature)
+    return pose + switches_of(armature) + ([(_PLACE, transform_of(armature))] if placed else [])
 
 
-def mounts_of(armature: bpy.types.Object, placement: Placement) -> dict[int, Mount]:
-    """Where the channels of the bones begin that get locations, by their joint."""
-    return {j: Mount.of(armature, placement.keyed.bones[j]) for j in placement.keyed.apart}
+def mounts_of(
+    armature: bpy.types.Object, placement: Placement, carrier: Matrix | None = None
+) -> dict[int, Mount]:
+    """Where the channels of the bones begin that get locations, by their joint; ``carrier`` as for
+    ``Mount.of``.
+    """
+    return {j: Mount.of(armature, placement.keyed.bones[j], carrier) for j in placement.keyed.apart}
+
+
+def _mounts_over(
+    armature: bpy.types.Object,
+    placement: Placement,
+    root: RootWay | None,
+    scene: bpy.types.Scene,
+    frames: Array,
+) -> Generator[float, None, dict[int, Mount]]:
+    """The mounts of a take's frames, or of all in one where they stay: with what else carries the armature,
+    and with its root as that will be keyed.
+    """
+    rows = iter(range(len(frames)))
+
+    def read() -> dict[int, Mount]:
+        if root is None or not root.bone:
+            return mounts_of(armature, placement)
+        shown = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        return mounts_of(armature, placement, root.carrier(next(rows), shown))
+
+    if carried(armature):
+        every = yield from over_frames(scene, frames, read)
+    else:
+        every = [read() for _ in range(len(frames) if root is not None and root.bone else 1)]
+    mounts = {j: Mount.over([each[j] for each in every]) for j in placement.keyed.apart}
+    if root is not None:
+        mounts = root.mounted(mounts)
+    mounts[HIPS].require_one_size(armature.name)
+    return mounts
 
 
 def bone_channels(
@@ -281,7 +360,7 @@ def bone_channels(
     for j, mount in mounts.items():
         basis[:, j] = quat_mul(quat_conjugate(mount.turn), quat_mul(off, world[:, j]))
     locations = {j: mount.location(places[j] * placement.scale) for j, mount in mounts.items()}
-    return locations, _continuous(quat_normalize(basis))
+    return locations, continuous(quat_normalize(basis))
 
 
 def _loose_joints(armature: bpy.types.Object, placement: Placement) -> list[int]:
@@ -340,14 +419,13 @@ def _key_bone(
     channels: ActionChannels,
     bone: bpy.types.PoseBone,
     frames: Array,
-    basis: Array,
+    turns: Array,
     location: Array | None,
     others: set[tuple[str, str]],
+    kept: KeptKeys | None,
 ) -> None:
-    for suffix, values in _rotation_values(bone.rotation_mode, basis):
-        _curves(channels, bone, suffix, frames, values)
-    if location is not None:
-        _curves(channels, bone, "location", frames, location)
+    prefix = f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"].'
+    _key_moves(channels, prefix, bone.name, bone.rotation_mode, frames, turns, location, kept)
     _key_still(channels, bone, frames, others, turned=True, moved=location is not None)
 
 
@@ -373,38 +451,35 @@ def _key_still(
     for channel, done in (("location", moved), (rotation, turned), ("scale", False)):
         bent = max(abs(a - b) for a, b in zip(getattr(bone, channel), rest[channel], strict=True)) > 1e-6
         if not done and (bent or (bone.name, channel) in others):
-            _curves(channels, bone, channel, frames[:1], np.array([rest[channel]]))
+            path = f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"].{channel}'
+            channels.curves(path, bone.name, frames[:1], np.array([rest[channel]]))
 
 
-def _curves(
-    channels: ActionChannels, bone: bpy.types.PoseBone, suffix: str, frames: Array, values: Array
+def _key_moves(
+    channels: ActionChannels,
+    prefix: str,
+    group: str,
+    mode: str,
+    frames: Array,
+    turns: Array,
+    places: Array | None,
+    kept: KeptKeys | None,
 ) -> None:
-    path = f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"].{suffix}'
-    for i in range(values.shape[1]):
-        channels.curve(path, i, bone.name, frames, values[:, i])
-
-
-def _rotation_values(mode: str, basis: Array) -> list[tuple[str, Array]]:
-    """The rotation channel of a bone in ``mode`` and its values (T, 3 or 4) for basis quaternions (T, 4)."""
-    if mode == "QUATERNION":
-        return [("rotation_quaternion", basis)]
-    if mode == "AXIS_ANGLE":
-        vector = quat_to_rotvec(basis)
-        angle = np.linalg.norm(vector, axis=-1, keepdims=True)
-        axis = np.where(angle > 1e-9, vector / np.maximum(angle, 1e-9), (0.0, 1.0, 0.0))
-        return [("rotation_axis_angle", np.concatenate((angle, axis), axis=-1))]
-    eulers = []
-    for q in basis:
-        euler = Quaternion(q).to_euler(mode, eulers[-1]) if eulers else Quaternion(q).to_euler(mode)
-        eulers.append(euler)
-    return [("rotation_euler", np.array(eulers))]
-
-
-def _continuous(q: Array) -> Array:
-    """Flip signs along time so that (T, J, 4) quaternions never jump to the other cover."""
-    flips = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0, -1.0, 1.0)
-    signs = np.concatenate((np.where(q[:1, :, 0] < 0, -1.0, 1.0), flips))
-    return q * np.cumprod(signs, axis=0)[..., None]
+    """Key rotation (N, 3 or 4) and location (N, 3) of what the paths begin with ``prefix``; where fewer keys
+    are kept, those.
+    """
+    width = turns.shape[1]
+    for path, values, part in (
+        (rotation_channel(mode), turns, slice(width)),
+        ("location", places, slice(width, None)),
+    ):
+        if values is None:
+            continue
+        if kept is None:
+            channels.curves(prefix + path, group, frames, values)
+        else:
+            slopes = kept.slopes[:, part]
+            channels.curves(prefix + path, group, frames[kept.rows], values[kept.rows], slopes)
 
 
 def _require_take(hips: Array, local: Array) -> None:

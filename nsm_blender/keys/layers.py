@@ -20,20 +20,15 @@ from ..animation.channels import strip_curves
 from ..rigs.armature import Placement
 from ..rigs.bone_map import bone_map_of
 from ..rigs.mount import Mount
+from .turns import rotation_channel
 
 _STRING = r'\["((?:[^"\\]|\\.)*)"\]'
 _BONE_PATH = re.compile(rf"pose\.bones{_STRING}\.(\w+)(?:{_STRING}\.(\w+))?$")
 _FLAG_PATH = re.compile(
     rf"bones{_STRING}\.(use_inherit_rotation|use_local_location|use_inherit_scale|inherit_scale)$"
 )
-_ROTATION_OF = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}
 _SWITCHES = {"influence", "mute", "enabled"}
 _SCALES = {"scale", "delta_scale"}
-
-
-def rotation_channel(mode: str) -> str:
-    """The channel that turns an object or a bone of this rotation mode."""
-    return _ROTATION_OF.get(mode, "rotation_euler")
 
 
 def bones_between(armature: bpy.types.Object) -> list[str]:
@@ -77,10 +72,15 @@ def require_keyable(armature: bpy.types.Object) -> None:
             "switch Inherit Rotation on in its bone properties."
         )
     Mount.of(armature, bone_map.hips)
-    _require_no_constraints(armature, bones)
-    _require_no_drivers(armature, bones)
+    require_bones_rule(armature, bones)
     _require_flags_kept(armature, bones)
     _require_size_kept(armature)
+
+
+def require_bones_rule(armature: bpy.types.Object, bones: list[str]) -> None:
+    """Raise a SkeletonError where constraints or drivers move one of these bones whatever its keys say."""
+    _require_no_constraints(armature, bones)
+    _require_no_drivers(armature, bones)
 
 
 def require_editable(target: bpy.types.Object) -> None:

@@ -27,9 +27,9 @@ from .layers import (
     may_move,
     require_action_rules,
     require_editable,
-    rotation_channel,
     varies,
 )
+from .turns import rotation_channel
 
 if TYPE_CHECKING:
     from ..world.frame import WorldFrame
@@ -75,7 +75,7 @@ class MovedObject:
         turn = delta_turn(target) @ own_turn(target)
         _require_unsheared(target)
         return cls(
-            target, frame, target.matrix_world.copy(), _space(target), turn, prop.pose.copy(), prop.name
+            target, frame, target.matrix_world.copy(), space_of(target), turn, prop.pose.copy(), prop.name
         )
 
     def world_at(self, pose: Array) -> Matrix:
@@ -144,7 +144,7 @@ def _require_unsheared(target: bpy.types.Object) -> None:
 
     So it is under parents of uneven scale, unless their vertical axis alone is longer or shorter.
     """
-    to_world = np.array(_space(target).inverted_safe(), dtype=np.float64)[:3, :3]
+    to_world = np.array(space_of(target).inverted_safe(), dtype=np.float64)[:3, :3]
     quarter = np.array(((0, -1, 0), (1, 0, 0), (0, 0, 1.0)))
     own = np.linalg.pinv(to_world) @ quarter @ to_world  # what would turn it so, seen from its own channels
     if np.abs(own @ own.T - np.eye(3)).max() > _SHEAR:
@@ -199,9 +199,11 @@ def key_thing(
     spaces = [thing.space]
     if target.parent is not None and may_move(target):
         rows = np.arange(len(poses))  # keys must hold it where it stands
-        spaces = yield from over_frames(scene, list(frame_start + rows), lambda: _space(target))
+        spaces = yield from over_frames(scene, list(frame_start + rows), lambda: space_of(target))
     frames = frame_start + rows
-    location, rotation, scale = _channel_values(thing, poses[rows], spaces)
+    moves = [thing.move_to(pose) for pose in poses[rows]]
+    location, rotation = channel_values(target, thing.world, thing.space, thing.turn, moves, spaces)
+    scale = np.array((thing.space @ thing.world).to_scale())
 
     data = target.animation_data
     previous = data.action if data else None
@@ -271,21 +273,28 @@ def moving_rows(poses: Array) -> Array:
     return np.flatnonzero(keyed)
 
 
-def _channel_values(thing: MovedObject, poses: Array, spaces: list[Matrix]) -> tuple[Array, Array, Array]:
-    """Location (N, 3), rotation (N, 3 or 4) in the object's mode and first scale (3,) that put it where
-    ``poses`` (N, 4) say.
+def channel_values(
+    target: bpy.types.Object,
+    world: Matrix,
+    space: Matrix,
+    own: Quaternion,
+    moves: Sequence[Matrix],
+    spaces: list[Matrix],
+) -> tuple[Array, Array]:
+    """Location (N, 3) and rotation (N, 3 or 4) in the object's mode that take it from its matrix ``world`` to
+    where N rigid ``moves`` of the world lead.
 
-    ``spaces``, one for each pose or one for all: from the world to the object's own channels, its parents as
-    they are then.
+    ``space`` is the one from the world to the object's own channels when it was there, ``own`` its rotation
+    in them, deltas included; ``spaces``, one for each move or one for all, its parents as they are then.
     """
-    target, mode = thing.object, thing.object.rotation_mode
-    undelta, back = delta_turn(target).inverted(), thing.space.inverted_safe()
+    mode = target.rotation_mode
+    undelta, back = delta_turn(target).inverted(), space.inverted_safe()
     location, rotation, last = [], [], None
-    for pose, space in zip(poses, spaces * len(poses) if len(spaces) == 1 else spaces, strict=True):
-        move = space @ thing.move_to(pose)
-        location.append((move @ thing.world).translation - target.delta_location)
+    for move, now in zip(moves, spaces * len(moves) if len(spaces) == 1 else spaces, strict=True):
+        move = now @ move
+        location.append((move @ world).translation - target.delta_location)
         # The move's own rotation on top of the object's: a mirrored object stays as it is.
-        turn = undelta @ (move @ back).to_quaternion() @ thing.turn
+        turn = undelta @ (move @ back).to_quaternion() @ own
         if last is not None and turn.dot(last) < 0:
             turn.negate()
         if mode == "QUATERNION":
@@ -298,11 +307,11 @@ def _channel_values(thing: MovedObject, poses: Array, spaces: list[Matrix]) -> t
                 turn.to_euler(mode, rotation[-1]) if rotation else turn.to_euler(mode, target.rotation_euler)
             )
         last = turn
-    scale = (thing.space @ thing.world).to_scale()
-    return np.array(location, dtype=np.float64), np.array(rotation, dtype=np.float64), np.array(scale)
+    return np.array(location, dtype=np.float64), np.array(rotation, dtype=np.float64)
 
 
-def _space(target: bpy.types.Object) -> Matrix:
+def space_of(target: bpy.types.Object) -> Matrix:
+    """From the world to an object's own channels, its parents as they are now."""
     return target.matrix_basis @ target.matrix_world.inverted_safe()
 
 

@@ -17,7 +17,7 @@ from nsm_core.world.geometry.distance import Union
 from nsm_core.world.scene.props import Prop
 
 from .keying import KeyedTake
-from .shown import OFF, ShownTake
+from .shown import ShownTake
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
 _ERRORS = (
@@ -58,6 +58,7 @@ def build_report(
         "warnings": _warnings(shown),
         "frames_looked_at": shown.looked_at,
         "shown_off_cm": _number(100 * shown.off),
+        "keys": _keys(keyed, shown),
         **{key: _number(value) for key, value in travel.items()},
         "ms_per_frame": {key: _number(value) for key, value in ms.items()},
     }
@@ -80,7 +81,7 @@ def _goal_report(goal: GoalResult, shown: ShownTake, prop: Prop | None) -> dict[
             joints, _ = forward_kinematics(position, shown.local[frame], shown.offsets.astype(np.float64))
             heading = float(root_of(joints)[1])
         values["position_error_cm"], values["rotation_error_deg"] = goal_errors(goal, position, heading)
-        if reached and values["position_error_cm"] > goal.position_error_cm + 100 * OFF:
+        if reached and values["position_error_cm"] > goal.position_error_cm + 100 * shown.allowed:
             reached = False
             reason = f"On screen it is {values['position_error_cm']:.1f} cm off: {_what_is_off(shown)}"
     if goal.taken is not None and prop is not None and 0 <= goal.taken.frame < len(shown.hips):
@@ -105,6 +106,20 @@ def _goal_report(goal: GoalResult, shown: ShownTake, prop: Prop | None) -> dict[
     }
 
 
+def _keys(keyed: KeyedTake, shown: ShownTake) -> dict[str, Any] | None:
+    """How many keys of bones were made of how many, and the largest deviations that this brought, measured on
+    the evaluated bones in the frames looked at; None where every frame has its key.
+    """
+    if keyed.reduced is None:
+        return None
+    return {
+        "before": keyed.reduced.before,
+        "after": keyed.reduced.after,
+        "deviation_mm": _number(1000 * shown.off),
+        "deviation_deg": _number(math.degrees(shown.turned)),
+    }
+
+
 def _what_is_off(shown: ShownTake) -> str:
     return (
         f"{shown.off_name} is {100 * shown.off:.1f} cm from its keys at frame {shown.off_frame}, so that "
@@ -114,7 +129,7 @@ def _what_is_off(shown: ShownTake) -> str:
 
 def _warnings(shown: ShownTake) -> list[str]:
     """What an animator would see and no other figure tells."""
-    if shown.off > OFF:
+    if shown.off > shown.allowed:
         return [f"On screen {_what_is_off(shown)} Mute what moves it and generate again."]
     return []
 
@@ -160,5 +175,9 @@ def result_lines(
         if scene_end is None or last <= scene_end
         else f"; the scene ends at {scene_end}, so set its End to {last} to play all"
     )
+    if report.get("keys"):
+        keys = report["keys"]
+        off = f"{keys['deviation_mm']:.1f} mm and {keys['deviation_deg']:.1f}\u00b0"
+        lines.append((f"{keys['after']} keys of {keys['before']} are left, bones at most {off} off.", True))
     lines.append((f"Keys on frames {first} to {last}{short}.", True))
     return lines

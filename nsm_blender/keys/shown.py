@@ -17,6 +17,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from nsm_core.body.key_reduction import angles
 from nsm_core.body.skeleton import HIPS, JOINTS, forward_kinematics
 from nsm_core.control.take import TakeResult
 from nsm_core.conventions import FPS
@@ -52,6 +53,8 @@ class ShownTake:
     off: float = 0.0
     off_name: str = ""
     off_frame: int = 0
+    allowed: float = OFF  # what is off by no more than this is as it was made
+    turned: float = 0.0  # the largest angle, radians, by which a bone is seen turned from how it was made
     character: str = ""  # name of the armature
 
 
@@ -73,7 +76,8 @@ def look_at(
     moments = [goal.end_frame for goal in result.goals] + [
         goal.taken.frame for goal in result.goals if goal.taken is not None
     ]
-    judged = {min(round(max(moment, 0) / FPS * keyed.fps), count - 1) for moment in moments}
+    judged = set() if keyed.reduced is None else set(keyed.reduced.worst)
+    judged |= {min(round(max(moment, 0) / FPS * keyed.fps), count - 1) for moment in moments}
     look = _Look(keyed, frame, things)
     spent, step = 0.0, max(1, count // _FEWEST)
     coarse = step
@@ -106,6 +110,11 @@ class _Look:
         """Evaluate the scene at the take's frame number ``row``."""
         go_to(scene, self.keyed.frame_start + row)
         joints, _, local = read_world_pose(self.keyed.armature, self.placement)
+        if self.keyed.aside is not None:  # it plays in place: judged where it was made
+            back = self.keyed.aside[row].inverted_safe()
+            matrix = np.array(back, dtype=np.float64)
+            joints = joints @ matrix[:3, :3].T + matrix[:3, 3]
+            local[HIPS] = quat_mul(np.array(back.to_quaternion(), dtype=np.float64), local[HIPS])
         depsgraph = bpy.context.evaluated_depsgraph_get()
         objects = {
             name: thing.object.evaluated_get(depsgraph).matrix_world.copy()
@@ -120,12 +129,17 @@ class _Look:
         motion = (np.asarray(m, dtype=np.float64) for m in (result.hips_position, result.local_rotations))
         made_hips, made_local = (m[rows] for m in resample_take(*motion, FPS, self.keyed.fps))
         offsets = self.placement.own_offsets
-        own = forward_kinematics(made_hips, made_local, offsets.astype(np.float64))[0]
+        own, made_turns = forward_kinematics(made_hips, made_local, offsets.astype(np.float64))
         shown = ShownTake(
             np.empty(0), np.empty(0), offsets, {}, len(rows), character=self.keyed.armature.name
         )
+        if self.keyed.reduced is not None:
+            shown.allowed = max(OFF, 1.1 * self.keyed.reduced.mm / 1000)
         gap = np.linalg.norm(joints - own, axis=-1)
         self._note(shown, gap.max(1), rows, [JOINTS[j] for j in gap.argmax(1)])
+
+        turns = forward_kinematics(joints[:, HIPS], local, offsets.astype(np.float64))[1]
+        shown.turned = float(angles(quat_mul(quat_conjugate(made_turns), turns)).max())
 
         at = rows / self.keyed.fps * FPS
         shown.hips = result.hips_position + _between(

@@ -34,12 +34,14 @@ class Mount:
     axes: Array
 
     @classmethod
-    def of(cls, armature: bpy.types.Object, name: str) -> Mount:
+    def of(cls, armature: bpy.types.Object, name: str, carrier: Matrix | None = None) -> Mount:
         """As the scene shows the armature now, for its bone ``name``, the hips or what hangs on none of the
-        body's bones; SkeletonError where the bones above it are scaled unevenly.
+        body's bones; SkeletonError where the bones above it are scaled unevenly.  ``carrier`` (4, 4) is what
+        these will be moved by in the armature.
         """
         shown = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
         bone, parent = armature.data.bones[name], shown.pose.bones[name].parent
+        above = None if parent is None else parent.matrix if carrier is None else carrier @ parent.matrix
 
         def posed(basis: Matrix) -> Matrix:
             """The hips in the armature with ``basis`` on them: Blender's own rule, the bone's inheritance
@@ -50,7 +52,7 @@ class Mount:
             return bone.convert_local_to_pose(
                 basis,
                 bone.matrix_local,
-                parent_matrix=parent.matrix,
+                parent_matrix=above,
                 parent_matrix_local=parent.bone.matrix_local,
             )
 
@@ -60,9 +62,9 @@ class Mount:
         )
         lengths = np.linalg.norm(np.array(frame, dtype=np.float64)[:3, :3], axis=0)
         if lengths.min() < 1e-6 or lengths.max() / lengths.min() > 1.001 or abs(np.linalg.det(axes)) < 1e-12:
-            above = parent.name if parent is not None else bone.name
+            named = parent.name if parent is not None else bone.name
             raise SkeletonError(
-                f"The bone {above} of {armature.name} is scaled unevenly or to nothing; clear its scale "
+                f"The bone {named} of {armature.name} is scaled unevenly or to nothing; clear its scale "
                 "(Alt+S)."
             )
         rotation, turn = (np.array(m.to_quaternion(), dtype=np.float64) for m in (shown.matrix_world, frame))

@@ -14,6 +14,7 @@ from .character_panel import NSM_PT_character
 from .drawing import Sidebar
 from .generate_panel import NSM_PT_generate
 from .goals_panel import NSM_PT_goals, NSM_UL_goals
+from .keys_panel import NSM_PT_keys
 from .overlays_panel import NSM_PT_overlays
 from .takes_panel import NSM_PT_takes, NSM_UL_takes
 
@@ -42,6 +43,7 @@ CLASSES = (
     NSM_PT_bones,
     NSM_PT_goals,
     NSM_PT_generate,
+    NSM_PT_keys,
     NSM_PT_takes,
     NSM_PT_overlays,
 )

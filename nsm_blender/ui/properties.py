@@ -226,6 +226,43 @@ class NsmRig(bpy.types.PropertyGroup):
     extras: StringProperty(description="Bones that show the result, and switches that are keyed, JSON")
 
 
+class NsmKeyOptions(bpy.types.PropertyGroup):
+    """How the keys of takes are made, and how many takes at a time."""
+
+    root_motion: EnumProperty(
+        name="Root Motion",
+        description="What carries the character through the scene; its motion is seen the same, but in place",
+        items=[
+            ("hips", "Hips", "The hips bone, and the object stays where it is", 0),
+            ("object", "Object", "The armature object moves over the floor and turns, the hips within it", 1),
+            ("bone", "Root Bone", "The topmost bone above the hips, where the rig has one", 2),
+            ("in_place", "In Place", "Leave the way and the turns out, as games want it; what is moved keeps "
+             "its own place", 3),
+        ],
+    )  # fmt: skip
+    reduce: BoolProperty(
+        name="Fewer Keys",
+        description="Leave out keys that the motion does without, by curves in between that may be edited",
+        default=False,
+    )
+    reduce_mm: FloatProperty(
+        name="Off by at Most",
+        description="How far a joint may be from where it was, in millimetres; feet that stand keep closer",
+        default=5.0,
+        min=0.1,
+        soft_max=20.0,
+        max=100.0,
+    )
+    reduce_degrees: FloatProperty(
+        name="Turned by at Most",
+        description="How far a bone may be turned from how it was, in degrees",
+        default=1.0,
+        min=0.05,
+        soft_max=5.0,
+        max=20.0,
+    )
+
+
 class NsmSettings(bpy.types.PropertyGroup):
     """Everything the sidebar shows for a scene."""
 
@@ -274,9 +311,10 @@ class NsmSettings(bpy.types.PropertyGroup):
     results: CollectionProperty(type=NsmResult)
     takes: CollectionProperty(type=NsmTake)
     active_take: IntProperty(name="Take", default=0, min=0)
+    keys: PointerProperty(type=NsmKeyOptions)
 
 
-CLASSES = (NsmGoal, NsmQueue, NsmResult, NsmKeyed, NsmTake, NsmBone, NsmRig, NsmSettings)
+CLASSES = (NsmGoal, NsmQueue, NsmResult, NsmKeyed, NsmTake, NsmBone, NsmRig, NsmKeyOptions, NsmSettings)
 
 
 def settings_of(scene: bpy.types.Scene) -> NsmSettings:

@@ -216,10 +216,15 @@ def _note(row: NsmKeyed, target: bpy.types.Object, made: KeyedTake | KeyedThing,
 
 def _note_before(row: NsmKeyed, action: bpy.types.Action | None) -> None:
     """Note what an object has now as what a take replaces."""
-    data, values = row.object.animation_data, pose_of if row.object.type == "ARMATURE" else transform_of
+    data = row.object.animation_data
+    if row.object.type == "ARMATURE":
+        curves = curves_in(row.action, _slot(row.action, row.slot))
+        values = pose_of(row.object, placed=any(curve.data_path == "location" for curve in curves))
+    else:
+        values = transform_of(row.object)
     slot = getattr(data, "action_slot", None) if action is not None else None
     row.previous_action, row.previous_slot = action, getattr(slot, "handle", 0)
-    row.previous_values = json.dumps(_plain(values(row.object)))
+    row.previous_values = json.dumps(_plain(values))
     row.previous_fake_user = bool(action and action.use_fake_user)
     if action is not None:
         action.use_fake_user = True  # or it would be lost with the file's next save

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import bpy
 
+from nsm_core.body.key_reduction import Bound
 from nsm_core.errors import NsmError
 
 from ...begin import POSE
@@ -25,6 +26,7 @@ from .modal import Modal
 def spec_of(scene: bpy.types.Scene) -> TakeSpec:
     """Return the take that the sidebar asks for; GoalError on a row whose stored action is unknown."""
     settings = settings_of(scene)
+    keys = settings.keys
     return TakeSpec(
         character=settings.character,
         goals=[
@@ -34,6 +36,8 @@ def spec_of(scene: bpy.types.Scene) -> TakeSpec:
         seed=settings.seed,
         contact_ik=settings.contact_ik,
         begin=settings.begin.lower(),
+        root_motion=keys.root_motion,
+        reduce=Bound(keys.reduce_mm, keys.reduce_degrees) if keys.reduce else None,
     )
 
 
