@@ -113,7 +113,7 @@ def key_take(
     ``layers.require_keyable``, bad numbers).  Whatever is raised, everything is then as before.
     """
     return last(
-        key_take_steps(armature, hips_position, local_rotations, frame_start, fps, name, scene, style)
+        key_take_steps(armature, hips_position, local_rotations, frame_start, fps, name, scene, style=style)
     )
 
 
