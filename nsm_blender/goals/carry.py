@@ -27,6 +27,7 @@ from ..world.frame import WorldFrame
 from ..world.surroundings import Surroundings
 from ..world.tops import Level, find_levels, occupy, occupy_rectangle, places_near_edge
 from .finder import Finder, Place
+from .looks import Looks
 from .points import goal_point_of
 from .spec import GoalSpec
 
@@ -35,6 +36,7 @@ MARGIN = 0.03  # from the edge of a top to the near face of the box, metres
 _REACH = 0.25  # how far from the edge a box may be set where its front is taken
 _BESIDE = 0.2  # metres of the top that look natural on either side of the box
 _BEHIND = 0.45  # metres behind the standing place that one needs to get there
+_SMALLEST = 0.08  # metres: what is thinner is guessed to be no box
 _STANDING, _COMING = 0.12, 0.24  # clearance of the standing place and of the place behind it, metres
 
 
@@ -247,4 +249,19 @@ def _after(goal: Goal, before: Place, around: Surroundings) -> Place:
     ), goal.heading
 
 
-FINDER = Finder("PACKAGE", _find, after=_after, under=lambda goal: goal.prop.size[2] / 2)
+def _likely(looks: Looks) -> float:
+    along, across, up = looks.size.tolist()
+    fits = along <= min(WIDEST_BOX, HEAVIEST_SIDE) and _SMALLEST <= across and _SMALLEST <= up
+    if not fits or up > HIGHEST_TOP / 2 or not -0.05 <= looks.base <= HIGHEST_TOP:
+        return 0.0
+    return 1.2 if looks.massive else 0.4
+
+
+FINDER = Finder(
+    "PACKAGE",
+    _find,
+    after=_after,
+    under=lambda goal: goal.prop.size[2] / 2,
+    words=("box", "crate", "carton", "parcel", "package", "case", "suitcase", "basket", "bucket", "bin"),
+    likely=_likely,
+)

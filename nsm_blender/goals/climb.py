@@ -15,6 +15,7 @@ from ..world.bodies import GoalBody, place_of
 from ..world.surroundings import Surroundings
 from ..world.tops import CELL, Level, find_levels, occupy, standing_room
 from .finder import Finder, Place
+from .looks import Looks
 from .points import goal_point_of
 from .spec import GoalSpec
 
@@ -23,6 +24,7 @@ DEEP_ENOUGH = 0.3  # metres of a top to stand on; what is thinner is stepped ove
 FROM_EDGE = 0.2  # metres from the middle of the feet to the edges of a top
 # Metres from the edge over which one comes, and from the other edges, on large tops.
 FARTHEST_IN, NEAR_MIDDLE = 0.4, 0.9
+_LOW = 0.35  # metres: who sees a lower block thinks of a step
 _SAME = 0.05  # metres between heights of one and the same top
 _ABOVE = 1.7  # metres of air that a person needs
 _ELBOWS = 0.25  # metres to keep from things behind a wall
@@ -183,4 +185,21 @@ def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: 
     )
 
 
-FINDER = Finder("TRIA_UP_BAR", _find)
+def _likely(looks: Looks) -> float:
+    """A massive thing with a level top as high as a step; the lower, the less anything else."""
+    if not LOWEST < looks.bounds[1][2] <= HIGHEST + _SAME or looks.base > LOWEST:
+        return 0.0
+    if looks.size[0] < 2 * DEEP_ENOUGH or not looks.massive:
+        return 0.0
+    fitting = [level for level in looks.levels if LOWEST < level.height <= HIGHEST]
+    if not fitting:
+        return 0.0
+    return 1.3 if fitting[0].height < _LOW else 1.0
+
+
+FINDER = Finder(
+    "TRIA_UP_BAR",
+    _find,
+    words=("podium", "step", "stair", "platform", "pedestal", "stage", "plinth", "ledge", "kerb", "dais"),
+    likely=_likely,
+)

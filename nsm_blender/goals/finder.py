@@ -16,6 +16,7 @@ from ..world.bodies import GoalBody
 from ..world.frame import WorldFrame
 from ..world.surroundings import Surroundings
 from ..world.tops import crossings
+from .looks import Looks, unlikely
 from .spec import GoalSpec
 
 Place = tuple[Array, float]  # a ground point (2,) or a place (3,), core frame, and a heading
@@ -59,7 +60,9 @@ class Finder:
     with the object, which ``swings`` to a side that the animator may change.  Of its goal point:
     ``somewhere(body)`` a place for it where the mesh shows none, ``under(goal)`` the metres by which it lies
     under the goal's place; an action whose points are others makes them by ``show(spec, goal or None, body,
-    reason, scene, frame, told)``.
+    reason, scene, frame, told)``.  To guess the action of an object that is added: ``likely(looks)`` how much
+    it looks made for this one, 0 not at all, and ``words`` of its name that speak for it; ``anything`` is
+    what is done with all that is made for nothing, and ``loose`` tells that loose parts belong to its object.
     """
 
     icon: str
@@ -71,6 +74,10 @@ class Finder:
     somewhere: Callable[[GoalBody], Place] = on_top
     under: Callable[[Goal], float] = lambda goal: 0.0
     swings: bool = False
+    words: tuple[str, ...] = ()
+    likely: Callable[[Looks], float] = unlikely
+    anything: bool = False
+    loose: bool = False
     show: (
         Callable[
             [GoalSpec, Goal | None, GoalBody, str, bpy.types.Scene, WorldFrame, list[str] | None],

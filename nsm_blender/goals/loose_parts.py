@@ -13,8 +13,9 @@ from nsm_core.rotations import Array
 from nsm_core.world.affordances.seat import find_seat
 
 from ..world.bodies import GoalBody
-from ..world.evaluated import family_of
-from ..world.solids import Solid
+from ..world.evaluated import Snapshot, family_of
+from ..world.frame import WorldFrame
+from ..world.solids import Solid, solids_of
 from ..world.surroundings import Surroundings
 
 _TOUCH = 0.02  # metres between parts that hold together
@@ -64,6 +65,17 @@ def loose_parts(target: bpy.types.Object, around: Surroundings) -> list[Solid]:
             if other.belongs_to(low, high, member) and member.touches(other):
                 members.append(things.pop(name))
     return [solid for m in members[first:] for solid in m.solids]
+
+
+def touch(one: bpy.types.Object, other: bpy.types.Object, frame: WorldFrame) -> bool:
+    """Whether two objects are parts of one thing: the second touches the first, and lies over, under or
+    on it.
+    """
+    pair = [solids_of(Snapshot.of_objects(family_of(o)).seen, frame) for o in (one, other)]
+    if not all(pair):
+        return False
+    first, second = (_Thing(solids) for solids in pair)
+    return second.belongs_to(first.low, first.high, first) and first.touches(second)
 
 
 class _Thing:

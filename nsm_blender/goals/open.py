@@ -18,14 +18,17 @@ from nsm_core.world.scene.props import Leaf, sense
 from ..world.bodies import GoalBody
 from ..world.frame import WorldFrame
 from ..world.surroundings import Surroundings
-from .door_board import Board, neighbours, read_board
+from .door_board import LOWEST, NARROWEST, THICKEST, WIDEST, Board, neighbours, read_board
 from .door_handles import HANDLE_HEIGHT, find_handle, fittings_of, grip_depth
 from .door_hinges import find_pivot
-from .door_kinds import require_no_track, require_swings, require_way_through
+from .door_kinds import furniture_by_name, require_no_track, require_swings, require_way_through
 from .door_openings import AJAR, WallOpening, earlier_headings
 from .finder import Finder, Place
+from .looks import Looks
 from .points import HANDLE, HINGE, SWING, goal_point_of, make_point
 from .spec import GoalSpec
+
+_TALLEST = 2.8  # metres: boards that are taller are guessed to be walls
 
 
 def open_goal(
@@ -222,6 +225,14 @@ def _show(
     return hinge
 
 
+def _likely(looks: Looks) -> float:
+    along, across, up = looks.size.tolist()
+    leaf = NARROWEST <= along <= WIDEST and up >= max(LOWEST, along) and across <= min(THICKEST, along / 3)
+    if not leaf or not -0.3 < looks.base < 0.4 or up > _TALLEST or furniture_by_name(looks.target):
+        return 0.0
+    return 2.0
+
+
 FINDER = Finder(
     "LOOP_FORWARDS",
     _find,
@@ -231,4 +242,6 @@ FINDER = Finder(
     parts=fittings_of,
     swings=True,
     show=_show,
+    words=("door", "leaf", "gate"),
+    likely=_likely,
 )

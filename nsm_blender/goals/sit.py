@@ -15,6 +15,7 @@ from nsm_core.world.affordances.seat import find_seat
 from ..world.bodies import GoalBody, place_of
 from ..world.surroundings import Surroundings
 from .finder import Finder, Place, on_top
+from .looks import Looks
 from .loose_parts import seat_body
 from .points import goal_point_of
 from .spec import GoalSpec
@@ -22,6 +23,7 @@ from .walk import require_support
 
 # Seats that a person of the skeleton's size can use, metres over the floor.
 LOWEST_SEAT, HIGHEST_SEAT = 0.25, 0.8
+_NO_TABLE = 0.62  # metres: level tops that are higher, without a back, are tables
 
 
 def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: Place) -> Goal:
@@ -56,4 +58,26 @@ def _somewhere(body: GoalBody) -> Place:
     return on_top(body, LOWEST_SEAT, HIGHEST_SEAT)
 
 
-FINDER = Finder("TRIA_DOWN_BAR", _find, somewhere=_somewhere, under=lambda goal: HIP_OVER_SEAT)
+def _likely(looks: Looks) -> float:
+    """A seat with a back is one for certain; without, it has legs and the height of a stool or bench."""
+    seat = looks.seat
+    if seat is None or not LOWEST_SEAT <= seat.height <= HIGHEST_SEAT:
+        return 0.0
+    if seat.back:
+        return 3.0
+    if seat.height > _NO_TABLE:
+        return 0.0
+    return 0.6 if looks.massive else 1.5
+
+
+FINDER = Finder(
+    "TRIA_DOWN_BAR",
+    _find,
+    somewhere=_somewhere,
+    under=lambda goal: HIP_OVER_SEAT,
+    words=(
+        "chair", "armchair", "seat", "sofa", "couch", "bench", "stool", "pouf", "ottoman", "bed", "throne",
+    ),
+    likely=_likely,
+    loose=True,
+)  # fmt: skip

@@ -15,12 +15,14 @@ from nsm_core.rotations import Array, heading_to_direction, rotate_planar
 from ..world.bodies import GoalBody, place_of
 from ..world.surroundings import Surroundings
 from .finder import Finder, Place
+from .looks import Looks
 from .loose_parts import is_group
 from .points import goal_point_of
 from .spec import GoalSpec
 from .walk import what_stands_at
 
 LOWEST, HIGHEST = 0.4, 1.75  # metres over the floor that a standing person touches
+_SMALL = 0.5  # metres
 SIDES = (0.0, np.pi / 2, -np.pi / 2, np.pi)  # front, left, right and behind, as turns of the object's -Y
 # Metres from the surface that count as on it; steps from the box around a mesh to its surface.
 _ON_IT, _STEPS = 0.002, 40
@@ -93,4 +95,17 @@ def _after(goal: Goal, before: Place, around: Surroundings) -> Place:
     return stand.astype(np.float32), heading
 
 
-FINDER = Finder("VIEW_PAN", _find, after=_after, somewhere=lambda body: _on_side(body, 0.0))
+def _likely(looks: Looks) -> float:
+    """Small things that hang or stand within reach; without a word that says so, others are more likely."""
+    middle = looks.base + looks.size[2] / 2
+    return 0.2 if looks.size.max() < _SMALL and LOWEST <= middle <= HIGHEST else 0.0
+
+
+FINDER = Finder(
+    "VIEW_PAN",
+    _find,
+    after=_after,
+    somewhere=lambda body: _on_side(body, 0.0),
+    words=("button", "switch", "lever", "knob", "bell", "keypad", "handle"),
+    likely=_likely,
+)

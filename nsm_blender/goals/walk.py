@@ -164,7 +164,14 @@ def _somewhere(body: GoalBody) -> Place:
     return body.to_core(np.array((0.0, body.bounds[0][1] - _STAND_OFF, 0.0))), float(body.yaw + np.pi)
 
 
-WALK = Finder("TRIA_RIGHT_BAR", _find, somewhere=_somewhere)
-RUN = replace(WALK, icon="FF")
+WALK = Finder(
+    "TRIA_RIGHT_BAR",
+    _find,
+    somewhere=_somewhere,
+    words=("table", "desk", "shelf", "sideboard", "cabinet", "cupboard", "wardrobe"),
+    likely=lambda looks: 0.5,
+    anything=True,
+)
+RUN = Finder("FF", _find, somewhere=_somewhere)
 
 __all__ = ["RUN", "WALK", "require_support", "walk_goal", "what_stands_at"]

@@ -46,6 +46,11 @@ class MeshData:
         self._starts = _starts(mesh)
 
     @property
+    def corners(self) -> int:
+        """How many corners its faces have."""
+        return 3 * len(self._made) if self._made is not None else len(self._corners)
+
+    @property
     def empty(self) -> bool:
         """Whether there are no faces."""
         return self._made is not None and not len(self._made)
@@ -161,6 +166,16 @@ class Snapshot:
                 next(steps)
             except StopIteration as stop:
                 return stop.value
+
+    @classmethod
+    def of_objects(cls, objects: Iterable[bpy.types.Object]) -> Snapshot:
+        """These mesh objects alone, as they are shown now."""
+        made, known, depsgraph = cls(), {}, bpy.context.evaluated_depsgraph_get()
+        for target in objects:
+            shown = target.evaluated_get(depsgraph)
+            if shown.type == "MESH":
+                made._add(target, shown, shown.matrix_world, False, known)
+        return made
 
     def _slice(
         self, depsgraph: bpy.types.Depsgraph, known: dict[tuple[int, ...], Any], done: int

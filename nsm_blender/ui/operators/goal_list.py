@@ -11,11 +11,13 @@ from bpy.props import EnumProperty
 from nsm_core.errors import NsmError
 from nsm_core.world.actions import ACTIONS, Aim
 
+from ...goals.guess import asked_of
 from ...goals.points import HINGE, POINT_LINK, SWING, goal_point_of
 from ...goals.registry import FINDERS
 from ...goals.resolve import show_goal_point
-from ...prepare import TakeSpec, own_objects, show_goal_points, start_of
+from ...prepare import TakeSpec, own_objects, require_character, show_goal_points, start_of
 from ...progress import finish
+from ...world.frame import WorldFrame
 from ..properties import GOAL_TYPES, NsmGoal, action_of, queue_of, settings_of, spec_of_row
 from ..session import TakeSession
 from .modal import Modal
@@ -25,7 +27,11 @@ from .reporting import sentences, while_idle
 class NSM_OT_goal_add(bpy.types.Operator):
     bl_idname = "nsm.goal_add"
     bl_label = "Add Goal"
-    bl_description = "Add the selected objects as goals, or an empty row when none is selected"
+    bl_description = (
+        "Add the selected objects as goals, with the actions that their shapes ask for: a seat is sat on, a "
+        "door opened, a crate carried (onto the active object, when that is a table), a step climbed. With "
+        "nothing selected, a place to walk to at the 3D cursor"
+    )
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -41,13 +47,13 @@ class NSM_OT_goal_add(bpy.types.Operator):
             o for o in context.selected_objects if o.type in GOAL_TYPES and o not in own and o not in taken
         ]
         chosen = [o for o in free if POINT_LINK not in o]
-        for target in chosen or [None]:
+        for asked in asked_of(chosen, _frame_of(settings.character, context.scene), context.active_object):
             goal = queue.goals.add()
-            goal.object = target
-            aim = Aim.OBJECT if target is not None and target.type != "EMPTY" else Aim.PLACE
-            goal.action = next(a.key for a in ACTIONS if a.aim is aim)
-            if target is None:
-                goal.location = context.scene.cursor.location
+            goal.object, goal.action, goal.destination = asked.target, asked.action, asked.to
+        if not chosen:
+            goal = queue.goals.add()
+            goal.action = next(a.key for a in ACTIONS if a.aim is Aim.PLACE)
+            goal.location = context.scene.cursor.location
         queue.active_goal = len(queue.goals) - 1
         return {"FINISHED"}
 
@@ -208,6 +214,15 @@ class NSM_OT_door_swing(bpy.types.Operator):
             hinge[SWING] = -1 if int(hinge.get(SWING) or 1) > 0 else 1
             return {"FINISHED"}
         return {"CANCELLED"}
+
+
+def _frame_of(character: bpy.types.Object | None, scene: bpy.types.Scene) -> WorldFrame:
+    """The size by which objects are judged: the character's, or that of a person in the scene's units."""
+    try:
+        require_character(character, scene)
+        return WorldFrame.of(character)
+    except NsmError:
+        return WorldFrame(scale=1.0 / max(scene.unit_settings.scale_length, 1e-6))
 
 
 def _has_point(goal: NsmGoal) -> bool:
