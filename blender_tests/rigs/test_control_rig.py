@@ -12,10 +12,11 @@ from motions import wandering_take
 from test_rig_skeleton import worst_angle
 
 import nsm_blender
-from nsm_blender.keys.keying import discard_take, key_take, read_back
+from nsm_blender.keys.keying import discard_take, key_take, read_back, switches_of
 from nsm_blender.keys.preview import Preview, SceneState
-from nsm_blender.rigs.armature import Placement
+from nsm_blender.rigs.armature import Placement, read_world_pose
 from nsm_blender.rigs.bone_map import BoneMap, bone_map_of, store_map
+from nsm_core.body.skeleton import INDEX, forward_kinematics
 
 DEFORM = {joint: f"DEF-{bone}" for joint, bone in MIXAMO.items()}
 
@@ -25,7 +26,7 @@ def rig():
     nsm_blender.register()
     made = foreign_rig(MIXAMO)
     add_deform_bones(made, {MIXAMO[joint]: bone for joint, bone in DEFORM.items()}, "FK")
-    store_map(made.data, BoneMap(MIXAMO, DEFORM, {"root": {"FK": 1.0}}, "controls"))
+    store_map(made.data, BoneMap(MIXAMO, DEFORM, {"root": {"FK": 1.0}}, family="controls"))
     bpy.context.scene.render.fps = 30
     yield made
     nsm_blender.unregister()
@@ -104,3 +105,31 @@ def test_a_metarig_and_the_rig_that_rigify_generates_from_it(rigify):
             for joint in found.joints:
                 heads[joint].append(tuple(made.matrix_world @ made.pose.bones[found.seen(joint)].head))
         assert worst_angle({joint: np.array(each) for joint, each in heads.items()}, hips, local) < 0.1
+
+
+def test_hands_and_feet_of_a_generated_rig_are_placed_by_their_ik_controls(rigify):
+    nsm_blender.register()
+    try:
+        bpy.ops.object.armature_basic_human_metarig_add()
+        metarig = bpy.context.object
+        bpy.ops.pose.rigify_generate()
+        rig = next(o for o in bpy.data.objects if o.type == "ARMATURE" and o != metarig)
+        bpy.context.scene.render.fps = 30
+        rig.data.nsm_rig.limbs = "IK"
+        before = switches_of(rig)
+        hips, local = wandering_take(4)
+        placement = Placement.of(rig)
+        take = key_take(rig, hips * placement.scale, local)
+        keyed = {curve.data_path.split('"')[1] for curve in take.action.fcurves}
+        assert {"hand_ik.L", "upper_arm_ik_target.R", "foot_ik.R", "thigh_ik_target.L"} <= keyed
+        assert not {"thigh_fk.L", "foot_fk.L", "hand_fk.R"} & keyed
+        meant = forward_kinematics(hips, local, placement.own_offsets.astype(float))[0] * placement.scale
+        for frame in range(1, 5):
+            bpy.context.scene.frame_set(frame)
+            off = np.linalg.norm(read_world_pose(rig, placement)[0] - meant[frame - 1], axis=1)
+            ends = [INDEX[side + name] for side in ("Left", "Right") for name in ("Wrist", "Ankle")]
+            assert off[ends].max() < 0.003 and off.max() < 0.03  # knees here bend any way
+        discard_take(take)
+        assert switches_of(rig) == before
+    finally:
+        nsm_blender.unregister()

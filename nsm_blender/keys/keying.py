@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix
+from mathutils import Matrix, Quaternion, Vector
 
 from nsm_core.body import clip
 from nsm_core.body.key_reduction import Reduced, reduce_keys
@@ -20,11 +20,12 @@ from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_normalize
 from ..animation.channels import ActionChannels, assign, new_action, remove_unused, transform_of
 from ..animation.kept import Kept, restored_on_failure
 from ..rigs.armature import Placement, StartPose, read_pose, read_world_pose
-from ..rigs.bone_map import bone_map_of
+from ..rigs.bone_map import BoneMap, bone_map_of
 from ..rigs.mount import Mount, go_to, last, over_frames
 from ..world.beside import beside
 from .before import keep_before, stand_before
 from .layers import bones_between, carried, channels_of_strips, require_keyable
+from .limb_controls import control_channels, control_mounts, pole_turns, replaced
 from .objects import KeyedThing, MovedObject, end_thing, key_thing, take_off_thing
 from .root_motion import OBJECT, RootWay, require_root
 from .style import PLAIN, ROOT, KeptKeys, KeyStyle, body_of, kept_keys
@@ -158,10 +159,16 @@ def key_take_steps(
         # Empty as it is: what carries the armature is read as it will be when the old action no longer plays.
         assign(armature, channels.action, channels.slot)
         bpy.context.view_layer.update()
+        bone_map = bone_map_of(armature)
+        for name, values in bone_map.switches.items():
+            set_switches(armature.pose.bones[name], values)
+        bpy.context.view_layer.update()
+        pole_turned = _pole_turns(armature, placement, bone_map, hips, local)
         root = None
         if style.root_motion != PLAIN.root_motion:
             root = RootWay.of(armature, style.root_motion, placement, hips, local, rate)
-        mounts = yield from _mounts_over(armature, placement, root, scene, frames)
+        every_mount = yield from _mounts_over(armature, placement, root, scene, frames)
+        mounts = {j: every_mount[j] for j in placement.keyed.apart}
         places, basis = bone_channels(armature, placement, mounts, hips, local)
         modes = {
             j: armature.pose.bones[placement.keyed.bones[j]].rotation_mode for j in placement.keyed.mapped
@@ -176,7 +183,7 @@ def key_take_steps(
             )  # fmt: skip
             reduced = yield from beside(lambda _: reduce_keys(body, style.reduce))
             fewer = kept_keys(reduced, carrier is not None)
-        others = channels_of_strips(armature)
+        others, pulled = channels_of_strips(armature), replaced(bone_map)
         if carrier is not None:
             _key_moves(
                 channels, carrier.prefix, carrier.group, carrier.mode, frames, carrier.turns, carrier.places,
@@ -184,9 +191,20 @@ def key_take_steps(
             )  # fmt: skip
         for j in placement.keyed.mapped:
             yield j / J
+            if j in pulled:
+                continue
             bone = armature.pose.bones[placement.keyed.bones[j]]
             _key_bone(channels, bone, frames, turns[j], places.get(j), others, fewer.get(j))
-        for between in bones_between(armature):
+        for name, control in control_channels(
+            armature, placement, bone_map, every_mount, hips, local, pole_turned
+        ):
+            bone, turn = armature.pose.bones[name], control.rotation
+            values = (
+                None if turn is None else rotation_values(bone.rotation_mode, continuous(turn[:, None])[:, 0])
+            )
+            _key_bone(channels, bone, frames, values, control.location, others, None)
+        still = [name for controls in bone_map.pulled.values() for name in controls.still]
+        for between in (*bones_between(armature), *still):
             _key_still(channels, armature.pose.bones[between], frames, others)
         if root is not None and root.bone:
             moving = armature.pose.bones[root.bone]
@@ -317,23 +335,25 @@ def _mounts_over(
     root: RootWay | None,
     scene: bpy.types.Scene,
     frames: Array,
-) -> Generator[float, None, dict[int, Mount]]:
+) -> Generator[float, None, dict[int | str, Mount]]:
     """The mounts of a take's frames, or of all in one where they stay: with what else carries the armature,
     and with its root as that will be keyed.
     """
-    rows = iter(range(len(frames)))
+    rows, bone_map = iter(range(len(frames))), bone_map_of(armature)
 
-    def read() -> dict[int, Mount]:
-        if root is None or not root.bone:
-            return mounts_of(armature, placement)
-        shown = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        return mounts_of(armature, placement, root.carrier(next(rows), shown))
+    def read() -> dict[int | str, Mount]:
+        carrier = None
+        if root is not None and root.bone:
+            shown = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
+            carrier = root.carrier(next(rows), shown)
+        own = mounts_of(armature, placement, carrier)
+        return {**own, **control_mounts(armature, bone_map, carrier)}
 
     if carried(armature):
         every = yield from over_frames(scene, frames, read)
     else:
         every = [read() for _ in range(len(frames) if root is not None and root.bone else 1)]
-    mounts = {j: Mount.over([each[j] for each in every]) for j in placement.keyed.apart}
+    mounts = {k: Mount.over([each[k] for each in every]) for k in every[0]}
     if root is not None:
         mounts = root.mounted(mounts)
     mounts[HIPS].require_one_size(armature.name)
@@ -363,6 +383,34 @@ def bone_channels(
     return locations, continuous(quat_normalize(basis))
 
 
+def show_pose(
+    armature: bpy.types.Object, placement: Placement, places: dict[int, Array], basis: Array, row: int = 0
+) -> None:
+    """Pose a character by a row of its channels, without a key."""
+    for j in placement.keyed.mapped:
+        place = Matrix.Translation(Vector(places[j][row])) if j in places else Matrix()
+        bone = armature.pose.bones[placement.keyed.bones[j]]
+        bone.matrix_basis = place @ Quaternion(basis[row, j]).to_matrix().to_4x4()
+
+
+def _pole_turns(
+    armature: bpy.types.Object, placement: Placement, bone_map: BoneMap, hips: Array, local: Array
+) -> dict[str, float]:
+    """``pole_turns`` as the scene stands now."""
+    if not bone_map.pulled:
+        return {}
+    places, basis = bone_channels(armature, placement, mounts_of(armature, placement), hips, local)
+    return pole_turns(
+        armature,
+        placement,
+        bone_map,
+        control_mounts(armature, bone_map),
+        hips,
+        local,
+        lambda row: show_pose(armature, placement, places, basis, row),
+    )
+
+
 def _loose_joints(armature: bpy.types.Object, placement: Placement) -> list[int]:
     """Joints whose bones do not turn with the bone that carries them."""
     rig, bones = placement.keyed, armature.data.bones
@@ -370,28 +418,38 @@ def _loose_joints(armature: bpy.types.Object, placement: Placement) -> list[int]
 
 
 def switches_of(armature: bpy.types.Object) -> list[tuple[str, dict[str, float]]]:
-    """Values of the custom properties that are keyed with a take, by bone."""
+    """Values of the properties that are keyed with a take, by bone."""
     bones = armature.pose.bones
     return [
-        (name, {key: bones[name][key] for key in values if key in bones[name]})
-        for name, values in bone_map_of(armature).properties.items()
+        (name, {key: _switch(bones[name], key) for key in values if _has_switch(bones[name], key)})
+        for name, values in bone_map_of(armature).switches.items()
     ]
 
 
 def set_switches(bone: bpy.types.PoseBone, values: Mapping[str, float]) -> None:
-    """Set custom properties that a bone has, each in the kind of number that it is."""
+    """Set properties that a bone has, its own or custom ones, each in the kind of number that it is."""
     for key, value in values.items():
         if key in bone:
             bone[key] = type(bone[key])(value)
+        elif _has_switch(bone, key):
+            setattr(bone, key, type(getattr(bone, key))(value))
+
+
+def _has_switch(bone: bpy.types.PoseBone, key: str) -> bool:
+    return key in bone or isinstance(getattr(bone, key, None), bool | int | float)
+
+
+def _switch(bone: bpy.types.PoseBone, key: str) -> float:
+    return bone[key] if key in bone else getattr(bone, key)
 
 
 def _key_switches(channels: ActionChannels, armature: bpy.types.Object, frames: Array) -> None:
-    """Key the custom properties that have a rig's controls obey these keys, by one key each."""
-    for name, values in bone_map_of(armature).properties.items():
+    """Key the properties that have a rig's controls obey these keys, by one key each."""
+    for name, values in bone_map_of(armature).switches.items():
         for key, value in values.items():
             bone = armature.pose.bones[name]
-            if key in bone:
-                path = f'["{bpy.utils.escape_identifier(key)}"]'
+            if _has_switch(bone, key):
+                path = f'["{bpy.utils.escape_identifier(key)}"]' if key in bone else f".{key}"
                 full = f'pose.bones["{bpy.utils.escape_identifier(name)}"]{path}'
                 channels.curve(full, 0, name, frames[:1], np.array([value]))
 
@@ -419,14 +477,14 @@ def _key_bone(
     channels: ActionChannels,
     bone: bpy.types.PoseBone,
     frames: Array,
-    turns: Array,
+    turns: Array | None,
     location: Array | None,
     others: set[tuple[str, str]],
     kept: KeptKeys | None,
 ) -> None:
     prefix = f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"].'
     _key_moves(channels, prefix, bone.name, bone.rotation_mode, frames, turns, location, kept)
-    _key_still(channels, bone, frames, others, turned=True, moved=location is not None)
+    _key_still(channels, bone, frames, others, turned=turns is not None, moved=location is not None)
 
 
 def _key_still(
@@ -461,14 +519,14 @@ def _key_moves(
     group: str,
     mode: str,
     frames: Array,
-    turns: Array,
+    turns: Array | None,
     places: Array | None,
     kept: KeptKeys | None,
 ) -> None:
-    """Key rotation (N, 3 or 4) and location (N, 3) of what the paths begin with ``prefix``; where fewer keys
-    are kept, those.
+    """Key rotation (N, 3 or 4) and location (N, 3), each where there is one, of what the paths begin with
+    ``prefix``; where fewer keys are kept, those.
     """
-    width = turns.shape[1]
+    width = 0 if turns is None else turns.shape[1]
     for path, values, part in (
         (rotation_channel(mode), turns, slice(width)),
         ("location", places, slice(width, None)),

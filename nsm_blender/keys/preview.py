@@ -6,14 +6,14 @@ from collections.abc import Iterable
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Quaternion, Vector
+from mathutils import Matrix
 
 from nsm_core.rotations import Array, quat_normalize
 
 from ..animation.kept import SceneState
 from ..rigs.armature import Placement
 from ..rigs.bone_map import bone_map_of
-from .keying import bone_channels, mounts_of, set_switches
+from .keying import bone_channels, mounts_of, set_switches, show_pose
 
 __all__ = ["Preview", "SceneState"]
 
@@ -34,10 +34,7 @@ class Preview:
         rotations = quat_normalize(np.asarray(local_rotations, dtype=np.float64))[None]
         hips = np.asarray(hips_world, dtype=np.float64)[None]
         places, basis = bone_channels(self.armature, self.placement, self.mounts, hips, rotations)
-        for j in self.placement.keyed.mapped:
-            place = Matrix.Translation(Vector(places[j][0])) if j in places else Matrix()
-            bone = self.armature.pose.bones[self.placement.keyed.bones[j]]
-            bone.matrix_basis = place @ Quaternion(basis[0, j]).to_matrix().to_4x4()
+        show_pose(self.armature, self.placement, places, basis)
         for name, values in self.switches.items():
             set_switches(self.armature.pose.bones[name], values)
         for moving, world in moved:

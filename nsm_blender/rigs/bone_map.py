@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import bpy
@@ -24,21 +24,57 @@ OWN = "the bundled character"
 
 
 @dataclass(frozen=True)
+class LimbControls:
+    """The IK controls of a hand or a foot: the bone ``control`` that pulls it, its ``pole`` and the control
+    of its ``toe`` ("" for none), bones that must be ``still``, and ``properties`` as of a BoneMap that have
+    the limb obey them.
+    """
+
+    control: str
+    pole: str = ""
+    toe: str = ""
+    still: tuple[str, ...] = ()
+    properties: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    @property
+    def bones(self) -> list[str]:
+        """All bones that are named."""
+        return [name for name in (self.control, self.pole, self.toe, *self.still, *self.properties) if name]
+
+
+@dataclass(frozen=True)
 class BoneMap:
     """The bones of one rig.
 
     ``joints``: joint of the 23 -> bone that gets the keys; joints without one follow the joint above them.
     ``shown``: joint -> bone that shows the result, where controls move other bones.  ``properties``: bone ->
-    custom property -> value, keyed with a take (switches from IK to FK).  ``family`` tells where the map is
+    custom property -> value, keyed with a take (switches from IK to FK).  ``limbs``: wrist or ankle -> its IK
+    controls, which get the keys of the limb where ``use_ik`` says so.  ``family`` tells where the map is
     from, ``score`` (0..1) how well it fits, ``remarks`` what is odd about it.
     """
 
     joints: Mapping[str, str]
     shown: Mapping[str, str] = field(default_factory=dict)
     properties: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    limbs: Mapping[str, LimbControls] = field(default_factory=dict)
+    use_ik: bool = False
     family: str = ""
     score: float = 1.0
     remarks: tuple[str, ...] = ()
+
+    @property
+    def pulled(self) -> Mapping[str, LimbControls]:
+        """The limbs whose IK controls get the keys."""
+        return self.limbs if self.use_ik else {}
+
+    @property
+    def switches(self) -> dict[str, dict[str, float]]:
+        """The custom properties that are keyed: ``properties``, over them those of limbs that are pulled."""
+        merged = {bone: dict(values) for bone, values in self.properties.items()}
+        for controls in self.pulled.values():
+            for bone, values in controls.properties.items():
+                merged.setdefault(bone, {}).update(values)
+        return merged
 
     @property
     def hips(self) -> str:
@@ -51,7 +87,8 @@ class BoneMap:
 
     def lacking(self, bones: Mapping[str, Any]) -> tuple[list[str], list[str]]:
         """Needed joints without a bone, and bones of the map that are not among ``bones``."""
-        named = (*self.joints.values(), *self.shown.values(), *self.properties)
+        controls = (bone for limb in self.limbs.values() for bone in limb.bones)
+        named = (*self.joints.values(), *self.shown.values(), *self.properties, *controls)
         return [joint for joint in NEEDED if joint not in self.joints], [b for b in named if b not in bones]
 
     def problem(self, name: str, bones: Mapping[str, Any]) -> str:
@@ -84,7 +121,9 @@ def bone_map_of(armature: bpy.types.Object) -> BoneMap:
     bones: see ``BoneMap.problem``.
     """
     data = armature.data
-    return stored_map(data) or (_OWN_MAP if set(JOINTS) <= set(data.bones.keys()) else found_map(data))
+    known = stored_map(data) or (_OWN_MAP if set(JOINTS) <= set(data.bones.keys()) else found_map(data))
+    rig = getattr(data, "nsm_rig", None)
+    return replace(known, use_ik=rig is not None and rig.limbs == "IK" and bool(known.limbs))
 
 
 _told: dict[tuple[int | str, tuple[str, ...]], BoneMap] = {}
@@ -148,7 +187,11 @@ def stored_map(data: bpy.types.Armature) -> BoneMap | None:
     extras = json.loads(rig.extras or "{}")
     joints = {row.name: row.bone for row in rig.joints if row.bone and row.name in JOINTS}
     shown = {joint: bone for joint, bone in extras.get("shown", {}).items() if joint in joints}
-    return BoneMap(joints, shown, extras.get("properties", {}), rig.family, rig.score)
+    limbs = {
+        joint: LimbControls(**{**each, "still": tuple(each["still"])})
+        for joint, each in extras.get("limbs", {}).items()
+    }
+    return BoneMap(joints, shown, extras.get("properties", {}), limbs, family=rig.family, score=rig.score)
 
 
 def store_map(data: bpy.types.Armature, bone_map: BoneMap) -> None:
@@ -159,4 +202,6 @@ def store_map(data: bpy.types.Armature, bone_map: BoneMap) -> None:
         row = rig.joints.add()
         row.name, row.bone = joint, bone_map.joints.get(joint, "")
     rig.family, rig.score, rig.remarks = bone_map.family, bone_map.score, "\n".join(bone_map.remarks)
-    rig.extras = json.dumps({"shown": dict(bone_map.shown), "properties": dict(bone_map.properties)})
+    limbs = {joint: asdict(controls) for joint, controls in bone_map.limbs.items()}
+    extras = {"shown": dict(bone_map.shown), "properties": dict(bone_map.properties), "limbs": limbs}
+    rig.extras = json.dumps(extras)

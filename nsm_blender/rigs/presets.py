@@ -19,12 +19,14 @@ from nsm_core.errors import CaptureError, SkeletonError
 from nsm_core.files import output
 from nsm_core.validate import is_number, read_toml, shown, table
 
-from .bone_map import NEEDED, BoneMap
+from .bone_map import NEEDED, BoneMap, LimbControls
 
 Files = tuple[tuple[Path, int], ...]
 FOLDER = Path(__file__).parent / "presets"
 PRESET = "preset "  # begins the family of a map that is from a preset
-_KEYS = ("joints", "sides", "shown", "shown_sides", "properties")
+_KEYS = ("joints", "sides", "shown", "shown_sides", "properties", "limbs", "limb_sides")
+_LIMB_KEYS = ("control", "pole", "toe", "still", "properties")
+LIMBS = ("RightWrist", "LeftWrist", "RightAnkle", "LeftAnkle")  # whose controls may pull them
 _MOST = 200  # presets that are read from the user's folder
 
 
@@ -36,6 +38,7 @@ class Preset:
     joints: Mapping[str, list[str]]
     shown: Mapping[str, list[str]]
     properties: Mapping[str, Mapping[str, float]]
+    limbs: Mapping[str, LimbControls]
 
     def among(self, bones: Any) -> BoneMap | None:
         """The map of a rig that has ``bones``; None where it lacks one of the needed joints."""
@@ -46,7 +49,21 @@ class Preset:
         """The map of those of ``bones`` that the preset names."""
         joints, seen = (_chosen(names, bones) for names in (self.joints, self.shown))
         switches = {bone: values for bone, values in self.properties.items() if bone in bones}
-        return BoneMap(joints, {j: b for j, b in seen.items() if j in joints}, switches, PRESET + self.name)
+        limbs = {joint: c for joint, c in self.limbs.items() if c.control in bones and joint in joints}
+        limbs = {joint: _present(controls, bones) for joint, controls in limbs.items()}
+        seen = {joint: bone for joint, bone in seen.items() if joint in joints}
+        return BoneMap(joints, seen, switches, limbs, family=PRESET + self.name)
+
+
+def _present(controls: LimbControls, bones: Any) -> LimbControls:
+    """A limb's controls without bones that a rig lacks."""
+    return LimbControls(
+        controls.control,
+        controls.pole if controls.pole in bones else "",
+        controls.toe if controls.toe in bones else "",
+        tuple(name for name in controls.still if name in bones),
+        {bone: values for bone, values in controls.properties.items() if bone in bones},
+    )
 
 
 def _chosen(names: Mapping[str, list[str]], bones: Any) -> dict[str, str]:
@@ -110,17 +127,61 @@ def _read(path: Path, _changed: int) -> Preset:
         seen = wanted_names(_sided(found, "shown", "shown_sides"), path.name)
     except CaptureError as error:  # the same files, read for another purpose
         raise SkeletonError(str(error)) from error
+    properties = _switches(found.get("properties", {}), path.name)
+    return Preset(path.stem, joints, seen, properties, _limbs(found, path.name))
+
+
+def _switches(found: Any, name: str) -> dict[str, dict[str, float]]:
+    """Custom properties by bone, as numbers."""
     properties = {
-        bone: table(values, f"{path.name}: properties of {bone}", SkeletonError)
-        for bone, values in table(
-            found.get("properties", {}), f"{path.name}: [properties]", SkeletonError
-        ).items()
+        bone: table(values, f"{name}: properties of {bone}", SkeletonError)
+        for bone, values in table(found, f"{name}: [properties]", SkeletonError).items()
     }
     for bone, values in properties.items():
         for key, value in values.items():
             if not is_number(value, -1e6, 1e6):
-                raise SkeletonError(f"{path.name}: {key} of {bone} must be a number, not {shown(value)}.")
-    return Preset(path.stem, joints, seen, properties)
+                raise SkeletonError(f"{name}: {key} of {bone} must be a number, not {shown(value)}.")
+    return properties
+
+
+def _limbs(found: dict[str, Any], name: str) -> dict[str, LimbControls]:
+    """IK controls by the joint at the end of their limb."""
+    each = dict(table(found.get("limbs", {}), f"{name}: [limbs]", SkeletonError))
+    for part, values in table(found.get("limb_sides", {}), f"{name}: [limb_sides]", SkeletonError).items():
+        for side in ("Right", "Left"):
+            each[side + part] = _with_side(values, side[0])
+    limbs = {}
+    for joint, values in each.items():
+        of = f"{name}: limb {joint}"
+        if joint not in LIMBS:
+            raise SkeletonError(f"{of} is not known; use {', '.join(LIMBS)}.")
+        values = table(values, of, SkeletonError)
+        unknown = next((key for key in values if key not in _LIMB_KEYS), None)
+        names = [values.get(key, "") for key in ("control", "pole", "toe")]
+        still = values.get("still", [])
+        if unknown is not None:
+            raise SkeletonError(f"{of}: {shown(unknown)} is not known; use {', '.join(_LIMB_KEYS)}.")
+        if (
+            not isinstance(still, list)
+            or not all(isinstance(n, str) for n in (*names, *still))
+            or not names[0]
+        ):
+            raise SkeletonError(
+                f"{of} must name its control, in quotes, and may name a pole, a toe and still."
+            )
+        limbs[joint] = LimbControls(*names, tuple(still), _switches(values.get("properties", {}), of))
+    return limbs
+
+
+def _with_side(value: Any, letter: str) -> Any:
+    """What a file says of both sides, for one."""
+    if isinstance(value, str):
+        return value.replace("{side}", letter)
+    if isinstance(value, list):
+        return [_with_side(each, letter) for each in value]
+    if isinstance(value, dict):
+        return {_with_side(key, letter): _with_side(each, letter) for key, each in value.items()}
+    return value
 
 
 def _sided(found: dict[str, Any], plain: str, sides: str) -> dict[str, Any]:
@@ -141,13 +202,27 @@ def save_preset(path: str | Path, bone_map: BoneMap) -> None:
     lines += [f"{joint} = {_quoted(bone_map.joints[joint])}" for joint in JOINTS if joint in bone_map.joints]
     if bone_map.shown:
         lines += ["", "[shown]", *(f"{joint} = {_quoted(bone)}" for joint, bone in bone_map.shown.items())]
-    if bone_map.properties:
-        lines += ["", "[properties]"]
-        for bone, values in bone_map.properties.items():
-            each = ", ".join(f"{_quoted(key)} = {float(value)}" for key, value in values.items())
-            lines.append(f"{_quoted(bone)} = {{ {each} }}")
+    lines += _properties_lines("properties", bone_map.properties)
+    for joint, controls in bone_map.limbs.items():
+        lines += ["", f"[limbs.{joint}]", f"control = {_quoted(controls.control)}"]
+        lines += [
+            f"{key} = {_quoted(name)}"
+            for key, name in (("pole", controls.pole), ("toe", controls.toe))
+            if name
+        ]
+        lines += [f"still = [{', '.join(map(_quoted, controls.still))}]"] if controls.still else []
+        lines += _properties_lines(f"limbs.{joint}.properties", controls.properties)
     with output(path, "The bone map") as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _properties_lines(title: str, properties: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """A table of custom properties by bone; nothing where there are none."""
+    lines = ["", f"[{title}]"] if properties else []
+    for bone, values in properties.items():
+        each = ", ".join(f"{_quoted(key)} = {float(value)}" for key, value in values.items())
+        lines.append(f"{_quoted(bone)} = {{ {each} }}")
+    return lines
 
 
 def _quoted(text: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..rigs.bone_map import stored_map
+from ..rigs.bone_map import stored_map, told_map
 from . import running
 from .drawing import Sidebar, sentence
 from .properties import settings_of
@@ -44,6 +44,8 @@ class NSM_PT_bones(Sidebar, bpy.types.Panel):
         row.operator("nsm.bones_load", text="Load", icon="FILE_FOLDER")
         row.operator("nsm.bones_save", text="Save", icon="FILE_TICK")
         row.operator("nsm.bones_clear", text="", icon="X")
+        if told_map(character).limbs:
+            body.row(align=True).prop(rig, "limbs", expand=True)
         bone_map = stored_map(character.data)
         if bone_map is None:
             sentence(

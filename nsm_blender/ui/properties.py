@@ -223,7 +223,15 @@ class NsmRig(bpy.types.PropertyGroup):
     family: StringProperty(description="What the list was made from")
     score: FloatProperty(description="How well the bones fit a body, 0 to 1")
     remarks: StringProperty(description="What is odd about the list, a line each")
-    extras: StringProperty(description="Bones that show the result, and switches that are keyed, JSON")
+    extras: StringProperty(description="Bones that show the result, switches and IK controls, JSON")
+    limbs: EnumProperty(
+        name="Arms and Legs",
+        description="Which controls of arms and legs get the keys of a take",
+        items=(
+            ("FK", "FK", "Keys turn upper arms, forearms, hands, thighs, shins and feet"),
+            ("IK", "IK", "Keys place hands and feet, and poles say where elbows and knees point"),
+        ),
+    )
 
 
 class NsmKeyOptions(bpy.types.PropertyGroup):

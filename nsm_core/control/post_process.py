@@ -28,7 +28,7 @@ from nsm_core.body.tree import HUMAN
 from nsm_core.conventions import FOOT_CONTACTS, HIP_CONTACT
 from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_to_rotvec
 from nsm_core.signals import smooth_step
-from nsm_core.world.geometry.distance import DistanceQuery
+from nsm_core.world.geometry.distance import Cuboids, DistanceQuery
 from nsm_core.world.scene.props import Prop
 from nsm_core.world.scene.terrain import Terrain
 
@@ -46,6 +46,7 @@ INSIDE, ALONG = 0.3, 0.02
 # Radians between the pose a take goes on from and its own from which on the ease takes longer, by so many
 # frames at most.
 FAR, SLOWER = np.radians((40, 130)), 16
+_FLOOR = Cuboids([((0.0, 0.0, 0.0), 0.0, ((-500.0, -500.0, -2.0),), ((500.0, 500.0, 0.0),))])
 _LIMBS = tuple(leg[:3] for leg in FEET)
 
 
@@ -138,7 +139,7 @@ class PostProcess:
         tasks = [*_stand(feet), *_sit(pose, seated), *_reach(targets, shares, turns)]
         tasks.append(TurnTask(INDEX["Head"], pose.world[:, INDEX["Head"]], np.full(len(notes), HEAD_TURN)))
         spheres = self.figure.spheres
-        limit = Clearance(solids, spheres.foot, spheres)
+        limit = Clearance([*solids, Obstacle(_FLOOR)], spheres.foot, spheres)
         pose = yield from solve(pose, [*tasks, limit], stiffness())
         pose = Pose(pose.tree, pose.hips, _led(pose, pose.local, targets, smooth_step(shares / FIRM)))
         if before is not None and len(notes) > 3:
