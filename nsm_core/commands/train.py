@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -17,6 +18,7 @@ from nsm_core.training.batches import RolloutSettings
 from nsm_core.training.fresh_takes import SEEDS_APART, FreshSettings, FreshTakes
 from nsm_core.training.log import Log
 from nsm_core.training.loop import run_training
+from nsm_core.training.ranks import Ranks
 from nsm_core.training.trainer import Trainer, TrainingSettings, device_of, read_checkpoint
 from nsm_core.training.warm_start import start_from
 
@@ -78,11 +80,25 @@ def main(arguments: list[str]) -> int:
         stitched=not a.no_stitching,
         device=a.device,
     )
-    device_of(a.device)  # refused before anything is composed
+    ranks = Ranks.joined(a.device)
+    try:
+        return _train(a, replace(settings, device=ranks.device(a.device)), ranks)
+    finally:
+        ranks.leave()
+
+
+def _train(a: argparse.Namespace, settings: TrainingSettings, ranks: Ranks) -> int:
+    """Train as one of ``ranks``; the first composes, tells and writes, the others go along."""
+    device_of(settings.device)  # refused before anything is composed
+
+    def tell(words: str) -> None:
+        if ranks.first:
+            print(words, flush=True)
+
     run = Path(a.run)
     folder = run / "data"
-    if not (folder / "data.json").exists():
-        print(f"Composing {settings.data_minutes:g} minutes of performances ...", flush=True)
+    if ranks.first and not (folder / "data.json").exists():
+        tell(f"Composing {settings.data_minutes:g} minutes of performances ...")
         export(
             a.captures,
             folder,
@@ -94,6 +110,7 @@ def main(arguments: list[str]) -> int:
             tell=lambda note: print(f"note: {note}", flush=True),
         )
         print()
+    ranks.wait()
     meaning = require_meaning(folder)
     keep_freed_memory()
     torch.set_num_threads(a.threads)
@@ -102,32 +119,35 @@ def main(arguments: list[str]) -> int:
     done = read_checkpoint(checkpoint).get("step", 0) if resumed else 0
     fresh = None
     if settings.fresh.share > 0:
-        print("Composing the first fresh takes ...", flush=True)
-        first = settings.seed + SEEDS_APART + done  # fewer than one take a step, so that no take comes twice
+        tell("Composing the first fresh takes ...")
+        # Fewer than one take a step, so that no take comes twice.
+        first = settings.seed + (1 + ranks.rank) * SEEDS_APART + done
         fresh = FreshTakes(
             a.captures, a.objects, str(folder / "objects.npz"), first, settings.fresh.slots, settings.stitched
         )
-    trainer = Trainer(
-        Dataset.open(folder), settings, KINDS[a.network].config(), seed_offset=done, fresh=fresh
-    )
+    trainer = Trainer(Dataset.open(folder), settings, KINDS[a.network].config(), done, fresh, ranks)
     about = (folder / "data.json").read_bytes()
     trainer.stance, trainer.meaning = json.loads(about)["stance"], meaning
     started_from = Path(a.start_from).name if a.start_from else ""
     trainer.origin = {"data_version": hashlib.sha256(about).hexdigest()[:16], "started_from": started_from}
     if resumed:
         trainer.load(checkpoint)
-        print(f"Going on from step {trainer.step}.")
+        tell(f"Going on from step {trainer.step}.")
     else:
         trainer.set_statistics()
         if a.start_from:
             start_from(trainer.net, a.start_from)
             trainer.average.refresh(trainer.net)
-    log.begin(trainer.step)
+    ranks.alike(trainer.net, trainer.average)
+    if ranks.first:
+        log.begin(trainer.step)
     try:
         run_training(trainer, checkpoint, log)
     finally:
         if fresh is not None:
             fresh.close()
+    if not ranks.first:
+        return 0
     out = trainer.export(Path(a.weights) if a.weights else run / "nsm.npz")
     print(f"Wrote {out} ({out.stat().st_size / 2**20:.1f} MB).")
     return 0

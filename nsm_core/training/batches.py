@@ -79,13 +79,24 @@ class Batches:
     """Builds inputs, gating inputs and targets, physical units."""
 
     def __init__(
-        self, data: Dataset, frames: Array, rng: np.random.Generator, pool: int, settings: RolloutSettings
+        self,
+        data: Dataset,
+        frames: Array,
+        rng: np.random.Generator,
+        pool: int,
+        settings: RolloutSettings,
+        share: slice = slice(None),
+        own: np.random.Generator | None = None,
     ) -> None:
-        """``frames`` (n,) are those to draw from; a roll-out ends where it leaves them."""
-        self.rng, self.settings = rng, settings
+        """``frames`` (n,) are those to draw from; a roll-out ends where it leaves them.
+
+        Of a training by several processes, all draw from ``rng`` alike; this one keeps its ``share`` of the
+        pool, whose roll-outs start anew at frames drawn from its ``own``.
+        """
+        self.rng, self.settings, self._own = rng, settings, own or rng
         self._draw_from(data, frames)
-        self.pool_frames = self.draw(pool)
-        self.pool_age = rng.integers(0, settings.length, pool)
+        self.pool_frames = self.draw(pool)[share]
+        self.pool_age = rng.integers(0, settings.length, pool)[share]
         self.pool_state = data.state(self.pool_frames)
         self.drift = np.zeros(2)
 
@@ -107,11 +118,10 @@ class Batches:
             self._restart(rows, self.pool_state)
             self._give_goals(self.pool_state)
 
-    def draw(self, count: int) -> Array:
-        """Random frames (count,)."""
-        return self.frames[
-            np.searchsorted(self._cumulative, self.rng.random(count)).clip(0, len(self.frames) - 1)
-        ]
+    def draw(self, count: int, rng: np.random.Generator | None = None) -> Array:
+        """Random frames (count,), from ``rng`` where it is given."""
+        at = np.searchsorted(self._cumulative, (rng or self.rng).random(count))
+        return self.frames[at.clip(0, len(self.frames) - 1)]
 
     def after(self, frames: Array) -> tuple[Array, Array]:
         """The frames that follow ``frames`` (B,) in their takes, and which of them (B,) begin anew elsewhere,
@@ -200,7 +210,7 @@ class Batches:
         self.pool_state = state
 
     def _restart(self, rows: Array, state: State) -> None:
-        self.pool_frames[rows] = self.draw(len(rows))
+        self.pool_frames[rows] = self.draw(len(rows), self._own)
         self.pool_age[rows] = 0
         state.assign(rows, self.data.state(self.pool_frames[rows]))
 

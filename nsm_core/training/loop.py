@@ -12,16 +12,19 @@ from .trainer import Trainer
 
 
 def run_training(trainer: Trainer, checkpoint: Path, log: Log) -> None:
+    """Train to the last step; the first of several processes writes ``checkpoint``, weights and ``log``."""
     from tqdm import tqdm
 
-    s = trainer.settings
+    s, first = trainer.settings, trainer.ranks.first
     started, saved = time.time(), time.time()
     sums, count = np.zeros(2), 0
-    bar = tqdm(total=s.steps, initial=trainer.step, unit="step", mininterval=5, dynamic_ncols=False)
+    bar = tqdm(total=s.steps, initial=trainer.step, unit="step", mininterval=5, disable=not first)
     while trainer.step < s.steps:
         sums += trainer.train_step()
         count += 1
         bar.update()
+        if not first:
+            continue
         if trainer.step % 200 == 0 or trainer.step == s.steps:
             data, rollout = sums / count
             drift, pose = trainer.batches.drift

@@ -24,6 +24,7 @@ from nsm_core.rotations import Array
 
 from .batches import Batches, RolloutSettings, loss_weights, statistics
 from .fresh_takes import FreshSettings, FreshTakes
+from .ranks import ALONE, Ranks
 from .schedule import cosine_restarts
 
 CREDITS = Path(__file__).parent.parent / "weights" / "CREDITS.md"
@@ -127,11 +128,15 @@ class Trainer:
         config: NetworkConfig,
         seed_offset: int = 0,
         fresh: FreshTakes | None = None,
+        ranks: Ranks = ALONE,
     ) -> None:
-        """``fresh`` takes fill their share of every batch, if there are any."""
-        self.settings, self.config = settings, config
+        """``fresh`` takes fill their share of every batch, if there are any; ``ranks`` share the rows of a
+        batch among them.
+        """
+        self.settings, self.config, self.ranks = settings, config, ranks
         torch.manual_seed(settings.seed)
         self.rng = np.random.default_rng((settings.seed, seed_offset))
+        drawing = (settings.rollout, ranks.share, ranks.draws(self.rng, settings.seed, seed_offset))
         mine, kept = divide(data)
         if not len(kept):  # few clips, none of them kept by its name: whole takes are
             takes = data.arrays["start"][mine]
@@ -142,22 +147,25 @@ class Trainer:
         self.rows, pool = (max(1, round(n / self.window)) for n in (settings.data_batch, settings.pool))
         share = settings.fresh.share if fresh else 0.0
         second = (round(share * self.rows), round(share * pool))
-        self.batches = Batches(data, mine, self.rng, pool - second[1], settings.rollout)
+        self.batches = Batches(data, mine, self.rng, pool - second[1], *drawing)
         self.validation = Batches(data, kept, np.random.default_rng(1), 8, settings.rollout)
         # What each batch is drawn from, and how many rows of it.
         self.sources, self.fresh = [(self.batches, self.rows - second[0])], fresh
         if fresh is not None and min(second) > 0:
             ring = fresh.ring.data
-            self.sources.append(
-                (Batches(ring, divide(ring)[0], self.rng, second[1], settings.rollout), second[0])
-            )
+            self.sources.append((Batches(ring, divide(ring)[0], self.rng, second[1], *drawing), second[0]))
         self.device, module = device_of(settings.device), kind_of(config.network).module
         self.net, self.average = module(config).to(self.device), module(config).to(self.device)
         self.optimiser = torch.optim.AdamW(
             self.net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay, fused=True
         )
         self.weights = self._tensor(loss_weights())
-        self._memory = self.net.start(self.rows + pool)  # of the last frame's rows, the data's first
+        # Which of all rows are this process's, of each source as of the pool.
+        ends = np.cumsum([count for _, count in self.sources])
+        self._share = np.concatenate([part[ranks.share] for part in np.split(np.arange(ends[-1]), ends[:-1])])
+        self._all = self.window * (self.rows + pool)  # rows of a step, of all processes
+        held = len(self._share) + sum(len(b.pool_frames) for b, _ in self.sources)
+        self._memory = self.net.start(held)  # of the last frame's rows, the data's first
         self.step = 0
         self.stance: dict[str, object] | None = None
         self.meaning: Meaning | None = None  # of the data, if they tell it
@@ -190,8 +198,10 @@ class Trainer:
         return {k: torch.where(anew, v, memory[k].float()) for k, v in start.items()}
 
     def train_step(self) -> tuple[float, float]:
-        """One optimiser step on data and roll-outs, through ``window`` frames; returns the two losses."""
-        s, n = self.settings, self.rows
+        """One optimiser step on data and roll-outs, through ``window`` frames; returns the two losses, of all
+        processes.
+        """
+        s, n = self.settings, len(self._share)
         for group in self.optimiser.param_groups:
             factor = cosine_restarts(self.step, s.steps)
             group["lr"], group["weight_decay"] = s.learning_rate * factor, s.weight_decay * factor
@@ -200,7 +210,8 @@ class Trainer:
         self._memory = {k: v.detach() for k, v in self._memory.items()}
         error = torch.stack([self._errors(*drawn) for drawn in sequences(self.sources, self.window)])
         self.optimiser.zero_grad(set_to_none=True)
-        error.mean().backward()
+        (error.sum() / self._all).backward()
+        self.ranks.add_gradients(self.net.parameters())
         torch.nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
         self.optimiser.step()
         with torch.no_grad():
@@ -208,18 +219,22 @@ class Trainer:
             torch._foreach_lerp_(list(self.average.parameters()), list(self.net.parameters()), 1 - rate)
         self.step += 1
         found = error.detach()
-        return float(found[:, :n].mean()), float(found[:, n:].mean())
+        sums = self.ranks.added(torch.stack((found[:, :n].sum(), found[:, n:].sum()))).cpu()
+        of_data = self.window * self.rows
+        return float(sums[0] / of_data), float(sums[1] / (self._all - of_data))
 
     def _errors(self, frames: list[Array], begins: Array) -> torch.Tensor:
         """Errors (B,) of one frame: of the data's, as of ``sequences``, then of roll-outs, taken on by it."""
-        net, n = self.net, self.rows
+        net, n = self.net, len(self._share)
+        frames, begins = [f[self.ranks.share] for f in frames], begins[self._share]
         parts = [b.from_data(f) for (b, _), f in zip(self.sources, frames, strict=True)]
         parts += [b.from_pool() for b, _ in self.sources]
         x, g, y = (np.concatenate([part[k] for part in parts]) for k in range(3))
         inputs, y = self._normalised(x, g, y)
         width = self.config.frame + self.config.goal
-        # Noise is drawn on the processor: alike on every device.
-        inputs.features[:n, :width] += self.settings.noise * torch.randn(n, width).to(self.device)
+        # Noise is drawn on the processor, and of all rows: alike on every device and in every process.
+        noise = torch.randn(self.rows, width)[self._share].to(self.device)
+        inputs.features[:n, :width] += self.settings.noise * noise
         with torch.autocast(self.device.type, torch.bfloat16):
             begins = np.concatenate((begins, *(b.pool_age == 0 for b, _ in self.sources)))
             out, self._memory, _ = net(inputs, self._recalled(self._memory, begins))
