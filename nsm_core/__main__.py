@@ -1,5 +1,5 @@
-"""Command line of the core: python -m nsm_core train | evaluate | bench | annotate | pool | augment | compose
-[arguments].
+"""Command line of the core: python -m nsm_core train | evaluate | crowd | bench | annotate | pool | augment |
+compose [arguments].
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from .errors import NsmError
 COMMANDS = {
     "train": ("nsm_core.commands.train", "train the network from a capture folder"),
     "evaluate": ("nsm_core.commands.evaluate", "print the tables of figures and write them as JSON"),
+    "crowd": ("nsm_core.commands.crowd", "try scenes of several characters and print who got there"),
     "bench": ("nsm_core.commands.bench", "measure the speed of the network"),
     "annotate": ("nsm_core.commands.annotate", "propose labels, contacts, phases and goals of captures"),
     "pool": ("nsm_core.commands.pool", "convert a folder of furniture meshes to the object pool"),

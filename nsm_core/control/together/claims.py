@@ -11,12 +11,24 @@ from nsm_core.control.goals import Goal
 from nsm_core.rotations import Array
 from nsm_core.world.scene.props import Leaf
 
-from .member import STEP, Member
+from .player import STEP, Player
 
 SAME_SEAT = 0.45  # metres between two goals to sit that are one seat
 SOON = 4.0  # seconds before it is reached within which a thing is claimed
-LINES = {"open": 2.1, "sit": 1.6, "carry": 1.7, "touch": 1.0}  # metres off a thing at which others wait
-LEFT = {"open": 1.3, "sit": 1.0, "carry": 0.0, "touch": 0.7}  # metres off it at which one has left it
+LINES = {
+    "open": 2.1,
+    "sit": 1.6,
+    "carry": 1.7,
+    "climb": 1.9,
+    "touch": 1.0,
+}  # metres off a thing at which others wait
+LEFT = {
+    "open": 1.3,
+    "sit": 1.0,
+    "carry": 0.0,
+    "climb": 1.2,
+    "touch": 0.7,
+}  # metres off it at which one has left it
 
 
 @dataclass
@@ -28,26 +40,26 @@ class Claim:
     name: str
     action: str
     place: Array
-    holder: Member | None = None
+    holder: Player | None = None
 
 
 class Claims:
-    """All such things of the members' goals."""
+    """All such things of the players' goals."""
 
-    def __init__(self, members: Sequence[Member]) -> None:
-        self.members = members
+    def __init__(self, players: Sequence[Player]) -> None:
+        self.players = players
         self._all: list[Claim] = []
-        for member in members:
-            for goal in member.runner.director.goals:
+        for player in players:
+            for goal in player.runner.director.goals:
                 if goal.action in LINES:
-                    if self.of(member, goal) is None:
-                        self._all.append(Claim(goal.name, goal.action, place_of(member, goal)))
+                    if self.of(player, goal) is None:
+                        self._all.append(Claim(goal.name, goal.action, place_of(player, goal)))
 
-    def of(self, member: Member, goal: Goal | None) -> Claim | None:
+    def of(self, player: Player, goal: Goal | None) -> Claim | None:
         """The thing that a goal needs for itself; None where it needs none."""
         if goal is None or goal.action not in LINES:
             return None
-        place = place_of(member, goal)
+        place = place_of(player, goal)
         for claim in self._all:
             if claim.action != goal.action:
                 continue
@@ -59,9 +71,9 @@ class Claims:
                 return claim
         return None
 
-    def update(self) -> list[tuple[Member, Claim, float]]:
+    def update(self) -> list[tuple[Player, Claim, float]]:
         """Give things away and free; who has to wait for one now, and how far it may go on, metres."""
-        wants = [(m, self.of(m, m.goal)) for m in self.members]
+        wants = [(m, self.of(m, m.goal)) for m in self.players]
         for claim in self._all:
             if claim.holder is not None and self._left(claim):
                 claim.holder = None
@@ -79,10 +91,10 @@ class Claims:
             if wanted is not None and wanted.holder is not None and wanted.holder is not m and not m.at_work
         ]
 
-    def free_for(self, member: Member, goal: Goal) -> Claim | None:
+    def free_for(self, player: Player, goal: Goal) -> Claim | None:
         """The thing that another has, without which a goal cannot even be begun: a box; None where it can."""
-        claim = self.of(member, goal)
-        taken = claim is not None and claim.holder not in (None, member)
+        claim = self.of(player, goal)
+        taken = claim is not None and claim.holder not in (None, player)
         return claim if taken and goal.action == "carry" else None
 
     def _left(self, claim: Claim) -> bool:
@@ -95,25 +107,25 @@ class Claims:
             return all(g.prop is None or g.prop.name != claim.name for g in holder.runner.director.grasps)
         return float(np.linalg.norm(holder.place - claim.place)) > LEFT[claim.action]
 
-    def _near(self, member: Member, claim: Claim) -> bool:
-        return float(np.linalg.norm(member.place - claim.place)) < LINES[claim.action] + 0.5
+    def _near(self, player: Player, claim: Claim) -> bool:
+        return float(np.linalg.norm(player.place - claim.place)) < LINES[claim.action] + 0.5
 
 
-def place_of(member: Member, goal: Goal) -> Array:
+def place_of(player: Player, goal: Goal) -> Array:
     """Where (2,), common metres, the thing of a goal is now: a seat, the middle of a door, a box."""
     if isinstance(goal.prop, Leaf):
         leaf = goal.prop
-        return member.frame.to_common(leaf.to_world((leaf.width / 2, 0, 0), leaf.pose_at(0.0))[:2])
+        return player.frame.to_common(leaf.to_world((leaf.width / 2, 0, 0), leaf.pose_at(0.0))[:2])
     at = goal.position if goal.prop is None else goal.prop.pose
-    return member.frame.to_common(np.asarray(at, dtype=np.float64)[:2])
+    return player.frame.to_common(np.asarray(at, dtype=np.float64)[:2])
 
 
-def _eta(member: Member) -> float:
-    return round(float(member.ahead.times[-1]) / 0.5)
+def _eta(player: Player) -> float:
+    return round(float(player.ahead.times[-1]) / 0.5)
 
 
-def _room(member: Member, claim: Claim) -> float:
-    """Metres of its way that a member may go before it comes to the line at which it waits."""
-    off = np.linalg.norm(member.ahead.points - claim.place, axis=1)
+def _room(player: Player, claim: Claim) -> float:
+    """Metres of its way that a player may go before it comes to the line at which it waits."""
+    off = np.linalg.norm(player.ahead.points - claim.place, axis=1)
     inside = np.flatnonzero(off < LINES[claim.action])
     return np.inf if not len(inside) else max(0.0, (int(inside[0]) - 2) * STEP)

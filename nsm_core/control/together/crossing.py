@@ -8,7 +8,7 @@ import numpy as np
 
 from nsm_core.rotations import Array
 
-from .member import STEP, Member
+from .player import STEP, Player
 
 AT_ONCE = 0.9  # seconds between two at one place that count as at the same time
 SOON = 3.5  # seconds ahead within which ways that cross are looked at
@@ -28,7 +28,7 @@ class Meeting:
     )  # which of the two follows the other the same way, -1 where they cross or face each other
 
 
-def meeting(one: Member, other: Member) -> Meeting | None:
+def meeting(one: Player, other: Player) -> Meeting | None:
     """Where two who move would come too near to each other; None where they do not."""
     a, b = one.ahead, other.ahead
     if len(a.points) < 2 or len(b.points) < 2:
@@ -59,7 +59,7 @@ def meeting(one: Member, other: Member) -> Meeting | None:
     return Meeting((first[0], first[1]), _behind(one, other))
 
 
-def first_of(one: Member, other: Member, met: Meeting) -> Member | None:
+def first_of(one: Player, other: Player, met: Meeting) -> Player | None:
     """Who of two goes first; None where neither can give way."""
     if one.at_work or other.at_work:
         return None if one.at_work and other.at_work else one if one.at_work else other
@@ -70,14 +70,14 @@ def first_of(one: Member, other: Member, met: Meeting) -> Member | None:
     return one if one.order < other.order else other
 
 
-def room_before(who: Member, other: Member) -> float:
+def room_before(who: Player, other: Player) -> float:
     """Metres that ``who`` may go on without coming into the way of ``other``."""
     gap = _gaps(who.ahead.points, other.ahead.points).min(1)
     taken = np.flatnonzero(gap < who.radius + other.radius + ROOM)
     return np.inf if not len(taken) else max(0.0, (int(taken[0]) - 2) * STEP)
 
 
-def clear_of(points: Array, others: list[Member], radius: float) -> Array:
+def clear_of(points: Array, others: list[Player], radius: float) -> Array:
     """Whether places (N, 2), common metres, lie clear of where ``others`` are and go; (N,)."""
     free = np.ones(len(points), dtype=bool)
     for other in others:
@@ -86,7 +86,7 @@ def clear_of(points: Array, others: list[Member], radius: float) -> Array:
     return free
 
 
-def _behind(one: Member, other: Member) -> int:
+def _behind(one: Player, other: Player) -> int:
     """Which of two who go the same way follows the other, -1 where they do not."""
     ways = [_directions(m.ahead.points[:6]).mean(0) for m in (one, other)]
     apart = other.place - one.place

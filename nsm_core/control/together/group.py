@@ -19,7 +19,7 @@ from nsm_core.rotations import Array
 
 from .bodies import BodyTrack, OtherBody, OtherProp, depths_between, in_world, track_of
 from .frames import Frame
-from .member import Member, Wait
+from .player import Player, Wait
 from .traffic import Traffic
 
 DEEP = 0.025  # metres by which two bodies may be in each other before they are solved once more
@@ -43,31 +43,36 @@ class GroupRunner:
     def __init__(self, model: Model, casts: Sequence[Cast]) -> None:
         """Prepare the takes; GoalError, with the character's name, where one cannot do a goal."""
         self.casts = list(casts)
-        self.members: list[Member] = []
+        self.players: list[Player] = []
         for order, cast in enumerate(casts):
             with _told(cast.name):
-                self.members.append(Member(cast.name, TakeRunner(model, cast.request), cast.frame, order))
+                self.players.append(Player(cast.name, TakeRunner(model, cast.request), cast.frame, order))
         self._bodies: dict[tuple[int, int], OtherBody] = {}
-        self._things: dict[int, list[tuple[Member, OtherProp]]] = {}
-        self._poses = {m.order: m.runner.prop_poses() for m in self.members}
-        for member in self.members:
-            self._introduce(member)
-        self._traffic = Traffic(self.members, self._things)
-        self._queue: list[Member] = list(self.members)  # that are still to be solved
+        self._things: dict[int, list[tuple[Player, OtherProp]]] = {}
+        self._poses = {m.order: m.runner.prop_poses() for m in self.players}
+        for player in self.players:
+            self._introduce(player)
+        self._traffic = Traffic(self.players, self._things)
+        self._queue: list[Player] = list(self.players)  # that are still to be solved
         self._rounds = 0
         self.depths: dict[tuple[str, str], float] = {}  # metres, the deepest of each pair, when all is done
 
     @property
     def progress(self) -> float:
         """Estimate of the share that is done, 0..1."""
-        return sum(m.runner.progress for m in self.members) / len(self.members)
+        return sum(m.runner.progress for m in self.players) / len(self.players)
+
+    @property
+    def frames(self) -> int:
+        """Frames of the longest take so far."""
+        return max(p.runner.frames for p in self.players)
 
     def step(self) -> bool:
         """Make one frame of every take that goes on; False when all are over and solved.
 
         Once the last frame is made, the takes are solved one after the other, a little at a call.
         """
-        going = [m for m in self.members if not m.done]
+        going = [m for m in self.players if not m.done]
         if not going:
             return self._mend()
         self._traffic.update()
@@ -81,32 +86,32 @@ class GroupRunner:
         """Everything made, solved, in the order of the characters."""
         while self.step():
             pass
-        return [m.runner.result() for m in self.members]
+        return [m.runner.result() for m in self.players]
 
     def waits(self) -> list[list[Wait]]:
         """When each character gave way, and to whom."""
-        return [m.waits for m in self.members]
+        return [m.waits for m in self.players]
 
     # --- who sees what
 
-    def _introduce(self, member: Member) -> None:
-        """Have a member see the others, and what they move."""
-        scene, own = member.runner.scene, member.frame
-        self._things[member.order] = []
-        for other in self.members:
-            if other is member:
+    def _introduce(self, player: Player) -> None:
+        """Have a player see the others, and what they move."""
+        scene, own = player.runner.scene, player.frame
+        self._things[player.order] = []
+        for other in self.players:
+            if other is player:
                 continue
-            body = OtherBody(*self._seen(other, member))
-            self._bodies[member.order, other.order] = body
+            body = OtherBody(*self._seen(other, player))
+            self._bodies[player.order, other.order] = body
             scene.others.append(body)
             for name, prop in other.runner.props.items():
-                known = {thing.prop.name for _, thing in self._things[member.order]}
-                if name not in member.runner.props and name not in known:
+                known = {thing.prop.name for _, thing in self._things[player.order]}
+                if name not in player.runner.props and name not in known:
                     thing = OtherProp(prop, other.frame, own)
-                    self._things[member.order].append((other, thing))
+                    self._things[player.order].append((other, thing))
                     scene.others.append(thing)
 
-    def _seen(self, other: Member, viewer: Member) -> tuple[Array, Array, Array, bool]:
+    def _seen(self, other: Player, viewer: Player) -> tuple[Array, Array, Array, bool]:
         centres, radii = other.spheres()
         root = other.runner.state.root[0].astype(np.float64)
         pose = np.array((*viewer.frame.to_own(other.place), 0.0, root[2]))
@@ -114,24 +119,24 @@ class GroupRunner:
 
     def _show(self) -> None:
         for (viewer, other), body in self._bodies.items():
-            if not self.members[viewer].done:
-                body.show(*self._seen(self.members[other], self.members[viewer]))
+            if not self.players[viewer].done:
+                body.show(*self._seen(self.players[other], self.players[viewer]))
         for things in self._things.values():
             for owner, thing in things:
                 thing.held = any(g.prop is thing.prop for g in owner.runner.director.grasps)
 
     def _share(self) -> None:
         """Have a thing that one has moved in this frame be there for all who know it."""
-        for member in self.members:
-            for name, prop in member.runner.props.items():
-                before = self._poses[member.order][name]
+        for player in self.players:
+            for name, prop in player.runner.props.items():
+                before = self._poses[player.order][name]
                 if np.abs(prop.pose - before).max() > 1e-9:
-                    for other in self.members:
-                        if other is not member and name in other.runner.props:
-                            pose = other.frame.pose_from(member.frame, prop.pose)
+                    for other in self.players:
+                        if other is not player and name in other.runner.props:
+                            pose = other.frame.pose_from(player.frame, prop.pose)
                             other.runner.move_prop(name, pose)
                             self._poses[other.order][name] = pose
-                    self._poses[member.order][name] = prop.pose.copy()
+                    self._poses[player.order][name] = prop.pose.copy()
 
     # --- the whole takes
 
@@ -139,57 +144,57 @@ class GroupRunner:
         """Go on solving; False when all takes are solved, and no pair is deeper in each other than may be."""
         if not self._queue:
             return self._again()
-        member = self._queue[0]
-        runner = member.runner
+        player = self._queue[0]
+        runner = player.runner
         if not runner.mending:
-            runner.others = self._obstacles(member)
+            runner.others = self._obstacles(player)
         if not runner.mend():
             self._queue.pop(0)
         return bool(self._queue) or self._again()
 
     def _again(self) -> bool:
         """Queue those who are too deep in each other, the later of each pair first; False where none is."""
-        tracks = [self._track(m, self.members[0]) for m in self.members]
-        again: list[Member] = []
+        tracks = [self._track(m, self.players[0]) for m in self.players]
+        again: list[Player] = []
         self.depths = {}
-        for i, one in enumerate(self.members):
-            for j in range(i + 1, len(self.members)):
+        for i, one in enumerate(self.players):
+            for j in range(i + 1, len(self.players)):
                 deep = (
-                    float(depths_between(tracks[i], tracks[j]).max(initial=0.0)) * self.members[0].frame.scale
+                    float(depths_between(tracks[i], tracks[j]).max(initial=0.0)) * self.players[0].frame.scale
                 )
-                self.depths[one.name, self.members[j].name] = deep
+                self.depths[one.name, self.players[j].name] = deep
                 solved = one.runner.request.contact_ik
                 if deep > DEEP and solved:
-                    again += [m for m in (self.members[j], one) if m not in again]
+                    again += [m for m in (self.players[j], one) if m not in again]
         if not again or self._rounds >= ROUNDS:
             return False
         self._rounds += 1
-        for member in again:
-            member.runner.mend_anew()
+        for player in again:
+            player.runner.mend_anew()
         self._queue = again
         return True
 
-    def _obstacles(self, member: Member) -> list[Obstacle]:
+    def _obstacles(self, player: Player) -> list[Obstacle]:
         """What others are and move during the take of one, as far as they are solved."""
-        solved = [m for m in self.members if m is not member and (m not in self._queue or self._rounds)]
-        out: list[Obstacle] = [self._track(m, member) for m in solved]
-        for owner, thing in self._things[member.order]:
-            poses = member.frame.pose_from(owner.frame, owner.runner.poses_of(thing.prop.name))
-            rows = np.minimum(np.arange(member.runner.frames), len(poses) - 1)
-            out.append(Obstacle(in_world(thing.prop.query, owner.frame, member.frame), poses[rows]))
+        solved = [m for m in self.players if m is not player and (m not in self._queue or self._rounds)]
+        out: list[Obstacle] = [self._track(m, player) for m in solved]
+        for owner, thing in self._things[player.order]:
+            poses = player.frame.pose_from(owner.frame, owner.runner.poses_of(thing.prop.name))
+            rows = np.minimum(np.arange(player.runner.frames), len(poses) - 1)
+            out.append(Obstacle(in_world(thing.prop.query, owner.frame, player.frame), poses[rows]))
         return out
 
-    def _track(self, other: Member, viewer: Member) -> BodyTrack:
+    def _track(self, other: Player, viewer: Player) -> BodyTrack:
         hips, local = other.runner.motion()
         return track_of(hips, local, other.runner.request.figure, other.frame, viewer.frame)
 
 
 class _Named:
-    """A member's take whose errors name the character and the goal."""
+    """A player's take whose errors name the character and the goal."""
 
-    def __init__(self, member: Member) -> None:
-        self._member, self._runner = member, member.runner
-        self.model, self.memory = member.runner.model, member.runner.memory
+    def __init__(self, player: Player) -> None:
+        self._member, self._runner = player, player.runner
+        self.model, self.memory = player.runner.model, player.runner.memory
 
     def sense(self) -> Inputs[Array] | None:
         with self._named():

@@ -59,7 +59,7 @@ class Ahead:
         return np.stack([np.interp(times, self.times, self.points[:, k]) for k in (0, 1)], axis=-1)
 
 
-class Member:
+class Player:
     """A character with its take, and what the others need to know of it."""
 
     def __init__(self, name: str, runner: TakeRunner, frame: Frame, order: int) -> None:
@@ -68,10 +68,13 @@ class Member:
         self.waits: list[Wait] = []
         self.waits_for: dict[int, str] = {}  # the order of whom it gives way to now, and where
         self.meant: Command | None = None  # what was commanded when it began to give way
+        self.veering = 0  # until this frame it goes around somebody who comes its way
         self.aside = False  # whether it is on its way to a place that is out of the way
         self.still = 0  # frames of standing
         self.patience: dict[int, int] = {}  # frames waited for each goal, by its number
+        self.starved = 0  # goals that it gave up because of others
         self.ahead = Ahead(np.zeros((1, 2)), np.zeros(1))
+        self._filled: tuple[int, tuple[Array, Array]] | None = None
         self.look()
 
     # --- now
@@ -140,8 +143,11 @@ class Member:
 
     def spheres(self) -> tuple[Array, Array]:
         """Spheres (S, 3), (S,) of its newest pose, common metres."""
-        centres, radii = spheres_of(*self.runner.pose(), self.runner.request.figure)
-        return self.frame.to_common(centres), radii * self.frame.scale
+        if self._filled is None or self._filled[0] != self.runner.frames:
+            centres, radii = spheres_of(*self.runner.pose(), self.runner.request.figure)
+            common = self.frame.to_common(centres), radii * self.frame.scale
+            self._filled = self.runner.frames, common
+        return self._filled[1]
 
     # --- ahead
 
@@ -169,7 +175,8 @@ class Member:
 
     def _wanted(self, here: Array) -> tuple[Course | None, float]:
         """The course that leads to what is wanted, own world, and its speed; None where one stays."""
-        command = self.meant if self.giving_way else self.runner.director.command
+        given, led = self.runner.director.giving_way, self.runner.director.command
+        command = led if given is None else given if self.veering else self.meant
         if self.done or command is None or (self.goal is None and not self.giving_way):
             return None, _PACE
         if command.course is not None:
@@ -186,14 +193,18 @@ class Member:
         d, here = self.runner.director, self.runner.state.root[0, :2].astype(np.float64)
         if not self.giving_way:
             self.meant = d.command
+        self.veering = 0
         points = self.frame.to_own(self.ahead.points)
         slowing = 0.35 * self.speed / self.frame.scale
         count = 1 + int(max(far / self.frame.scale, slowing) / STEP)
         points = points[: count + 1] if len(points) > 1 else points
-        if len(points) < 2 or count < 2:
+        if len(points) < 2 or count < 3:
+            if self.giving_way and d.giving_way is not None and d.giving_way.course is None:
+                return  # it stands already: asked anew it would creep on
+            at = points[min(count - 1, len(points) - 1)]
             d.giving_way = Command(
                 self._gait("idle"),
-                np.append(points[min(count, len(points) - 1)], 0).astype(np.float32),
+                np.append(at, 0).astype(np.float32),
                 float(self.runner.state.root[0, 2]),
                 thing=self._held(),
             )
@@ -213,9 +224,21 @@ class Member:
         self.runner.director.giving_way = Command(self._gait("walk"), course=course, thing=self._held())
         self.aside = True
 
+    def veer(self, way: Array, frames: int) -> None:
+        """Go along ``way`` (N, 2), common metres, for so many frames instead of what was meant."""
+        d = self.runner.director
+        self.meant = d.command
+        assert self.meant is not None
+        course, meant = Course(self.frame.to_own(way), self.meant.heading), self.meant.course
+        if meant is not None:
+            course.final_heading, course.speed = meant.final_heading, meant.speed
+        action = self.meant.action if meant is not None else self._gait("walk")
+        d.giving_way = Command(action, course=course, thing=self._held())
+        self.veering = self.runner.frames + frames
+
     def go_on(self) -> None:
         """Give way no longer."""
-        self.aside = False
+        self.aside, self.veering = False, 0
         self.runner.director.resume()
 
     def note_wait(self, whom: str, where: str) -> None:
@@ -237,4 +260,4 @@ class Member:
         return f"{how}+carry" if self._held() is not None else how
 
 
-__all__ = ["Ahead", "Member", "Wait"]
+__all__ = ["Ahead", "Player", "Wait"]
