@@ -1,4 +1,6 @@
-"""What a take of a job file may ask for beyond its goals: variations, a bone map, and how it begins."""
+"""What a take of a job file may ask for beyond its goals: variations, a bone map, how it begins
+and how it is keyed.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +17,7 @@ from nsm_blender.jobs.read import read_job
 from nsm_blender.rigs.bone_map import BoneMap
 from nsm_blender.rigs.character import add_character
 from nsm_blender.rigs.presets import save_preset
+from nsm_core.body.key_reduction import Bound
 
 IDLE = "goals = [{ action = 'idle', hold = 0.2 }]\n"
 
@@ -126,3 +129,40 @@ class TestStart:
             bpy.context.scene.frame_set(10)
             turned[start] = bpy.data.objects["Character"].pose.bones["Head"].matrix.to_3x3()
         assert (turned["pose"].inverted() @ turned["stand"]).to_quaternion().angle > 0.4
+
+
+class TestKeys:
+    def test_root_motion_and_the_bound_of_fewer_keys(self, tmp_path):
+        for text, reduce in (
+            ("8", Bound(8.0)),
+            ("{ mm = 2.5, degrees = 3 }", Bound(2.5, 3.0)),
+            ("{}", Bound()),
+        ):
+            take = take_of(tmp_path, f'name = "a"\nroot_motion = "object"\nreduce = {text}\n{IDLE}')
+            assert (take.error, take.root_motion, take.reduce) == (None, "object", reduce)
+        assert take_of(tmp_path, f'name = "a"\n{IDLE}').reduce is None
+
+    @pytest.mark.parametrize(
+        ("line", "words"),
+        [
+            ('root_motion = "legs"', '"hips", "object", "bone" or "in_place"'),
+            ("reduce = true", "'reduce' in take 'a' is true; it must be a number"),
+            ("reduce = 0", "'reduce' in take 'a' is 0"),
+            ("reduce = { cm = 1 }", "'cm' in 'reduce' in take 'a' is unknown; the keys are mm, degrees"),
+            ("reduce = { degrees = 400 }", "'degrees' of 'reduce' in take 'a' is 400"),
+        ],
+    )
+    def test_what_is_wrong_with_them_is_told_in_a_sentence(self, tmp_path, line, words):
+        assert words in take_of(tmp_path, f'name = "a"\n{line}\n{IDLE}').error
+
+    def test_they_come_to_the_keys(self, tmp_path):
+        add_character((0.0, 0.0, 0.0))
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "room.blend"))
+        line = 'name = "a"\nroot_motion = "object"\nreduce = 5\nout = "a.blend"\n'
+        assert batch.main([str(write_job(tmp_path, line + IDLE))], [].append) == 0
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
+        data = bpy.data.objects["Character"].animation_data
+        curves = list(curves_in(data.action, data.action_slot))
+        assert "location" in {curve.data_path for curve in curves}
+        first, last = data.action.frame_range
+        assert min(len(curve.keyframe_points) for curve in curves) < (last - first) / 2

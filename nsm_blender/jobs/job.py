@@ -5,6 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from nsm_core.body.key_reduction import Bound
+
+from ..begin import STAND
+from ..keys.root_motion import HIPS
+
 
 @dataclass(frozen=True)
 class JobGoal:
@@ -31,8 +36,10 @@ class JobTake:
     rig: str | Path = ""  # bone map: name of a preset, or a file; where empty, the one that it has
     seed: int = 0
     start_frame: int = 1
-    start: str = "stand"  # or "pose": from the pose and the pace at the start frame
+    start: str = STAND  # or POSE: from the pose and the pace at the start frame
     contact_ik: bool = True
+    root_motion: str = HIPS
+    reduce: Bound | None = None  # how far the motion may be off for fewer keys
     overwrite: bool = False  # whether ``out`` may take the place of the scene
     goals: list[JobGoal] = field(default_factory=list)
     outputs: dict[str, Path] = field(default_factory=dict)

@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from nsm_core import validate
+from nsm_core.body.key_reduction import Bound
 from nsm_core.errors import JobError, NsmError
 from nsm_core.world.actions import Aim, require_action
 
 from ..begin import POSE, STAND
+from ..keys.root_motion import KINDS
 from .job import Job, JobGoal, JobTake
 from .paths import refuse_clashes, require_path, require_words
 from .ways import WAY_KEYS, read_way
@@ -18,8 +20,8 @@ from .ways import WAY_KEYS, read_way
 OUTPUTS = ("report", "out", "sheet", "video", "bvh", "glb")
 _JOB_KEYS = ("scene", "scripts", "take")
 _TAKE_KEYS = (
-    "name", "character", "rig", "seed", "variations", "start", "start_frame", "contact_ik", "goals",
-    "overwrite", *OUTPUTS,
+    "name", "character", "rig", "seed", "variations", "start", "start_frame", "contact_ik", "root_motion",
+    "reduce", "goals", "overwrite", *OUTPUTS,
 )  # fmt: skip
 _GOAL_KEYS = ("object", "action", "to", "hold", "location", *WAY_KEYS)
 # Blender's first frame, and one that leaves its last 48,574 to the take.
@@ -28,6 +30,7 @@ _LARGEST_SEED = 2**31 - 1
 _MOST_VARIATIONS = 1000
 _LONGEST_HOLD = 600.0  # seconds
 _FARTHEST = 1e6  # of a coordinate
+_MILLIMETRES, _DEGREES = (0.1, 100.0), (0.05, 20.0)  # as in the sidebar
 
 
 def read_job(path: str | Path) -> Job:
@@ -83,11 +86,9 @@ def _take(entry: Any, number: int, folder: Path) -> JobTake:
             entry.get("seed", take.seed), f"'seed' in {where}", JobError, 0, _LARGEST_SEED
         )
         validate.whole(entry.get("variations", 1), f"'variations' in {where}", JobError, 1, _MOST_VARIATIONS)
-        take.start = entry.get("start", take.start)
-        if take.start not in (STAND, POSE):
-            raise JobError(
-                f'\'start\' in {where} is {validate.shown(take.start)}; it must be "{STAND}" or "{POSE}".'
-            )
+        take.start = _one_of(entry, "start", where, (STAND, POSE))
+        take.root_motion = _one_of(entry, "root_motion", where, KINDS)
+        take.reduce = _bound(entry, where)
         start = entry.get("start_frame", take.start_frame)
         take.start_frame = validate.whole(
             start, f"'start_frame' in {where}", JobError, _FIRST_FRAME, _LAST_START
@@ -117,6 +118,32 @@ def _variations(take: JobTake, entry: Any) -> list[JobTake]:
         )
         for number in range(1, count + 1)
     ]
+
+
+def _one_of(entry: dict[str, Any], key: str, where: str, words: tuple[str, ...]) -> str:
+    """One of some words, the first where the entry has none."""
+    found = entry.get(key, words[0])
+    if found not in words:
+        listed = ", ".join(f'"{word}"' for word in words[:-1])
+        raise JobError(
+            f"'{key}' in {where} is {validate.shown(found)}; it must be {listed} or \"{words[-1]}\"."
+        )
+    return found
+
+
+def _bound(entry: dict[str, Any], where: str) -> Bound | None:
+    """How far the motion may be off for fewer keys: a number of millimetres, or a table with degrees, too."""
+    found = entry.get("reduce")
+    if found is None:
+        return None
+    what = f"'reduce' in {where}"
+    if not isinstance(found, dict):
+        found = {"mm": validate.number(found, what, JobError, *_MILLIMETRES)}
+    _known(found, ("mm", "degrees"), what)
+    return Bound(
+        validate.number(found.get("mm", Bound.mm), f"'mm' of {what}", JobError, *_MILLIMETRES),
+        validate.number(found.get("degrees", Bound.degrees), f"'degrees' of {what}", JobError, *_DEGREES),
+    )
 
 
 def _rig(entry: dict[str, Any], where: str, folder: Path) -> str | Path:

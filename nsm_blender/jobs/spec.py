@@ -29,6 +29,8 @@ def spec_of(entry: JobTake, scene: bpy.types.Scene) -> TakeSpec:
         seed=entry.seed,
         contact_ik=entry.contact_ik,
         begin=entry.start,
+        root_motion=entry.root_motion,
+        reduce=entry.reduce,
     )
 
 
