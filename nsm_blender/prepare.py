@@ -20,7 +20,7 @@ from .begin import POSE, STAND, goes_on, reading_start, require_at_rest
 from .goals.resolve import make_goal_point, moved_by, place_after, require_possible, resolve, sought
 from .goals.spec import GoalSpec
 from .keys.objects import MovedObject, require_movable, rides_along
-from .keys.style import PLAIN, KeyStyle
+from .keys.style import HIPS, KeyStyle
 from .progress import Progress, staged, waited
 from .rigs.armature import Placement, read_pose, require_skeleton
 from .rigs.mount import go_to
@@ -39,8 +39,9 @@ class TakeSpec:
     ``begin``: "stand" begins with a quiet stand where the character is at ``start_frame``; "pose" goes on
     from the pose and the pace that it has there, and keeps what is animated before.
 
-    ``root_motion`` is one of ``keys.root_motion.KINDS``; ``reduce`` how far the motion may be off for fewer
-    keys, None for one in every frame.
+    ``root_motion`` is one of ``keys.style.KINDS``; ``reduce`` how far the motion may be off for fewer keys,
+    None for one in every frame; ``keep_edits`` whether the animator's keys in the take that plays now go into
+    another one that begins with the same frame.
     """
 
     character: bpy.types.Object
@@ -50,8 +51,9 @@ class TakeSpec:
     seed: int = 0
     contact_ik: bool = True
     begin: str = STAND
-    root_motion: str = PLAIN.root_motion
+    root_motion: str = HIPS
     reduce: Bound | None = None
+    keep_edits: bool = True
 
     def __post_init__(self) -> None:
         if self.begin not in (STAND, POSE):
@@ -59,7 +61,7 @@ class TakeSpec:
 
     def style(self) -> KeyStyle:
         """How its keys are made."""
-        return KeyStyle(self.root_motion, self.reduce)
+        return KeyStyle(self.root_motion, self.reduce, self.keep_edits)
 
     def title(self) -> str:
         """Name of the take and of its action: as asked for, else after its goals."""

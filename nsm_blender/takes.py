@@ -132,7 +132,7 @@ def key_and_check(
         )
         keyed = yield from staged("Making keys", steps)
         moved = [(thing, result.props[thing.prop]) for thing in things.values()]
-        yield from staged("Making keys", key_things(keyed, moved, FPS, title, scene, keep))
+        yield from staged("Making keys", key_things(keyed, moved, FPS, title, scene, keep, spec.style()))
         if keep:
             end_things(keyed, before, title)
         note_begin(keyed, POSE if keep else STAND)

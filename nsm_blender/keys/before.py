@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import bpy
@@ -37,23 +37,19 @@ def keep_before(
         return
     own = {(c.data_path, c.array_index): c for c in channels.bag.fcurves}
     old = {(c.data_path, c.array_index): c for c in curves_in(action, slot) if len(c.keyframe_points)}
-    _turn_alike(own, old, first)
+    turn_alike(own, old, first)
     held = tuple(f'pose.bones["{bpy.utils.escape_identifier(name)}"].' for name in carriers)
     for (path, index), curve in old.items():
         mine = own.get((path, index))
         if mine is not None:
             _prepend(mine, curve, first)
             continue
-        mine = channels.bag.fcurves.new(path, index=index)
-        if curve.group is not None:
-            mine.group = channels.bag.groups.get(curve.group.name) or channels.bag.groups.new(
-                curve.group.name
-            )
+        mine = new_like(channels, curve)
         if path.startswith(held) if held and path.startswith("pose.") else path in _HELD:
             _add(mine, np.array([first]), np.array([curve.evaluate(first)]))
             _prepend(mine, curve, first)
         else:
-            _copy(mine, curve, None)
+            copy_whole(mine, curve)
         mine.update()
 
 
@@ -82,7 +78,7 @@ def _prepend(mine: bpy.types.FCurve, old: bpy.types.FCurve, first: float) -> Non
     old.keyframe_points.foreach_get("co", places)
     frames = places[::2]
     before = frames[frames < first - 1e-3]
-    _copy(mine, old, first)
+    _copy_before(mine, old, first)
     start = float(before[-1]) if len(before) else min(float(frames[0]), first - 1)
     between = np.arange(np.floor(start) + 1, first - 1e-3)
     shaped = len(old.modifiers) > 0 or not len(before)
@@ -96,21 +92,38 @@ def _prepend(mine: bpy.types.FCurve, old: bpy.types.FCurve, first: float) -> Non
     mine.update()
 
 
-def _copy(mine: bpy.types.FCurve, old: bpy.types.FCurve, first: float | None) -> None:
-    """Copy the keys of a curve, those before ``first`` where it is given; the last of those goes on
-    straight.
-    """
-    keys = [k for k in old.keyframe_points if first is None or k.co[0] < first - 1e-3]
+def new_like(channels: ActionChannels, curve: bpy.types.FCurve) -> bpy.types.FCurve:
+    """Add a curve without keys for what another one animates, in a group of the same name."""
+    mine = channels.bag.fcurves.new(curve.data_path, index=curve.array_index)
+    if curve.group is not None:
+        name = curve.group.name
+        mine.group = channels.bag.groups.get(name) or channels.bag.groups.new(name)
+    return mine
+
+
+def copy_keys(mine: bpy.types.FCurve, old: bpy.types.FCurve, keys: Sequence[bpy.types.Keyframe]) -> None:
+    """Add these keys of an old curve as they are."""
     count = len(mine.keyframe_points)
     mine.keyframe_points.add(len(keys))
     for new, key in zip(list(mine.keyframe_points)[count:], keys, strict=True):
         for name in (*_KEY, *_KINDS):
             setattr(new, name, getattr(key, name))
-    if first is None:
-        mine.extrapolation = old.extrapolation
-        mine.mute, mine.lock = old.mute, old.lock
-    elif keys:
-        new.interpolation = "LINEAR"
+
+
+def copy_whole(mine: bpy.types.FCurve, old: bpy.types.FCurve) -> None:
+    """Make a curve without keys as an old one is."""
+    copy_keys(mine, old, list(old.keyframe_points))
+    mine.extrapolation = old.extrapolation
+    mine.mute, mine.lock = old.mute, old.lock
+
+
+def _copy_before(mine: bpy.types.FCurve, old: bpy.types.FCurve, first: float) -> None:
+    """Copy the keys of a curve before ``first``; the last of those goes on straight."""
+    keys = [k for k in old.keyframe_points if k.co[0] < first - 1e-3]
+    count = len(mine.keyframe_points)
+    copy_keys(mine, old, keys)
+    if keys:
+        mine.keyframe_points[count + len(keys) - 1].interpolation = "LINEAR"
 
 
 def _add(mine: bpy.types.FCurve, frames: Array, values: Array) -> None:
@@ -120,7 +133,7 @@ def _add(mine: bpy.types.FCurve, frames: Array, values: Array) -> None:
         key.co, key.interpolation = (frame, value), "LINEAR"
 
 
-def _turn_alike(
+def turn_alike(
     own: dict[tuple[str, int], bpy.types.FCurve], old: dict[tuple[str, int], bpy.types.FCurve], first: float
 ) -> None:
     """Have rotations begin on the side on which the old ones end, so that nothing turns round in between."""

@@ -24,11 +24,13 @@ from ..rigs.bone_map import BoneMap, bone_map_of
 from ..rigs.mount import Mount, go_to, last, over_frames
 from ..world.beside import beside
 from .before import keep_before, stand_before
+from .edits import KeptEdits, edited_paths, keep_edits, note_made
+from .fewer import ROOT, KeptKeys, body_of, kept_keys
 from .layers import bones_between, carried, channels_of_strips, require_keyable
 from .limb_controls import control_channels, control_mounts, pole_turns, replaced
 from .objects import KeyedThing, MovedObject, end_thing, key_thing, take_off_thing
-from .root_motion import OBJECT, RootWay, require_root
-from .style import PLAIN, ROOT, KeptKeys, KeyStyle, body_of, kept_keys
+from .root_motion import RootChannels, RootWay, require_root
+from .style import OBJECT, PLAIN, KeyStyle
 from .turns import continuous, rotation_channel, rotation_values
 
 __all__ = ["KeyedTake", "StartPose", "discard_take", "key_take", "read_back", "read_pose", "resample_take"]
@@ -58,6 +60,7 @@ class KeyedTake:
     previous_pose: list[tuple[str, Any]]
     things: list[KeyedThing] = field(default_factory=list)
     reduced: Reduced | None = None  # where fewer keys were asked for
+    kept: KeptEdits = field(default_factory=KeptEdits)
     aside: list[Matrix] | None = None  # by which each frame is seen off its place, where it plays in place
 
     @property
@@ -182,7 +185,8 @@ def key_take_steps(
                 None if root is None or carrier is None else (root, carrier), rate,
             )  # fmt: skip
             reduced = yield from beside(lambda _: reduce_keys(body, style.reduce))
-            fewer = kept_keys(reduced, carrier is not None)
+            edited = edited_paths(previous, previous_slot, frame_start) if style.keep_edits else set()
+            fewer = _unedited(kept_keys(reduced, carrier is not None), edited, placement, carrier)
         others, pulled = channels_of_strips(armature), replaced(bone_map)
         if carrier is not None:
             _key_moves(
@@ -221,6 +225,10 @@ def key_take_steps(
                 stand_before(channels, previous, previous_slot, frame_start, values)
             keep_before(channels, previous, previous_slot, frame_start, above)
             scene.frame_set(shown[0], subframe=shown[1])
+        kept = KeptEdits()
+        if style.keep_edits:
+            kept = keep_edits(channels, previous, previous_slot, frame_start, rate)
+        note_made(channels, frame_start, kept)
         _touch(armature)
     return KeyedTake(
         armature,
@@ -235,6 +243,7 @@ def key_take_steps(
         previous_pose,
         reduced=reduced,
         aside=None if root is None else root.aside(),
+        kept=kept,
     )
 
 
@@ -250,6 +259,7 @@ def key_things(
     name: str,
     scene: bpy.types.Scene,
     keep: bool = False,
+    style: KeyStyle = PLAIN,
 ) -> Generator[float, None, None]:
     """Key what a take has moved, each object in an action of its own named after ``name`` and the object.
     With ``keep``, what was keyed of them before the take stays.
@@ -259,11 +269,13 @@ def key_things(
     """
     try:
         for thing, poses in moved:
+            own = f"{name} {thing.object.name}"
             keyed = yield from key_thing(
-                thing, poses, take.frame_start, fps, take.fps, f"{name} {thing.object.name}", scene, keep
+                thing, poses, take.frame_start, fps, take.fps, own, scene, keep, style
             )
             if keyed is not None:
                 take.things.append(keyed)
+                take.kept.join(keyed.kept)
     except BaseException:
         discard_take(take)
         raise
@@ -511,6 +523,20 @@ def _key_still(
         if not done and (bent or (bone.name, channel) in others):
             path = f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"].{channel}'
             channels.curves(path, bone.name, frames[:1], np.array([rest[channel]]))
+
+
+def _unedited(
+    fewer: dict[int, KeptKeys], edited: set[str], placement: Placement, carrier: RootChannels | None
+) -> dict[int, KeptKeys]:
+    """Fewer keys only of what the animator has no keys of: to his a motion leads in every frame."""
+    names = {
+        j: f'pose.bones["{bpy.utils.escape_identifier(b)}"].'
+        for j, b in enumerate(placement.keyed.bones)
+        if b
+    }
+    if carrier is not None:
+        names[ROOT] = carrier.prefix or "location"
+    return {j: kept for j, kept in fewer.items() if not any(p.startswith(names[j]) for p in edited)}
 
 
 def _key_moves(

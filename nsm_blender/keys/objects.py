@@ -5,13 +5,14 @@ their own.
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
 from mathutils import Euler, Matrix, Quaternion, Vector
 
+from nsm_core.body.key_reduction import Bound, Channels, KeyedBody, Reduced, reduce_keys
 from nsm_core.errors import GoalError, NsmError
 from nsm_core.rotations import Array
 from nsm_core.world.scene.props import Prop
@@ -20,6 +21,7 @@ from ..animation.channels import assign, new_action, strip_curves, transform_of
 from ..animation.kept import Kept, restored_on_failure
 from ..rigs.mount import over_frames
 from .before import keep_before
+from .edits import KeptEdits, edited_paths, keep_edits, note_made
 from .layers import (
     acts,
     animated_switches,
@@ -29,6 +31,7 @@ from .layers import (
     require_editable,
     varies,
 )
+from .style import PLAIN, KeyStyle
 from .turns import rotation_channel
 
 if TYPE_CHECKING:
@@ -50,6 +53,8 @@ class KeyedThing:
     previous_slot: Any | None
     previous_fake_user: bool
     previous_transform: dict[str, Any]  # channel name and value before the take
+    kept: KeptEdits = field(default_factory=KeptEdits)
+    reduced: Reduced | None = None
 
 
 @dataclass
@@ -176,13 +181,14 @@ def key_thing(
     name: str,
     scene: bpy.types.Scene,
     keep: bool = False,
+    style: KeyStyle = PLAIN,
 ) -> Generator[float, None, KeyedThing | None]:
     """Key a moved object as a new action and keep the action it had; the generator's value is None where it
     never moves.
 
     ``poses`` (T, 4), core frame, of its prop at ``fps`` are resampled to ``scene_rate`` from ``frame_start``
-    on.  Keys lie where it moves, and at both ends.  Raises as ``require_movable``, and NsmError on values
-    that are not numbers; the object is then as before.
+    on.  Keys lie where it moves, and at both ends; ``style`` may want fewer.  Raises as ``require_movable``,
+    and NsmError on values that are not numbers; the object is then as before.
     """
     target = thing.object
     require_movable(target, None)
@@ -197,17 +203,24 @@ def key_thing(
     if not len(rows):
         return None
     spaces = [thing.space]
-    if target.parent is not None and may_move(target):
+    moving = target.parent is not None and may_move(target)
+    if moving or style.reduce is not None:
         rows = np.arange(len(poses))  # keys must hold it where it stands
+    if moving:
         spaces = yield from over_frames(scene, list(frame_start + rows), lambda: space_of(target))
     frames = frame_start + rows
     moves = [thing.move_to(pose) for pose in poses[rows]]
     location, rotation = channel_values(target, thing.world, thing.space, thing.turn, moves, spaces)
     scale = np.array((thing.space @ thing.world).to_scale())
-
     data = target.animation_data
     previous = data.action if data else None
     previous_slot = getattr(data, "action_slot", None) if previous else None
+    reduced, slopes = None, None
+    if style.reduce is not None and not edited_paths(previous, previous_slot, frame_start):
+        reduced = _reduced(thing, moves, spaces, location, rotation, scene_rate, style.reduce)
+        rows, slopes = reduced.rows[0], reduced.slopes[0]
+        frames, location, rotation = frames[rows], location[rows], rotation[rows]
+
     keyed = KeyedThing(
         target,
         None,
@@ -221,19 +234,45 @@ def key_thing(
         if previous:
             previous.use_fake_user = True  # or it would be lost with the file's next save
         channels = new_action(name, target.name)
-        for path, values in (("location", location), (rotation_channel(target.rotation_mode), rotation)):
-            for i in range(values.shape[1]):
-                channels.curve(path, i, "Object Transforms", frames, values[:, i])
+        keys = np.concatenate((rotation, location), axis=1)
+        width, path, group = rotation.shape[1], rotation_channel(target.rotation_mode), "Object Transforms"
+        for where, part in (("location", slice(width, None)), (path, slice(width))):
+            channels.curves(where, group, frames, keys[:, part], None if slopes is None else slopes[:, part])
         # Its size must stay what it was.
         if previous or any(c.data_path == "scale" for c in strip_curves(target)):
             for i in range(3):
                 channels.curve("scale", i, "Object Transforms", frames[:1], scale[i : i + 1])
         if keep:
             keep_before(channels, previous, previous_slot, frame_start)
+        if style.keep_edits:
+            keyed.kept = keep_edits(channels, previous, previous_slot, frame_start, scene_rate)
+        note_made(channels, frame_start, keyed.kept)
         assign(target, channels.action, channels.slot)
         target.update_tag(refresh={"TIME"})
-    keyed.action, keyed.slot = channels.action, channels.slot
+    keyed.action, keyed.slot, keyed.reduced = channels.action, channels.slot, reduced
     return keyed
+
+
+def _reduced(
+    thing: MovedObject,
+    moves: Sequence[Matrix],
+    spaces: Sequence[Matrix],
+    location: Array,
+    rotation: Array,
+    rate: float,
+    bound: Bound,
+) -> Reduced:
+    """The keys that keep a moved object within a bound, its corners too."""
+    scale = thing.frame.scale
+    seen = [move @ thing.world for move in moves]
+    places = np.array([m.translation for m in seen], dtype=np.float64) / scale
+    turns = np.array([m.to_quaternion() for m in seen], dtype=np.float64)
+    corners = np.array([(thing.world @ Vector(c)) - thing.world.translation for c in thing.object.bound_box])
+    reach = max(float(np.linalg.norm(corners, axis=1).max()) / scale, 1e-3)
+    bound = Bound(bound.mm / 2, min(bound.degrees, np.degrees(bound.mm / 2000 / reach)))
+    axes = np.array([np.array(space.inverted_safe())[:3, :3] for space in spaces]) / scale
+    channels = {0: Channels(rotation, thing.object.rotation_mode, location, axes)}
+    return reduce_keys(KeyedBody((-1,), places[:, None], turns[:, None], channels, feet=(), fps=rate), bound)
 
 
 def end_thing(target: bpy.types.Object, frame: float, name: str) -> KeyedThing:

@@ -59,6 +59,7 @@ def build_report(
         "frames_looked_at": shown.looked_at,
         "shown_off_cm": _number(100 * shown.off),
         "keys": _keys(keyed, shown),
+        "kept": keyed.kept.sentence(),
         **{key: _number(value) for key, value in travel.items()},
         "ms_per_frame": {key: _number(value) for key, value in ms.items()},
     }
@@ -107,14 +108,15 @@ def _goal_report(goal: GoalResult, shown: ShownTake, prop: Prop | None) -> dict[
 
 
 def _keys(keyed: KeyedTake, shown: ShownTake) -> dict[str, Any] | None:
-    """How many keys of bones were made of how many, and the largest deviations that this brought, measured on
-    the evaluated bones in the frames looked at; None where every frame has its key.
+    """How many keys of bones and objects are left of how many, and the largest deviations that this brought,
+    measured on the evaluated bones in the frames looked at; None where every frame has its key.
     """
     if keyed.reduced is None:
         return None
+    each = [keyed.reduced, *(thing.reduced for thing in keyed.things if thing.reduced is not None)]
     return {
-        "before": keyed.reduced.before,
-        "after": keyed.reduced.after,
+        "before": sum(one.before for one in each),
+        "after": sum(one.after for one in each),
         "deviation_mm": _number(1000 * shown.off),
         "deviation_deg": _number(math.degrees(shown.turned)),
     }
@@ -175,6 +177,8 @@ def result_lines(
         if scene_end is None or last <= scene_end
         else f"; the scene ends at {scene_end}, so set its End to {last} to play all"
     )
+    if report.get("kept"):
+        lines.append((report["kept"], True))
     if report.get("keys"):
         keys = report["keys"]
         off = f"{keys['deviation_mm']:.1f} mm and {keys['deviation_deg']:.1f}\u00b0"

@@ -24,10 +24,9 @@ from ..rigs.bone_map import bone_map_of
 from ..rigs.mount import Mount, over_frames
 from .layers import may_move, require_bones_rule
 from .objects import channel_values, delta_turn, own_turn, require_movable, space_of
+from .style import BONE, IN_PLACE, KINDS, OBJECT
 from .turns import continuous, rotation_channel, rotation_values
 
-HIPS, OBJECT, BONE, IN_PLACE = "hips", "object", "bone", "in_place"
-KINDS = (HIPS, OBJECT, BONE, IN_PLACE)
 _SMOOTHING = 0.12  # seconds: the sway of a walking pelvis stays in the hips
 
 

@@ -135,6 +135,8 @@ class _Look:
         )
         if self.keyed.reduced is not None:
             shown.allowed = max(OFF, 1.1 * self.keyed.reduced.mm / 1000)
+        if self.keyed.kept.counts:  # bones are where the animator wants them
+            shown.allowed = np.inf
         gap = np.linalg.norm(joints - own, axis=-1)
         self._note(shown, gap.max(1), rows, [JOINTS[j] for j in gap.argmax(1)])
 

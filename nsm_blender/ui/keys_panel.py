@@ -21,6 +21,7 @@ class NSM_PT_keys(Sidebar, bpy.types.Panel):
         column.enabled = running.current() is None
         column.use_property_split, column.use_property_decorate = True, False
         column.prop(options, "root_motion")
+        column.prop(options, "keep_edits")
         column.prop(options, "reduce")
         if options.reduce:
             column.prop(options, "reduce_mm")

@@ -253,6 +253,12 @@ class NsmKeyOptions(bpy.types.PropertyGroup):
         description="Leave out keys that the motion does without, by curves in between that may be edited",
         default=False,
     )
+    keep_edits: BoolProperty(
+        name="Keep My Keys",
+        description="Keys that you have set in the take that is shown go into the next one from the same "
+        "start frame, and its motion leads to them",
+        default=True,
+    )
     reduce_mm: FloatProperty(
         name="Off by at Most",
         description="How far a joint may be from where it was, in millimetres; feet that stand keep closer",

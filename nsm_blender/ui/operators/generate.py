@@ -37,6 +37,7 @@ def spec_of(scene: bpy.types.Scene) -> TakeSpec:
         contact_ik=settings.contact_ik,
         begin=settings.begin.lower(),
         root_motion=keys.root_motion,
+        keep_edits=keys.keep_edits,
         reduce=Bound(keys.reduce_mm, keys.reduce_degrees) if keys.reduce else None,
     )
 
