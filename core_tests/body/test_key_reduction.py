@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nsm_core.body.key_reduction import Bound, Channels, KeyedBody, reduce_keys
+from nsm_core.body.key_reduction import Bound, KeyedBody, KeyedChannels, reduce_keys
 from nsm_core.body.skeleton import FEET, HIPS, PARENTS, J, forward_kinematics
 from nsm_core.rotations import quat_from_rotvec, quat_mul
 
@@ -30,8 +30,8 @@ def motion():
 
 def body_of(hips, local):
     positions, rotations = forward_kinematics(hips, local)
-    channels = {j: Channels(local[:, j]) for j in range(J)}
-    channels[HIPS] = Channels(local[:, HIPS], places=hips, axes=np.eye(3)[None])
+    channels = {j: KeyedChannels(local[:, j]) for j in range(J)}
+    channels[HIPS] = KeyedChannels(local[:, HIPS], places=hips, axes=np.eye(3)[None])
     return KeyedBody(PARENTS, positions, rotations, channels)
 
 
@@ -123,7 +123,7 @@ def test_other_rotation_modes_are_judged_as_they_are_played(motion, mode):
     arm = np.zeros((FRAMES, 2, 3))
     rotations = np.repeat(quats(turns)[:, None], 2, axis=1)
     reduced = reduce_keys(
-        KeyedBody((-1, 0), arm, rotations, {0: Channels(turns, mode)}, feet=()), Bound(5, 2)
+        KeyedBody((-1, 0), arm, rotations, {0: KeyedChannels(turns, mode)}, feet=()), Bound(5, 2)
     )
     rows, slopes = reduced.rows[0], reduced.slopes[0]
     near = quats(np.column_stack([played(turns[rows, c], rows, slopes[:, c]) for c in range(turns.shape[1])]))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsm_core.body.key_reduction import Channels, KeyedBody, Reduced
+from nsm_core.body.key_reduction import KeyedBody, KeyedChannels, Reduced
 from nsm_core.body.skeleton import FEET, forward_kinematics
 from nsm_core.rotations import Array
 
@@ -51,7 +51,7 @@ def body_of(
     channels = {}
     for j in rig.mapped:
         axes = mounts[j].matrix[:, :3, :3] @ mounts[j].axes / scale if j in places else None
-        channels[j] = Channels(turns[j], modes[j], places.get(j), axes)
+        channels[j] = KeyedChannels(turns[j], modes[j], places.get(j), axes)
     carriers = list(rig.carriers)
     shift = 0
     if root is not None:
@@ -62,7 +62,7 @@ def body_of(
         positions = np.concatenate((standing[:, None] / scale, positions), axis=1)
         rotations = np.concatenate((turning[:, None], rotations), axis=1)
         channels = {j + 1: c for j, c in channels.items()}
-        channels[0] = Channels(carrier.turns, carrier.mode, carrier.places, carrier.axes / scale)
+        channels[0] = KeyedChannels(carrier.turns, carrier.mode, carrier.places, carrier.axes / scale)
     feet = [foot[k] + shift for foot in FEET for k in (2, 3)]
     moving = frozenset(j + shift for j in free)
     return KeyedBody(carriers, positions, rotations, channels, moving, feet, rate)

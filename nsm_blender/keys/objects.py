@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 from mathutils import Euler, Matrix, Quaternion, Vector
 
-from nsm_core.body.key_reduction import Bound, Channels, KeyedBody, Reduced, reduce_keys
+from nsm_core.body.key_reduction import Bound, KeyedBody, KeyedChannels, Reduced, reduce_keys
 from nsm_core.errors import GoalError, NsmError
 from nsm_core.rotations import Array
 from nsm_core.world.scene.props import Prop
@@ -271,7 +271,7 @@ def _reduced(
     reach = max(float(np.linalg.norm(corners, axis=1).max()) / scale, 1e-3)
     bound = Bound(bound.mm / 2, min(bound.degrees, np.degrees(bound.mm / 2000 / reach)))
     axes = np.array([np.array(space.inverted_safe())[:3, :3] for space in spaces]) / scale
-    channels = {0: Channels(rotation, thing.object.rotation_mode, location, axes)}
+    channels = {0: KeyedChannels(rotation, thing.object.rotation_mode, location, axes)}
     return reduce_keys(KeyedBody((-1,), places[:, None], turns[:, None], channels, feet=(), fps=rate), bound)
 
 

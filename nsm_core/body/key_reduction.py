@@ -34,7 +34,7 @@ class Bound:
 
 
 @dataclass(frozen=True)
-class Channels:
+class KeyedChannels:
     """The keyed channels of one bone, over T frames.
 
     ``turns`` (T, 3 or 4): its rotation in ``mode`` (QUATERNION, AXIS_ANGLE or an Euler order), without jumps;
@@ -64,7 +64,7 @@ class KeyedBody:
     carriers: Sequence[int]
     positions: Array
     rotations: Array
-    channels: dict[int, Channels]
+    channels: dict[int, KeyedChannels]
     free: frozenset[int] = frozenset()
     feet: Sequence[int] = (*ANKLES, *TOES)
     fps: float = 30.0
