@@ -75,9 +75,15 @@ def __dir__() -> list[str]:
 
 def register() -> None:
     """Add operators, panel and scene settings to Blender; a second call changes nothing."""
-    from .ui import operators, overlays, panels, properties, watch
+    from .ui import operators, overlays, panels, preferences, properties, watch
 
-    for cls in (*properties.CLASSES, *overlays.CLASSES, *operators.CLASSES, *panels.CLASSES):
+    for cls in (
+        *properties.CLASSES,
+        *preferences.CLASSES,
+        *overlays.CLASSES,
+        *operators.CLASSES,
+        *panels.CLASSES,
+    ):
         if not cls.is_registered:
             bpy.utils.register_class(cls)
     if not hasattr(bpy.types.Scene, "nsm"):
@@ -99,7 +105,7 @@ def register() -> None:
 
 def unregister() -> None:
     """Take them away again; what a file holds stays in it.  A second call changes nothing."""
-    from .ui import operators, overlays, panels, properties, running, watch
+    from .ui import operators, overlays, panels, preferences, properties, running, watch
 
     running.interrupt("The add-on was switched off meanwhile, so Generate stopped and nothing was keyed.")
     watch.uninstall()
@@ -111,6 +117,8 @@ def unregister() -> None:
         del bpy.types.Armature.nsm_rig
     if hasattr(bpy.types.Object, "nsm_queue"):
         del bpy.types.Object.nsm_queue
-    for cls in reversed((*properties.CLASSES, *overlays.CLASSES, *operators.CLASSES, *panels.CLASSES)):
+    for cls in reversed(
+        (*properties.CLASSES, *preferences.CLASSES, *overlays.CLASSES, *operators.CLASSES, *panels.CLASSES)
+    ):
         if cls.is_registered:
             bpy.utils.unregister_class(cls)

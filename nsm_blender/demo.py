@@ -131,7 +131,6 @@ def build_scene(second_seat: str = "armchair", all_actions: bool = True) -> tupl
     room = build_house() if all_actions else build_room(second_seat=second_seat)
     character = add_character((*room.start, 0.0))
     character.rotation_euler = (0, 0, room.start_heading)
-    character.show_in_front = False
     _light_and_look(scene, room)
     return room, character
 

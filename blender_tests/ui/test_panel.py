@@ -68,6 +68,9 @@ class Layout:
         self.seen.append(text if text is not None else kind.name)
         return types.SimpleNamespace()
 
+    def menu(self, kind, text="", icon="NONE"):
+        assert hasattr(bpy.types, kind) and icon in ICONS
+
     def template_list(self, kind, _name, data, collection, active_data, active, **_):
         assert hasattr(bpy.types, kind)
         for index, row in enumerate(getattr(data, collection)):

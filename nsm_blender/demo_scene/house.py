@@ -41,7 +41,8 @@ def build_house(seed: int = 7) -> House:
     made += _living_room(rng)
     made += _studio(rng)
     bpy.context.view_layer.update()
-    things = bpy.data.objects
+    # A file that has a chair already gives this one another name.
+    things = {o.name.split(".")[0]: o for o in reversed(made)}
     house.goals = [
         GoalSpec("sit", things["Chair"]),
         GoalSpec("open", things["Door"], hold=0.3),

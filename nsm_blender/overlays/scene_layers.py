@@ -8,7 +8,7 @@ from nsm_core.rotations import Array, heading_to_direction
 from nsm_core.world.actions import Aim, require_action
 
 from ..goals.registry import FINDERS
-from ..outlook import Outlook
+from ..outlook import GoalOutlook, Outlook
 from ..world.ground import is_ground
 from ..world.solids import Solid
 from . import colours
@@ -43,10 +43,12 @@ def colliders(seen: Outlook) -> Shapes:
     return shapes
 
 
-def goals(seen: Outlook) -> Shapes:
-    """Where each goal was found, its number and its action; red on what cannot be done."""
+def goals(seen: Outlook, only: GoalOutlook | None = None) -> Shapes:
+    """Where each goal was found, or ``only`` one, its number and its action; red on what cannot be done."""
     shapes = Shapes()
     for number, told in enumerate(seen.goals, 1):
+        if only is not None and told is not only:
+            continue
         goal, colour = told.goal, colours.LOST if told.problem else colours.GOAL
         action = require_action(told.spec.action)
         text = f"{number} {action.label}"

@@ -213,7 +213,6 @@ def build_armature(name: str, location: tuple[float, float, float] = (0.0, 0.0, 
     finally:
         bpy.ops.object.mode_set(mode="OBJECT")
     data.display_type = "STICK"
-    armature.show_in_front = True
     return armature
 
 

@@ -11,14 +11,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import bpy
-
 from nsm_core.body.skeleton import JOINTS
 from nsm_core.data.captures.joint_map import wanted_names
 from nsm_core.errors import CaptureError, SkeletonError
 from nsm_core.files import output
 from nsm_core.validate import is_number, read_toml, shown, table
 
+from ..user_folder import user_folder as folder_for
 from .bone_map import NEEDED, BoneMap, LimbControls
 
 Files = tuple[tuple[Path, int], ...]
@@ -73,10 +72,7 @@ def _chosen(names: Mapping[str, list[str]], bones: Any) -> dict[str, str]:
 
 def user_folder() -> Path:
     """The folder of the user's own presets; it may not exist yet."""
-    package = __package__.rpartition(".")[0]
-    if package.startswith("bl_ext."):
-        return Path(bpy.utils.extension_path_user(package, path="rigs"))
-    return Path(bpy.utils.user_resource("CONFIG", path="nsm_rigs"))
+    return folder_for("rigs")
 
 
 def preset_files() -> Files:

@@ -9,7 +9,7 @@ import bpy
 from nsm_core.world.actions import Aim
 
 from ..goals.registry import FINDERS
-from . import lookout, running
+from . import lookout, queue_files, running
 from .drawing import Sidebar, sentence
 from .properties import action_of, queue_of
 from .ways import draw_way
@@ -64,6 +64,25 @@ def judged(scene: bpy.types.Scene, index: int, row: Any) -> tuple[str, bool]:
     return (told.problem, True) if told is not None else (problem, False)
 
 
+class NSM_MT_queues(bpy.types.Menu):
+    """The queues that are kept."""
+
+    bl_idname = "NSM_MT_queues"
+    bl_label = "Queues"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        layout, names = self.layout, queue_files.saved()
+        layout.operator("nsm.queue_save", icon="ADD")
+        if names:
+            layout.separator()
+        for name in names:
+            layout.operator("nsm.queue_load", text=name, icon="PRESET").name = name
+        if names:
+            layout.separator()
+        for name in names:
+            layout.operator("nsm.queue_delete", text=f"Delete {name}", icon="TRASH").name = name
+
+
 class NSM_PT_goals(Sidebar, bpy.types.Panel):
     bl_label = "Goals"
     bl_idname = "NSM_PT_goals"
@@ -79,6 +98,7 @@ class NSM_PT_goals(Sidebar, bpy.types.Panel):
         side = row.column(align=True)
         side.operator("nsm.goal_add", text="", icon="ADD")
         side.operator("nsm.goal_remove", text="", icon="REMOVE")
+        side.menu("NSM_MT_queues", text="", icon="DOWNARROW_HLT")
         side.separator()
         side.operator("nsm.goal_move", text="", icon="TRIA_UP").direction = "UP"
         side.operator("nsm.goal_move", text="", icon="TRIA_DOWN").direction = "DOWN"

@@ -62,8 +62,10 @@ def ask(scene: bpy.types.Scene, rest: float = 0.0) -> None:
     then.
     """
     global _asked, _due
+    if bpy.app.background:  # where no timer runs: see ``look_now``
+        return
     _asked, _due = Known(scene), time.monotonic() + rest
-    if not bpy.app.background and not bpy.app.timers.is_registered(_tick):
+    if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=_TICK)
     _tell()
 

@@ -9,13 +9,18 @@ from bpy.app.handlers import persistent
 from bpy.props import BoolProperty
 
 from ..animation.identity import identity
+from ..outlook import GoalOutlook
 from ..overlays import kept, viewport
 from ..overlays.kept import RememberedTake, remembered_take
 from ..overlays.layers import LAYERS, Layer
+from ..overlays.scene_layers import goals as goal_shapes
 from ..overlays.shapes import Shapes
 from . import lookout, running
+from .preferences import default_overlays, shows_picked
 from .properties import settings_of
+from .queue import queue_of
 
+_PICKED = "picked"  # among the overlays, what shows the chosen goal
 _REST = 0.6  # seconds after an edit, before one looks again
 
 
@@ -82,6 +87,29 @@ def refresh(scene: bpy.types.Scene) -> None:
     _drawn_of = _now(scene)
     for layer in LAYERS:
         viewport.show(scene, layer.key, _made(layer, lookout.shapes(scene, layer.key), take, t), layer.flat)
+    viewport.show(scene, _PICKED, _picked(scene), False)
+
+
+def goal_picked(scene: bpy.types.Scene) -> None:
+    """Show where the goal that was picked was found, as soon as it is known."""
+    if not shows_picked() or running.current() is not None:
+        return
+    if _active_told(scene) is None and settings_of(scene).character is not None:
+        lookout.ask(scene)
+    refresh(scene)
+
+
+def _active_told(scene: bpy.types.Scene) -> GoalOutlook | None:
+    queue = queue_of(scene)
+    index = queue.active_goal
+    return lookout.told_of(scene, index, queue.goals[index]) if 0 <= index < len(queue.goals) else None
+
+
+def _picked(scene: bpy.types.Scene) -> Shapes | None:
+    told, seen = _active_told(scene), lookout.seen(scene)
+    if told is None or seen is None or not shows_picked() or toggles().goals:
+        return None
+    return goal_shapes(seen, told)
 
 
 def _made(layer: Layer, before: Shapes | None, take: RememberedTake | None, t: int | None) -> Shapes | None:
@@ -187,6 +215,14 @@ def install() -> None:
         if handler not in getattr(bpy.app.handlers, name):
             getattr(bpy.app.handlers, name).append(handler)
     lookout.on_change(_looked)
+    if not bpy.app.background:  # while add-ons are enabled there is no scene yet
+        bpy.app.timers.register(switch_on_defaults, first_interval=0.1)
+
+
+def switch_on_defaults() -> None:
+    """Switch on the overlays that the preferences say."""
+    for key in default_overlays():
+        setattr(toggles(), key, True)
 
 
 def uninstall() -> None:
@@ -195,6 +231,8 @@ def uninstall() -> None:
         if handler in getattr(bpy.app.handlers, name):
             getattr(bpy.app.handlers, name).remove(handler)
     lookout.uninstall()
+    if not bpy.app.background and bpy.app.timers.is_registered(switch_on_defaults):
+        bpy.app.timers.unregister(switch_on_defaults)
     kept.forget()
     viewport.clear()
     if hasattr(bpy.types.WindowManager, "nsm_overlays"):

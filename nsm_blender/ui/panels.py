@@ -13,9 +13,10 @@ from .bones_panel import NSM_PT_bones
 from .character_panel import NSM_PT_character
 from .drawing import Sidebar
 from .generate_panel import NSM_PT_generate
-from .goals_panel import NSM_PT_goals, NSM_UL_goals
+from .goals_panel import NSM_MT_queues, NSM_PT_goals, NSM_UL_goals
 from .keys_panel import NSM_PT_keys
 from .overlays_panel import NSM_PT_overlays
+from .properties import settings_of
 from .takes_panel import NSM_PT_takes, NSM_UL_takes
 
 
@@ -28,14 +29,17 @@ class NSM_PT_motion(Sidebar, bpy.types.Panel):
     def draw_header_preset(self, _context: bpy.types.Context) -> None:
         self.layout.operator("nsm.help", text="", icon="HELP", emboss=False)
 
-    def draw(self, _context: bpy.types.Context) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         state = running.current()
         if state is not None:
             self.layout.progress(factor=state.fraction, text=state.text)
             self.layout.label(text="ESC cancels and puts everything back", icon="INFO")
+        elif settings_of(context.scene).character is None:
+            self.layout.operator("nsm.example", icon="HOME")
 
 
 CLASSES = (
+    NSM_MT_queues,
     NSM_UL_goals,
     NSM_UL_takes,
     NSM_PT_motion,

@@ -35,6 +35,16 @@ _ACTION_ITEMS = [
     (a.key, a.label, a.description, FINDERS[a.key].icon, number) for number, a in enumerate(ACTIONS)
 ]
 
+BEGINS = (
+    (
+        "POSE",
+        "Its Pose",
+        "Go on from the pose and pace that the character has at the start frame, seated too, and "
+        "keep what is animated before; a character in its rest pose begins with a quiet stand",
+    ),
+    ("STAND", "A Quiet Stand", "Begin with a quiet stand where the character is at the start frame"),
+)
+
 
 def _acts(_self: bpy.types.PropertyGroup, candidate: bpy.types.Object) -> bool:
     """Whether an object can be picked as the character: an armature, or a mesh that one moves."""
@@ -48,6 +58,9 @@ def _picked(settings: NsmSettings, _context: bpy.types.Context) -> None:
     if armature is not None and armature != picked:
         settings.character = armature
     else:
+        from .preferences import begin_scene  # which show the same options
+
+        begin_scene(settings)
         hand_over(settings)
 
 
@@ -73,6 +86,12 @@ def _hold_frames(row: NsmGoal, frames: int) -> None:
     row.hold = frames / _fps()
 
 
+def _goal_picked(_owner: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    from .overlays import goal_picked  # which read these very settings
+
+    goal_picked(context.scene)
+
+
 class NsmGoal(bpy.types.PropertyGroup):
     """One row of the queue: an object or a place, and what to do there."""
 
@@ -85,6 +104,7 @@ class NsmGoal(bpy.types.PropertyGroup):
         type=bpy.types.Object,
         poll=_is_goal,
         override=OVERRIDABLE,
+        update=_goal_picked,
     )
     action: EnumProperty(
         name="Action",
@@ -162,7 +182,7 @@ class NsmQueue(bpy.types.PropertyGroup):
     """The goals of one character, kept with its armature object; see ``queue.queue_of``."""
 
     goals: CollectionProperty(type=NsmGoal, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"})
-    active_goal: IntProperty(name="Goal", default=0, min=0, override=OVERRIDABLE)
+    active_goal: IntProperty(name="Goal", default=0, min=0, override=OVERRIDABLE, update=_goal_picked)
 
 
 class NsmResult(bpy.types.PropertyGroup):
@@ -289,7 +309,7 @@ class NsmSettings(bpy.types.PropertyGroup):
     )
     # What is asked for before there is a character: see ``queue.queue_of``.
     goals: CollectionProperty(type=NsmGoal)
-    active_goal: IntProperty(name="Goal", default=0, min=0)
+    active_goal: IntProperty(name="Goal", default=0, min=0, update=_goal_picked)
     start_frame: IntProperty(
         name="Start Frame",
         description="The frame of the first key",
@@ -298,15 +318,7 @@ class NsmSettings(bpy.types.PropertyGroup):
     begin: EnumProperty(
         name="Start From",
         description="How the take begins",
-        items=(
-            (
-                "POSE",
-                "Its Pose",
-                "Go on from the pose and pace that the character has at the start frame, seated too, and "
-                "keep what is animated before; a character in its rest pose begins with a quiet stand",
-            ),
-            ("STAND", "A Quiet Stand", "Begin with a quiet stand where the character is at the start frame"),
-        ),
+        items=BEGINS,
         default="POSE",
     )
     seed: IntProperty(

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from . import bones, character, check, export, generate, goal_list, help, review, timeline
+from . import bones, character, check, example, export, generate, goal_list, help, queues, review, timeline
 
 CLASSES = (
     *character.CLASSES,
     *bones.CLASSES,
     *goal_list.CLASSES,
     *check.CLASSES,
+    *queues.CLASSES,
+    *example.CLASSES,
     *generate.CLASSES,
     *review.CLASSES,
     *timeline.CLASSES,
