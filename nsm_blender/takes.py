@@ -24,6 +24,7 @@ from nsm_core.world.actions import require_learned
 from .animation.kept import Kept, restored_on_failure
 from .begin import POSE, STAND, note_begin, others_of
 from .goals.resolve import require_room_for
+from .keys.fingers import key_fingers
 from .keys.keying import KeyedTake, end_things, key_take_steps, key_things
 from .keys.layers import require_keyable
 from .keys.objects import MovedObject
@@ -133,6 +134,7 @@ def key_and_check(
         keyed = yield from staged("Making keys", steps)
         moved = [(thing, result.props[thing.prop]) for thing in things.values()]
         yield from staged("Making keys", key_things(keyed, moved, FPS, title, scene, keep, spec.style()))
+        key_fingers(keyed, result)
         if keep:
             end_things(keyed, before, title)
         note_begin(keyed, POSE if keep else STAND)

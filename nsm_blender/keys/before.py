@@ -42,12 +42,12 @@ def keep_before(
     for (path, index), curve in old.items():
         mine = own.get((path, index))
         if mine is not None:
-            _prepend(mine, curve, first)
+            prepend(mine, curve, first)
             continue
         mine = new_like(channels, curve)
         if path.startswith(held) if held and path.startswith("pose.") else path in _HELD:
             _add(mine, np.array([first]), np.array([curve.evaluate(first)]))
-            _prepend(mine, curve, first)
+            prepend(mine, curve, first)
         else:
             copy_whole(mine, curve)
         mine.update()
@@ -72,7 +72,7 @@ def stand_before(
             curve.keyframe_points[0].interpolation = "CONSTANT"
 
 
-def _prepend(mine: bpy.types.FCurve, old: bpy.types.FCurve, first: float) -> None:
+def prepend(mine: bpy.types.FCurve, old: bpy.types.FCurve, first: float) -> None:
     """Give a curve that begins at ``first`` the keys of an old one before it, and its shape in between."""
     places = np.empty(2 * len(old.keyframe_points))
     old.keyframe_points.foreach_get("co", places)

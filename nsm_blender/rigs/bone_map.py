@@ -49,8 +49,9 @@ class BoneMap:
     ``joints``: joint of the 23 -> bone that gets the keys; joints without one follow the joint above them.
     ``shown``: joint -> bone that shows the result, where controls move other bones.  ``properties``: bone ->
     custom property -> value, keyed with a take (switches from IK to FK).  ``limbs``: wrist or ankle -> its IK
-    controls, which get the keys of the limb where ``use_ik`` says so.  ``family`` tells where the map is
-    from, ``score`` (0..1) how well it fits, ``remarks`` what is odd about it.
+    controls, which get the keys of the limb where ``use_ik`` says so.  ``fingers``: name, which begins with
+    Left or Right -> bones from the palm outwards, where they are not simply found under the hand.  ``family``
+    tells where the map is from, ``score`` (0..1) how well it fits, ``remarks`` what is odd about it.
     """
 
     joints: Mapping[str, str]
@@ -58,6 +59,7 @@ class BoneMap:
     properties: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     limbs: Mapping[str, LimbControls] = field(default_factory=dict)
     use_ik: bool = False
+    fingers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     family: str = ""
     score: float = 1.0
     remarks: tuple[str, ...] = ()
@@ -191,7 +193,16 @@ def stored_map(data: bpy.types.Armature) -> BoneMap | None:
         joint: LimbControls(**{**each, "still": tuple(each["still"])})
         for joint, each in extras.get("limbs", {}).items()
     }
-    return BoneMap(joints, shown, extras.get("properties", {}), limbs, family=rig.family, score=rig.score)
+    fingers = {name: tuple(bones) for name, bones in extras.get("fingers", {}).items()}
+    return BoneMap(
+        joints,
+        shown,
+        extras.get("properties", {}),
+        limbs,
+        fingers=fingers,
+        family=rig.family,
+        score=rig.score,
+    )
 
 
 def store_map(data: bpy.types.Armature, bone_map: BoneMap) -> None:
@@ -202,6 +213,10 @@ def store_map(data: bpy.types.Armature, bone_map: BoneMap) -> None:
         row = rig.joints.add()
         row.name, row.bone = joint, bone_map.joints.get(joint, "")
     rig.family, rig.score, rig.remarks = bone_map.family, bone_map.score, "\n".join(bone_map.remarks)
-    limbs = {joint: asdict(controls) for joint, controls in bone_map.limbs.items()}
-    extras = {"shown": dict(bone_map.shown), "properties": dict(bone_map.properties), "limbs": limbs}
+    extras = {
+        "shown": dict(bone_map.shown),
+        "properties": dict(bone_map.properties),
+        "limbs": {joint: asdict(controls) for joint, controls in bone_map.limbs.items()},
+        "fingers": dict(bone_map.fingers),
+    }
     rig.extras = json.dumps(extras)

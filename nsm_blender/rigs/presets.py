@@ -23,7 +23,17 @@ from .bone_map import NEEDED, BoneMap, LimbControls
 Files = tuple[tuple[Path, int], ...]
 FOLDER = Path(__file__).parent / "presets"
 PRESET = "preset "  # begins the family of a map that is from a preset
-_KEYS = ("joints", "sides", "shown", "shown_sides", "properties", "limbs", "limb_sides")
+_KEYS = (
+    "joints",
+    "sides",
+    "shown",
+    "shown_sides",
+    "properties",
+    "limbs",
+    "limb_sides",
+    "fingers",
+    "finger_sides",
+)
 _LIMB_KEYS = ("control", "pole", "toe", "still", "properties")
 LIMBS = ("RightWrist", "LeftWrist", "RightAnkle", "LeftAnkle")  # whose controls may pull them
 _MOST = 200  # presets that are read from the user's folder
@@ -38,6 +48,7 @@ class Preset:
     shown: Mapping[str, list[str]]
     properties: Mapping[str, Mapping[str, float]]
     limbs: Mapping[str, LimbControls]
+    fingers: Mapping[str, tuple[str, ...]]
 
     def among(self, bones: Any) -> BoneMap | None:
         """The map of a rig that has ``bones``; None where it lacks one of the needed joints."""
@@ -51,7 +62,8 @@ class Preset:
         limbs = {joint: c for joint, c in self.limbs.items() if c.control in bones and joint in joints}
         limbs = {joint: _present(controls, bones) for joint, controls in limbs.items()}
         seen = {joint: bone for joint, bone in seen.items() if joint in joints}
-        return BoneMap(joints, seen, switches, limbs, family=PRESET + self.name)
+        fingers = {name: each for name, each in self.fingers.items() if all(bone in bones for bone in each)}
+        return BoneMap(joints, seen, switches, limbs, fingers=fingers, family=PRESET + self.name)
 
 
 def _present(controls: LimbControls, bones: Any) -> LimbControls:
@@ -124,7 +136,8 @@ def _read(path: Path, _changed: int) -> Preset:
     except CaptureError as error:  # the same files, read for another purpose
         raise SkeletonError(str(error)) from error
     properties = _switches(found.get("properties", {}), path.name)
-    return Preset(path.stem, joints, seen, properties, _limbs(found, path.name))
+    fingers = _fingers(found, path.name)
+    return Preset(path.stem, joints, seen, properties, _limbs(found, path.name), fingers)
 
 
 def _switches(found: Any, name: str) -> dict[str, dict[str, float]]:
@@ -169,6 +182,22 @@ def _limbs(found: dict[str, Any], name: str) -> dict[str, LimbControls]:
     return limbs
 
 
+def _fingers(found: dict[str, Any], name: str) -> dict[str, tuple[str, ...]]:
+    """Bones of fingers, from the palm outwards, by side and name."""
+    each = dict(table(found.get("fingers", {}), f"{name}: [fingers]", SkeletonError))
+    for finger, bones in table(
+        found.get("finger_sides", {}), f"{name}: [finger_sides]", SkeletonError
+    ).items():
+        for side in ("Right", "Left"):
+            each[side + finger] = _with_side(bones, side[0])
+    for finger, bones in each.items():
+        if not isinstance(bones, list) or not bones or not all(isinstance(bone, str) for bone in bones):
+            raise SkeletonError(f"{name}: finger {finger} must be a list of bones, in quotes.")
+        if not finger.startswith(("Right", "Left")):
+            raise SkeletonError(f"{name}: finger {finger} must begin with Right or Left.")
+    return {finger: tuple(bones) for finger, bones in each.items()}
+
+
 def _with_side(value: Any, letter: str) -> Any:
     """What a file says of both sides, for one."""
     if isinstance(value, str):
@@ -208,6 +237,10 @@ def save_preset(path: str | Path, bone_map: BoneMap) -> None:
         ]
         lines += [f"still = [{', '.join(map(_quoted, controls.still))}]"] if controls.still else []
         lines += _properties_lines(f"limbs.{joint}.properties", controls.properties)
+    if bone_map.fingers:
+        lines += ["", "[fingers]"]
+        for finger, bones in bone_map.fingers.items():
+            lines.append(f"{finger} = [{', '.join(map(_quoted, bones))}]")
     with output(path, "The bone map") as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
 

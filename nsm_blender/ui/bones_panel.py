@@ -46,6 +46,7 @@ class NSM_PT_bones(Sidebar, bpy.types.Panel):
         row.operator("nsm.bones_clear", text="", icon="X")
         if told_map(character).limbs:
             body.row(align=True).prop(rig, "limbs", expand=True)
+        body.prop(rig, "fingers")
         bone_map = stored_map(character.data)
         if bone_map is None:
             sentence(

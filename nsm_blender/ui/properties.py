@@ -252,6 +252,12 @@ class NsmRig(bpy.types.PropertyGroup):
             ("IK", "IK", "Keys place hands and feet, and poles say where elbows and knees point"),
         ),
     )
+    fingers: BoolProperty(
+        name="Fingers",
+        description="Relax the fingers, and close them on what the hands hold, by a few keys; off, they stay "
+        "as they are",
+        default=True,
+    )
 
 
 class NsmKeyOptions(bpy.types.PropertyGroup):
