@@ -56,12 +56,11 @@ def moments(take: Take) -> list[int]:
     return [take.keyed.frame_start + frame for frame in picks]
 
 
-def main() -> None:
+def main(path: Path = HERE / "take.png") -> None:
     """Make the take and its picture."""
     house, character = demo.build_scene()
     spec = TakeSpec(character, demo.goals_in(house), name="Demo")
     take = finish(generate(spec, bpy.context.scene))
-    path = HERE / "take.png"
     render.contact_sheet(
         take.keyed,
         path,
