@@ -68,13 +68,22 @@ class TakeSpec:
         return self.name or ", ".join(f"{g.action} {g.label}" for g in self.goals[:3])
 
 
+@dataclass
+class Company:
+    """All ``characters`` that act together, and what any of them moves: no part of what stands."""
+
+    characters: list[bpy.types.Object]
+    moving: list[bpy.types.Object]
+
+
 def prepare(
-    spec: TakeSpec, scene: bpy.types.Scene
+    spec: TakeSpec, scene: bpy.types.Scene, company: Company | None = None
 ) -> Generator[Progress, None, tuple[TakeRequest, WorldFrame, dict[str, MovedObject]]]:
     """Gather what a take needs from the scene as it is at the take's first frame, in slices; the current
     frame is put back.
 
-    The last of the generator's value are the objects that it moves, by their names.
+    The last of the generator's value are the objects that it moves, by their names.  ``company`` are those
+    who act with it.
     """
     require_character(spec.character, scene)
     if not spec.goals:
@@ -88,7 +97,7 @@ def prepare(
         require_possible(spec.goals, scene)
         for target in moving_alone:
             require_movable(target, spec.character)
-        around = yield from surroundings_of(spec, scene, frame, moving)
+        around = yield from surroundings_of(spec, scene, frame, moving, company)
         goals = yield from staged(
             "Finding the goals",
             beside(lambda _: resolve_goals(spec.goals, scene, frame, start, around), touches=True),
@@ -149,7 +158,11 @@ def show_goal_points(
 
 
 def surroundings_of(
-    spec: TakeSpec, scene: bpy.types.Scene, frame: WorldFrame, moving: list[bpy.types.Object]
+    spec: TakeSpec,
+    scene: bpy.types.Scene,
+    frame: WorldFrame,
+    moving: list[bpy.types.Object],
+    company: Company | None = None,
 ) -> Generator[Progress, None, Surroundings]:
     """Read what is solid around a take at its first frame: the meshes are copied in slices, the rest is done
     by a thread.
@@ -165,6 +178,8 @@ def surroundings_of(
             next(steps)
         except StopIteration as stop:
             around = Surroundings(scene, frame, spec.character, moving, stop.value)
+            if company is not None:
+                around.leave_out(company.characters, company.moving)
             break
         yield Progress("Reading the scene", 0.0)
     goals = [o for g in spec.goals for o in (g.object, g.to) if o is not None and holds(scene, o)]

@@ -17,6 +17,16 @@ _T = TypeVar("_T")
 
 
 @dataclass
+class Shown:
+    """The newest frame of one of several characters, as ``Progress`` has that of one alone."""
+
+    character: bpy.types.Object
+    hips_world: Array
+    local_rotations: Array
+    moved: list[tuple[bpy.types.Object, Matrix]]
+
+
+@dataclass
 class Progress:
     """How far a take is: what is being done, 0..1, and pose and moved objects of the newest frame where there
     is one.
@@ -28,6 +38,7 @@ class Progress:
     local_rotations: Array | None = None  # (23, 4)
     # Objects and their world matrices.
     moved: list[tuple[bpy.types.Object, Matrix]] = field(default_factory=list)
+    cast: list[Shown] = field(default_factory=list)  # of several characters, instead
     waits: bool = False  # a thread does the work: asking again at once only waits for it
 
 

@@ -112,9 +112,13 @@ def key_and_check(
     result: TakeResult,
     frame: WorldFrame,
     things: dict[str, MovedObject],
+    tracks: dict[str, Array] | None = None,
 ) -> Generator[Progress, None, Take]:
     """Key a finished motion, look at what the scene shows of it, and report: all or nothing, whatever is
     raised or closed.
+
+    ``tracks`` are the poses (T, 4) of those things alone that are keyed with it, by their props' names; None:
+    all, as ``result`` has them.
     """
     with restored_on_failure(Kept(scene, [spec.character, *(thing.object for thing in things.values())])):
         keep = request.start is not None
@@ -132,7 +136,8 @@ def key_and_check(
             spec.style(),
         )
         keyed = yield from staged("Making keys", steps)
-        moved = [(thing, result.props[thing.prop]) for thing in things.values()]
+        tracks = result.props if tracks is None else tracks
+        moved = [(thing, tracks[thing.prop]) for thing in things.values() if thing.prop in tracks]
         yield from staged("Making keys", key_things(keyed, moved, FPS, title, scene, keep, spec.style()))
         key_fingers(keyed, result)
         if keep:

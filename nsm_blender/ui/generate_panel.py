@@ -7,6 +7,7 @@ import bpy
 from . import running
 from .drawing import Sidebar, sentence
 from .properties import settings_of
+from .queue import cast_of
 from .reviews import takes_of
 
 
@@ -27,6 +28,8 @@ class NSM_PT_generate(Sidebar, bpy.types.Panel):
         big = layout.column()
         big.scale_y = 1.5
         big.operator("nsm.generate", icon="PLAY")
+        if len(cast_of(context.scene)) > 1:
+            layout.operator("nsm.generate_all", icon="COMMUNITY")
         if takes_of(context.scene):
             layout.operator("nsm.another_take", icon="FILE_REFRESH")
         layout.operator("nsm.continue_take", icon="FRAME_NEXT")

@@ -22,6 +22,13 @@ def queue_of(scene: bpy.types.Scene) -> Any:
     return own if len(own.goals) or not len(settings.goals) else settings
 
 
+def cast_of(scene: bpy.types.Scene) -> list[tuple[bpy.types.Object, Any]]:
+    """The characters of a scene that have enabled goals, by their names, each with its queue."""
+    armatures = sorted((o for o in scene.objects if o.type == "ARMATURE"), key=lambda o: o.name)
+    queues = [(o, queue_of(scene) if o == scene.nsm.character else o.nsm_queue) for o in armatures]
+    return [(o, queue) for o, queue in queues if any(goal.enabled for goal in queue.goals)]
+
+
 def hand_over(settings: Any) -> None:
     """Give the rows that a scene holds to its character, where that one has none and can be written."""
     character = settings.character

@@ -13,7 +13,7 @@ from nsm_core.world.actions import BY_KEY, Aim
 
 from ..rigs.bone_map import told_map
 from ..world.frame import holds
-from .queue import queue_of
+from .queue import cast_of, queue_of
 
 
 @dataclass
@@ -99,23 +99,47 @@ def reason_not_ready(context: bpy.types.Context) -> str:
     goals = queue_of(context.scene).goals
     if not len(goals):
         return "There is no goal yet; select a seat and press the plus beside the list."
-    enabled = [(number, goal) for number, goal in enumerate(goals, 1) if goal.enabled]
-    if not enabled:
-        return "No goal is enabled; tick one in the list."
-    for number, goal in enabled:
-        problem = problem_of_row(number, goal, context.scene)
-        if problem:
-            return problem
+    return _reason_no_goals(goals, context.scene) or _reason_of_mode(context)
+
+
+def reason_no_cast(context: bpy.types.Context) -> str:
+    """Why Generate All cannot start, as a sentence with what to do; empty when it can."""
+    if _running is not None:
+        return reason_busy()
+    cast = cast_of(context.scene)
+    if len(cast) < 2:
+        return "Fewer than two characters have enabled goals; choose another character and add goals to it."
+    for character, queue in cast:
+        reason = _reason_of(character, context.scene)
+        reason = reason or _reason_no_goals(queue.goals, context.scene)
+        if reason:
+            return reason if character.name in reason else f"{character.name}: {reason}"
+    return _reason_of_mode(context)
+
+
+def _reason_of_mode(context: bpy.types.Context) -> str:
     if context.mode not in {"OBJECT", "POSE"}:
         return "Generate works in Object and Pose Mode; leave the present mode with Tab."
     return ""
 
 
+def _reason_no_goals(goals: Any, scene: bpy.types.Scene) -> str:
+    """Why a queue's goals cannot be tried, as a sentence; empty where they can."""
+    enabled = [(number, goal) for number, goal in enumerate(goals, 1) if goal.enabled]
+    if not enabled:
+        return "No goal is enabled; tick one in the list."
+    return next((p for number, goal in enabled if (p := problem_of_row(number, goal, scene))), "")
+
+
 def reason_no_character(scene: bpy.types.Scene) -> str:
     """Why the chosen character cannot act, as a sentence with what to do; empty when it can."""
-    character = scene.nsm.character
-    if character is None:
+    if scene.nsm.character is None:
         return "No character is chosen; choose its armature, or add the bundled character."
+    return _reason_of(scene.nsm.character, scene)
+
+
+def _reason_of(character: bpy.types.Object, scene: bpy.types.Scene) -> str:
+    """Why a character cannot act, as a sentence with what to do; empty when it can."""
     if not holds(scene, character):
         return f"The character {character.name} is no longer in this scene; choose another one."
     if character.type != "ARMATURE":

@@ -57,14 +57,17 @@ class TakeSession:
         self.over, self.why = False, ""
         self.posed = False  # whether the last tick has changed what the scene looks like
         self._ended = ended
-        self._watch = Watch(spec, scene)
-        self._state = SceneState(scene, spec.character, moved_by(spec.goals))
+        self._watch, self._state = self._watching(spec, scene)
         self._steps, self._stopped = steps(spec, scene), stopped
         self._value: Any = None
         self._preview: Preview | None = None
         self._shown, self._keying, self._longest = False, False, 0.0
         install()
         running.begin_take(scene, spec.character, self._stop, self._put_back)
+
+    def _watching(self, spec: TakeSpec, scene: bpy.types.Scene) -> tuple[Watch, SceneState]:
+        """What the take stands on, and what it may disturb."""
+        return Watch(spec, scene), SceneState(scene, spec.character, moved_by(spec.goals))
 
     def tick(self, budget: float, show: bool = True) -> Any:
         """Step frames for up to ``budget`` seconds and, with ``show``, pose the character as in the newest;

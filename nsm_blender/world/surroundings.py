@@ -60,6 +60,12 @@ class Surroundings:
         self._plan: FloorPlan | None = None
         self._bodies: dict[tuple[str, bool], GoalBody] = {}
         self._given = snapshot
+        self._company: list[bpy.types.Object] = []
+
+    def leave_out(self, company: Iterable[bpy.types.Object], moving: Iterable[bpy.types.Object] = ()) -> None:
+        """Take others who act too, and what they move, out of what stands; before anything is read."""
+        self._company = [other for other in company if other != self.character]
+        self.moving = list(dict.fromkeys((*self.moving, *moving)))
 
     @cached_property
     def snapshot(self) -> Snapshot:
@@ -68,7 +74,7 @@ class Surroundings:
 
     @property
     def _own(self) -> list[bpy.types.Object]:
-        return [self.character] if self.character else []
+        return [*([self.character] if self.character else []), *self._company]
 
     def reading(self, *goals: bpy.types.Object) -> Callable[[Callable[[float], None]], None]:
         """The work of reading what is solid, and these objects, which needs no Blender data and may be done

@@ -2,7 +2,20 @@
 
 from __future__ import annotations
 
-from . import bones, character, check, example, export, generate, goal_list, help, queues, review, timeline
+from . import (
+    bones,
+    character,
+    check,
+    example,
+    export,
+    generate,
+    generate_all,
+    goal_list,
+    help,
+    queues,
+    review,
+    timeline,
+)
 
 CLASSES = (
     *character.CLASSES,
@@ -12,6 +25,7 @@ CLASSES = (
     *queues.CLASSES,
     *example.CLASSES,
     *generate.CLASSES,
+    *generate_all.CLASSES,
     *review.CLASSES,
     *timeline.CLASSES,
     *export.CLASSES,

@@ -88,6 +88,16 @@ class GroupRunner:
             pass
         return [m.runner.result() for m in self.players]
 
+    def poses(self) -> list[tuple[Array, Array, dict[str, Array]]]:
+        """The newest pose of each: hips (3,), rotations (23, 4), and the poses of its props by name."""
+        return [(*p.runner.pose(), p.runner.prop_poses()) for p in self.players]
+
+    def track_of(self, number: int, name: str) -> Array:
+        """Poses (T, 4) of a prop over all the time that somebody may move it, as a character sees it."""
+        who = [p for p in self.players if name in p.runner.props]
+        longest = max(who, key=lambda p: p.runner.frames)
+        return self.players[number].frame.pose_from(longest.frame, longest.runner.poses_of(name))
+
     def waits(self) -> list[list[Wait]]:
         """When each character gave way, and to whom."""
         return [m.waits for m in self.players]
@@ -132,7 +142,7 @@ class GroupRunner:
                 before = self._poses[player.order][name]
                 if np.abs(prop.pose - before).max() > 1e-9:
                     for other in self.players:
-                        if other is not player and name in other.runner.props:
+                        if other is not player and not other.done and name in other.runner.props:
                             pose = other.frame.pose_from(player.frame, prop.pose)
                             other.runner.move_prop(name, pose)
                             self._poses[other.order][name] = pose

@@ -1,0 +1,56 @@
+"""The takes of several characters under way in one scene, as ``TakeSession`` has one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import bpy
+
+from ..animation.kept import SceneState
+from ..goals.resolve import moved_by
+from ..keys.preview import Preview
+from ..progress import Progress
+from ..together import GroupSpec, generate_together
+from .session import TakeSession
+from .watch import Watch
+
+
+class GroupSession(TakeSession):
+    """Several takes under way; however it ends, the scene is as it was or holds them all."""
+
+    def __init__(
+        self, group: GroupSpec, scene: bpy.types.Scene, ended: Callable[[], None] | None = None
+    ) -> None:
+        self._previews: dict[bpy.types.Object, Preview] = {}
+        super().__init__(group, scene, ended, generate_together)
+
+    def _watching(self, spec: GroupSpec, scene: bpy.types.Scene) -> tuple[_Watches, _States]:
+        return (
+            _Watches([Watch(take, scene) for take in spec.takes]),
+            _States([SceneState(scene, take.character, moved_by(take.goals)) for take in spec.takes]),
+        )
+
+    def _show(self, progress: Progress) -> None:
+        for shown in progress.cast:
+            preview = self._previews.setdefault(shown.character, Preview(shown.character))
+            self._shown = self.posed = True
+            preview.show(shown.hips_world, shown.local_rotations, shown.moved)
+
+
+class _Watches:
+    def __init__(self, watches: list[Watch]) -> None:
+        self.watches = watches
+
+    def changed(self) -> str:
+        """The first thing that was deleted, exchanged or renamed of any take."""
+        return next((found for watch in self.watches if (found := watch.changed())), "")
+
+
+class _States:
+    def __init__(self, states: list[SceneState]) -> None:
+        self.states = states
+
+    def restore(self, always: bool = False) -> None:
+        """Put all back, as ``SceneState.restore``."""
+        for state in self.states:
+            state.restore(always)

@@ -1,0 +1,87 @@
+"""Generate All: the takes of all characters that have goals, in the window or in one go."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import ClassVar
+
+import bpy
+
+from nsm_core.errors import NsmError
+
+from ...keys.report import result_lines
+from ...progress import finish
+from ...takes import Take
+from ...together import GroupSpec, generate_together
+from ..group_session import GroupSession
+from ..properties import settings_of, show_results, spec_of_row
+from ..queue import cast_of
+from ..reviews import remember
+from ..running import reason_no_cast
+from .generate import spec_of
+from .modal import Modal
+
+
+def group_of(scene: bpy.types.Scene) -> GroupSpec:
+    """What all characters with enabled goals are to do; GoalError on a row whose action is unknown."""
+    asked = spec_of(scene)
+    return GroupSpec(
+        [
+            replace(
+                asked,
+                character=character,
+                goals=[spec_of_row(row, number) for number, row in enumerate(queue.goals, 1) if row.enabled],
+                seed=asked.seed + number,
+            )
+            for number, (character, queue) in enumerate(cast_of(scene))
+        ]
+    )
+
+
+class NSM_OT_generate_all(Modal, bpy.types.Operator):
+    bl_idname = "nsm.generate_all"
+    bl_label = "Generate All"
+    bl_description = (
+        "Have all characters that have enabled goals act together: each sees the others as they move. Who is "
+        "nearer to a seat, a door or a narrow place goes first, the others wait or go around. All are keyed, "
+        "or none"
+    )
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        reason = reason_no_cast(context)
+        if reason:
+            cls.poll_message_set(reason)
+        return not reason
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Generate in one go: scripts and background mode, where no timer runs."""
+        scene = context.scene
+        try:
+            self._group = group_of(scene)
+            takes = finish(generate_together(self._group, scene))
+        except NsmError as error:
+            return self._fail(scene, str(error))
+        return self._keep(scene, takes)
+
+    def _open(self, context: bpy.types.Context, ended: Callable[[], None]) -> GroupSession:
+        self._group = group_of(context.scene)
+        return GroupSession(self._group, context.scene, ended)
+
+    def _keep(self, scene: bpy.types.Scene, takes: list[Take]) -> set[str]:
+        lines: list[tuple[str, bool]] = []
+        for take, spec in zip(takes, self._group.takes, strict=True):
+            name = take.keyed.armature.name
+            told = result_lines(take.report, take.keyed.frame_start, scene.frame_end)
+            lines += [(f"{name}: {text}", good) for text, good in told]
+            lines += [(f"{name} {wait}", True) for wait in take.report["waits"]]
+            remember(scene, take.keyed, spec.seed)
+            for goal, (text, good) in zip(take.report["goals"], told, strict=False):
+                self.report({"INFO" if goal["reached"] and good else "WARNING"}, f"{name}: {text}")
+        show_results(settings_of(scene), lines)
+        return {"FINISHED"}
+
+
+CLASSES = (NSM_OT_generate_all,)
