@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from nsm_core.body.capsules import Figure
 from nsm_core.body.key_reduction import Bound
@@ -97,12 +98,14 @@ def prepare(
         require_possible(spec.goals, scene)
         for target in moving_alone:
             require_movable(target, spec.character)
+        places = {o: o.matrix_world.copy() for o in (spec.character, *moving_alone)}
         around = yield from surroundings_of(spec, scene, frame, moving, company)
         goals = yield from staged(
             "Finding the goals",
             beside(lambda _: resolve_goals(spec.goals, scene, frame, start, around), touches=True),
         )
         _go_to(scene, spec.start_frame)
+        _require_still(places)
         things = {
             target.name: MovedObject.of(target, frame, around.left[target][0]) for target in moving_alone
         }
@@ -126,6 +129,17 @@ def prepare(
         start=motion,
     )
     return request, frame, things
+
+
+def _require_still(places: dict[bpy.types.Object, Matrix]) -> None:
+    """Raise GoalError where something was moved while the scene was read: its take would miss it."""
+    for target, before in places.items():
+        pairs = zip(target.matrix_world, before, strict=True)
+        each = (pair for rows in pairs for pair in zip(*rows, strict=True))
+        if any(abs(a - b) > 1e-4 * max(1.0, abs(b)) for a, b in each):
+            raise GoalError(
+                f"{target.name} was moved while the scene was read, so nothing was keyed; generate again."
+            )
 
 
 def show_goal_points(

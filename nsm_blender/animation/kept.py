@@ -12,6 +12,7 @@ from typing import Any
 import bpy
 
 from .channels import assign, made_since, made_so_far, transform_of
+from .identity import exists
 
 # What Python sees where Blender's data was deleted, undone, exchanged or linked meanwhile.
 LOST = (ReferenceError, AttributeError, KeyError, TypeError, ValueError, RuntimeError)
@@ -141,6 +142,13 @@ class _Animation:
         )
 
     def restore(self) -> None:
+        try:
+            self._give_back()
+        finally:  # also where the object is gone by now
+            if self.action is not None and exists(self.action):
+                self.action.use_fake_user = self.fake_user
+
+    def _give_back(self) -> None:
         data = self.target.animation_data
         if data is None:
             return
@@ -151,8 +159,6 @@ class _Animation:
             assign(self.target, self.action, self.slot)
         if hasattr(data, "last_slot_identifier"):
             data.last_slot_identifier = self.slot_name
-        if self.action is not None:
-            self.action.use_fake_user = self.fake_user
 
 
 class Kept:

@@ -18,7 +18,7 @@ from nsm_core.errors import NsmError, SkeletonError
 from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_normalize
 
 from ..animation.channels import ActionChannels, assign, new_action, remove_unused, transform_of
-from ..animation.kept import Kept, restored_on_failure
+from ..animation.kept import FrameState, Kept, restored_on_failure
 from ..rigs.armature import Placement, StartPose, read_pose, read_world_pose
 from ..rigs.bone_map import BoneMap, bone_map_of
 from ..rigs.mount import Mount, go_to, last, over_frames
@@ -56,7 +56,7 @@ class KeyedTake:
     previous_action: bpy.types.Action | None
     previous_slot: Any | None
     previous_fake_user: bool
-    # Bone name, matrix_basis before the take; or, where it has switches that are keyed, their values by name.
+    # Bone name, transform channels before the take; or, where it has switches that are keyed, their values.
     previous_pose: list[tuple[str, Any]]
     things: list[KeyedThing] = field(default_factory=list)
     reduced: Reduced | None = None  # where fewer keys were asked for
@@ -136,7 +136,9 @@ def key_take_steps(
     bone keyed.  With ``keep``, what the armature's action shows before ``frame_start`` goes into the new one.
     """
     scene = scene or bpy.context.scene
-    shown = scene.frame_current, scene.frame_subframe
+    # As they are now: another frame does not show what was moved or turned without a key.
+    before, here = Kept(scene, [armature]), FrameState(scene)
+    previous_pose = pose_of(armature, placed=style.root_motion == OBJECT)
     if keep:
         go_to(scene, frame_start)  # what carries the armature is held as it is there
     bpy.context.view_layer.update()
@@ -153,8 +155,7 @@ def key_take_steps(
     data = armature.animation_data
     previous = data.action if data else None
     previous_slot = getattr(data, "action_slot", None) if previous else None
-    previous_pose = pose_of(armature, placed=style.root_motion == OBJECT)
-    with restored_on_failure(Kept(scene, [armature])):
+    with restored_on_failure(before):
         fake_user = bool(previous and previous.use_fake_user)
         if previous:
             previous.use_fake_user = True  # or it would be lost with the file's next save
@@ -224,7 +225,7 @@ def key_take_steps(
                 values = carrier.now(armature)
                 stand_before(channels, previous, previous_slot, frame_start, values)
             keep_before(channels, previous, previous_slot, frame_start, above)
-            scene.frame_set(shown[0], subframe=shown[1])
+            here.restore()
         kept = KeptEdits()
         if style.keep_edits:
             kept = keep_edits(channels, previous, previous_slot, frame_start, rate)
@@ -302,15 +303,17 @@ def take_off(take: KeyedTake) -> None:
         take.previous_action.use_fake_user = take.previous_fake_user
     assign(take.armature, take.previous_action, take.previous_slot)
     bpy.context.view_layer.update()  # the old action plays once more, before the pose that was not keyed
-    for name, matrix in take.previous_pose:
-        bone = take.armature.pose.bones.get(name)
-        if name == _PLACE:
-            for channel, value in matrix.items():
-                setattr(take.armature, channel, value)
-        elif bone is not None and isinstance(matrix, dict):
-            set_switches(bone, matrix)
-        elif bone is not None:
-            bone.matrix_basis = matrix
+    for name, values in take.previous_pose:
+        moving = take.armature if name == _PLACE else take.armature.pose.bones.get(name)
+        if moving is None:
+            continue
+        if not isinstance(values, dict):  # a matrix, of files of an earlier version
+            moving.matrix_basis = values
+        elif "rotation_quaternion" in values:
+            for channel, value in values.items():
+                setattr(moving, channel, value)
+        else:
+            set_switches(moving, values)
     take.armature.update_tag()
     bpy.context.view_layer.update()
 
@@ -325,10 +328,11 @@ def discard_take(take: KeyedTake) -> None:
 
 
 def pose_of(armature: bpy.types.Object, placed: bool = False) -> list[tuple[str, Any]]:
-    """What a take must be able to give back of a pose: bones with their ``matrix_basis``, and with the values
-    of their switches that are keyed; and where it is ``placed`` by the take, the object's own transform.
+    """What a take must be able to give back of a pose: bones with their transform channels (a matrix would
+    lose whole turns), and with the values of their switches that are keyed; and where it is ``placed`` by the
+    take, the object's own transform.
     """
-    pose: list[tuple[str, Any]] = [(bone.name, bone.matrix_basis.copy()) for bone in armature.pose.bones]
+    pose: list[tuple[str, Any]] = [(bone.name, transform_of(bone)) for bone in armature.pose.bones]
     return pose + switches_of(armature) + ([(_PLACE, transform_of(armature))] if placed else [])
 
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import bpy
@@ -21,6 +22,7 @@ from ..animation.kept import Kept, restored_on_failure
 from ..keys import strips
 from ..keys.keying import KeyedTake, pose_of, take_off
 from ..keys.objects import KeyedThing, take_off_thing
+from .kept_takes import KeptTakes
 from .properties import NsmKeyed, NsmTake, settings_of
 
 
@@ -31,30 +33,42 @@ def remember(scene: bpy.types.Scene, take: KeyedTake, seed: int = 0, beside: boo
     gives back what was before both.  One that the animator has edited, or from whose end the new one goes on,
     stays as if accepted.  ``beside``: one that it is another try of stays on the list as it is.
     """
-    takes = settings_of(scene).takes
-    for index in reversed(range(len(takes))):
-        record = takes[index]
-        if record.character.object is None or record.character.action is None:
-            takes.remove(index)
-        elif record.character.object == take.armature and record.character.action == take.previous_action:
-            old = keyed(record)
-            same = not record.accepted and record.frame_start == take.first
-            if same and beside:
-                _inherit_all(take, old)
-            elif same and record.keys == _checksum(old):
+    takes, unused = settings_of(scene).takes, list[bpy.types.Action]()
+    others = [row.object for record in takes for row in _rows(record)]
+    with _whole(scene, [take.armature, *(thing.object for thing in take.things), *others]):
+        for index in reversed(range(len(takes))):
+            record = takes[index]
+            if record.character.object is None or record.character.action is None:
                 takes.remove(index)
-                _supersede(old, take)
-            else:
-                record.accepted = True
-    record = takes.add()
-    record.frame_start, record.frame_end, record.fps = take.first, take.last, take.fps
-    record.seed = seed
-    _note(record.character, take.armature, take, take.previous_pose)
-    for thing in take.things:
-        _note(record.things.add(), thing.object, thing, thing.previous_transform)
-    record.keys = _checksum(take)
-    settings_of(scene).active_take = len(takes) - 1
+            elif record.character.object == take.armature and record.character.action == take.previous_action:
+                old = keyed(record)
+                same = not record.accepted and record.frame_start == take.first
+                if same and beside:
+                    _inherit_all(take, old)
+                elif same and record.keys == _checksum(old):
+                    takes.remove(index)
+                    _supersede(old, take)
+                    unused += [made.action for made in (old, *old.things)]
+                else:
+                    record.accepted = True
+        record = takes.add()
+        record.frame_start, record.frame_end, record.fps = take.first, take.last, take.fps
+        record.seed = seed
+        _note(record.character, take.armature, take, take.previous_pose)
+        for thing in take.things:
+            _note(record.things.add(), thing.object, thing, thing.previous_transform)
+        record.keys = _checksum(take)
+        settings_of(scene).active_take = len(takes) - 1
+    for action in unused:
+        remove_unused(action)
     return record
+
+
+@contextmanager
+def _whole(scene: bpy.types.Scene, targets: Iterable[bpy.types.Object]) -> Iterator[None]:
+    """Change the list, and what ``targets`` play, as a whole or not at all."""
+    with restored_on_failure(Kept(scene, targets)), restored_on_failure(KeptTakes(scene)):
+        yield
 
 
 def takes_of(scene: bpy.types.Scene, armature: bpy.types.Object | None = None) -> list[NsmTake]:
@@ -100,20 +114,23 @@ def reject(scene: bpy.types.Scene, record: NsmTake) -> None:
     shown, take = is_shown(record), keyed(record)
     free = shown or is_pushed(record) and _action_of(take.armature) is None
     _require_no_tweaking(record)
-    with restored_on_failure(Kept(scene, [take.armature, *(thing.object for thing in take.things)])):
+    rows = [(row.object, row.action) for row in _rows(record)]
+    with _whole(scene, [take.armature, *(thing.object for thing in take.things)]):
         if free:
             # Another action on an object is the animator's.
             take.things = [t for t in take.things if _action_of(t.object) in (t.action, None)]
             take_off(take)
-    _pull(record)
-    if shown:
-        settings_of(scene).results.clear()
-    for row in _rows(record):
-        _bypass(scene, row)
-    actions = [row.action for row in _rows(record)]
-    _forget(scene, record)
-    for action in actions:
-        remove_unused(action)
+        for row in _rows(record):
+            _bypass(scene, row)
+        _forget(scene, record)
+    try:
+        for target, action in rows:
+            strips.pull(target, action)
+        if shown:
+            settings_of(scene).results.clear()
+    finally:
+        for _, action in rows:
+            remove_unused(action)
 
 
 def show(scene: bpy.types.Scene, record: NsmTake) -> None:
@@ -125,7 +142,7 @@ def show(scene: bpy.types.Scene, record: NsmTake) -> None:
     moved = {row.object for row in record.things}
     old = [] if before is None or before == record else keyed(before).things
     targets = [*(row.object for row in _rows(record)), *(thing.object for thing in old)]
-    with restored_on_failure(Kept(scene, targets)):
+    with _whole(scene, targets):
         for thing in old:
             if thing.object not in moved and _action_of(thing.object) == thing.action:
                 take_off_thing(thing)
@@ -247,14 +264,12 @@ def _bypass(scene: bpy.types.Scene, gone: NsmKeyed) -> None:
 
 
 def _supersede(old: KeyedTake, new: KeyedTake) -> None:
-    """Remove what ``old`` made and have ``new`` remember what was before both."""
+    """Take off what ``old`` made and have ``new`` remember what was before both."""
     again = {thing.object for thing in new.things}
     for thing in old.things:
         if thing.object not in again and _action_of(thing.object) == thing.action:
             take_off_thing(thing)
     _inherit_all(new, old)
-    for made in (old, *old.things):
-        remove_unused(made.action)
 
 
 def _inherit_all(new: KeyedTake, old: KeyedTake) -> None:

@@ -96,7 +96,7 @@ class TakeSession:
             self._stop(str(error))
             raise
         except Exception as error:
-            why = self._worded(self._watch.changed() or self._unforeseen(error))
+            why = self._worded(self._watch.changed()) or self.unforeseen(error)
             self._stop(why)
             raise NsmError(why) from error
         except BaseException:
@@ -164,12 +164,15 @@ class TakeSession:
         """A sentence about a take that stopped, in the words of these steps."""
         return why.replace(_NOT_KEYED, self._stopped)
 
-    def _unforeseen(self, error: Exception) -> str:
+    def unforeseen(self, error: Exception) -> str:
+        """A sentence about an error that nobody has thought of; the console tells where it was raised."""
         if isinstance(error, ReferenceError):
-            return (
+            why = (
                 "Something that the take reads was deleted or undone meanwhile, so Generate stopped and "
                 "nothing was keyed; try again."
             )
-        _log.error("Generate met an error that it does not know", exc_info=error)
-        what = f"{type(error).__name__}: {error}".rstrip(": ")
-        return f"{_NOT_KEYED}, because of an error in the add-on ({what}); the console tells more."
+        else:
+            _log.error("Generate met an error that it does not know", exc_info=error)
+            what = f"{type(error).__name__}: {error}".rstrip(": ")
+            why = f"{_NOT_KEYED}, because of an error in the add-on ({what}); the console tells more."
+        return self._worded(why)

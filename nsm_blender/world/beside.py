@@ -33,7 +33,8 @@ class _Work(Generic[_T]):
         self.baton.acquire()
         _under_way.add(self)
         # A daemon: Blender must be able to quit in the middle of a take.
-        threading.Thread(target=self._run, daemon=True).start()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
 
     def _run(self) -> None:
         _here.work = self
@@ -52,6 +53,11 @@ class _Work(Generic[_T]):
         if self.given_up:
             raise _GivenUp
         self.fraction = fraction
+
+    @property
+    def going_on(self) -> bool:
+        """Whether there is still something to wait for."""
+        return not self.done.is_set() and self._thread.is_alive()
 
     @property
     def holds(self) -> bool:
@@ -74,6 +80,8 @@ class _Work(Generic[_T]):
         """What the work has made; what it raised is raised here."""
         if self._error is not None:
             raise self._error
+        if not self._result:
+            raise RuntimeError("the work beside the window ended before its time")
         return self._result[0]
 
 
@@ -106,11 +114,11 @@ def beside(
     """
     made = _Work(work, touches)
     try:
-        while not made.done.is_set():
+        while made.going_on:
             made.baton.release()
             made.done.wait(_PAUSE)
             made.baton.acquire()
-            if not made.done.is_set():
+            if made.going_on:
                 yield made.fraction
     finally:
         made.given_up = True

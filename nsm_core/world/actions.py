@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from nsm_core.errors import GoalError
 
-from .scene.props import Box, Leaf, Prop
+if TYPE_CHECKING:
+    from .scene.props import Prop
 
 
 class Aim(Enum):
@@ -30,11 +31,11 @@ class Action:
     """An action that a goal can ask for.
 
     ``key`` names it in job files, goals and reports; ``label`` and ``description`` show it in a list,
-    ``done`` is what a report says of one that is reached.  ``prop`` is what its hands move, and ``handles``
-    what that is called in a sentence; with ``needs_destination`` it is brought somewhere.  ``raises``: feet
-    come to stand on the object; ``hands``: reports tell how far its hands are from where they should be.
-    ``labels`` are those that a network must have learned (by default the action's own); standing is never
-    asked for.
+    ``done`` is what a report says of one that is reached.  ``moved`` names the prop that its hands move, and
+    ``handles`` what that is called in a sentence; with ``needs_destination`` it is brought somewhere.
+    ``raises``: feet come to stand on the object; ``hands``: reports tell how far its hands are from where
+    they should be.  ``labels`` are those that a network must have learned (by default the action's own);
+    standing is never asked for.
     """
 
     key: str
@@ -43,7 +44,7 @@ class Action:
     done: str
     aim: Aim = Aim.OBJECT
     needs_destination: bool = False
-    prop: type[Prop] | None = None
+    moved: str = ""
     handles: str = ""
     raises: bool = False
     hands: bool = False
@@ -57,7 +58,17 @@ class Action:
     @property
     def moves(self) -> bool:
         """Whether its object is moved and keyed with the character."""
-        return self.prop is not None
+        return bool(self.moved)
+
+    @property
+    def prop(self) -> type[Prop] | None:
+        """What its hands move; loaded when it is asked for, since menus are made of actions alone."""
+        if not self.moved:
+            return None
+        from .scene import props
+
+        kind: type[Prop] = getattr(props, self.moved)
+        return kind
 
 
 # Files keep the place of an action in this tuple: a new one goes to its end.
@@ -72,7 +83,7 @@ ACTIONS = (
         "Lift the object with both hands and set it down on top of another one, or where an empty is",
         "set down",
         needs_destination=True,
-        prop=Box,
+        moved="Box",
         handles="a box to carry",
         hands=True,
     ),
@@ -81,7 +92,7 @@ ACTIONS = (
         "Open",
         "Open the door whose leaf the object is, and go through",
         "passed",
-        prop=Leaf,
+        moved="Leaf",
         handles="the leaf of a door to open",
         hands=True,
     ),

@@ -12,6 +12,7 @@ from nsm_core.body.key_reduction import Bound
 from nsm_core.errors import NsmError
 
 from ...begin import POSE
+from ...keys.keying import discard_take
 from ...keys.report import result_lines
 from ...prepare import TakeSpec
 from ...progress import finish
@@ -74,10 +75,15 @@ class _Generate(Modal):
         return spec_of(scene)
 
     def _keep(self, scene: bpy.types.Scene, take: Take) -> set[str]:
-        lines = result_lines(take.report, take.keyed.frame_start, scene.frame_end)
-        show_results(settings_of(scene), lines)
-        remember(scene, take.keyed, self._spec.seed, self.beside)
+        made = replace(take.keyed, things=[replace(thing) for thing in take.keyed.things])
+        try:
+            lines = result_lines(take.report, take.keyed.frame_start, scene.frame_end)
+            remember(scene, take.keyed, self._spec.seed, self.beside)
+        except BaseException:  # a take that nobody could reject
+            discard_take(made)
+            raise
         settings_of(scene).seed = self._spec.seed
+        show_results(settings_of(scene), lines)
         for goal, (text, good) in zip(take.report["goals"], lines, strict=False):
             self.report({"INFO" if goal["reached"] and good else "WARNING"}, text)
         return {"FINISHED"}

@@ -120,7 +120,11 @@ class Modal:
             signs.remove()
             raise
         self._signs = signs
-        context.window_manager.modal_handler_add(self)
+        try:
+            context.window_manager.modal_handler_add(self)
+        except BaseException:
+            self._session.cancel()
+            raise
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -133,16 +137,23 @@ class Modal:
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"} if event.type in _VIEW_EVENTS else {"RUNNING_MODAL"}
-        due = signs.due()
         try:
+            due = signs.due()
             value = session.tick(_BUDGET, due)
+            if value is None:
+                if due:
+                    signs.show(context, session)
+                return {"RUNNING_MODAL"}
+            return self._keep(session.scene, value)
         except NsmError as error:
             return self._fail(context.scene, str(error))
-        if value is not None:
-            return self._keep(session.scene, value)
-        if due:
-            signs.show(context, session)
-        return {"RUNNING_MODAL"}
+        except Exception as error:  # of the window, or once the take is over
+            why = session.unforeseen(error)
+            session.cancel()
+            return self._fail(context.scene, why)
+        except BaseException:
+            session.cancel()
+            raise
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Stop and put everything back: called on ESC, and by Blender when its window closes or another file
