@@ -4,14 +4,16 @@
   demo       furnish two rooms, let the character sit, open a door, carry a box, climb and run; writes
   out/demo
              (a .blend, a picture, a video); --two-seats: walk and sit alone
-  test       run all tests; --matrix adds every Blender version this machine has a Python for;
+  test       run all tests; --matrix adds every Blender version this machine has a Python for, and
+             --matrix and --window the built extension in the graphical Blender, where there is one;
              other arguments go to pytest (for example: test core_tests/model/networks/test_nsm.py -k
              gradient); whole suites run on all cores, a file to a process (-n 0: one after the other)
   build      write the extension for Blender to dist/
   train      train the network from a capture folder (arguments: see `train --help`)
   annotate   propose labels, contacts, phases and goals of captures (arguments: see `annotate --help`)
   evaluate   print the tables of figures (arguments: see `evaluate --help`)
-  bench      measure the speed of the network and of takes, by stage
+  bench      measure the speed of the network and of takes, by stage, of the import of the add-on and,
+             where there is a graphical Blender, how long its window does not answer
   lint       check the style of all code with ruff, then the types of nsm_core with mypy; arguments go to ruff
   (lint --fix)
 
@@ -225,7 +227,9 @@ def demo(arguments: list[str]) -> int:
 
 def test(arguments: list[str]) -> int:
     """Run the suites, each in a process of its own, in .venv and with --matrix under the other wheels."""
-    rest = [a for a in arguments if a != "--matrix"]
+    rest = [a for a in arguments if a not in ("--matrix", "--window")]
+    if len(rest) < len(arguments):
+        os.environ["NSM_WINDOW"] = "1"  # asked for in blender_tests/gui/test_window.py
     bpy, python = main_choice()
     folder = ROOT / ".venv"
     try:
@@ -236,6 +240,7 @@ def test(arguments: list[str]) -> int:
         print(f"Going on without PyTorch, its tests are skipped: {failure}", flush=True)
         inside = ensure(folder, python, requirements(("test", "farm", "build"), bpy))
     results = [run_suite(inside, suite, f"bpy {bpy}", rest) for suite in suites(rest)]
+    os.environ.pop("NSM_WINDOW", None)  # once is enough: the window's Blender is its own, not a wheel
     if "--matrix" in arguments:
         results += [
             line
@@ -348,6 +353,17 @@ def core(verb: str, arguments: list[str]) -> int:
     return run(main_environment("train"), "-m", "nsm_core", verb, *arguments)
 
 
+def bench(arguments: list[str]) -> int:
+    """Measure the network and takes and, unless only the network is asked for, the add-on: until it is there,
+    and in the window of the graphical Blender where there is one.
+    """
+    code = core("bench", arguments)
+    if code or "--no-takes" in arguments or any(a in ("-h", "--help") for a in arguments):
+        return code
+    build([])
+    return run(main_environment(), "blender_tests/gui/measure.py", "--rooms", "room")
+
+
 def lint(arguments: list[str]) -> int:
     """Check the style of all code, and the types of nsm_core where numpy is the one that its types are
     written against.
@@ -377,7 +393,7 @@ VERBS = {
     "train": lambda arguments: core("train", arguments),
     "annotate": lambda arguments: core("annotate", arguments),
     "evaluate": lambda arguments: core("evaluate", arguments),
-    "bench": lambda arguments: core("bench", arguments),
+    "bench": bench,
     "lint": lint,
 }
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
+import tomllib
+import zipfile
 from pathlib import Path
 
 import bpy
@@ -27,6 +30,22 @@ print("all well")
 """
 
 
+def require_small_and_whole(extension: Path) -> None:
+    """The zip is small, brings its licence and credits, and neither PyTorch nor a wish for the network."""
+    assert extension.stat().st_size < 60e6
+    with zipfile.ZipFile(extension) as packed:
+        names = packed.namelist()
+        assert b"GNU GENERAL PUBLIC LICENSE" in packed.read("LICENSE")
+        manifest = tomllib.loads(packed.read("blender_manifest.toml").decode())
+        wheels = [name for name in names if name.endswith(".whl")]
+        inner = zipfile.ZipFile(io.BytesIO(packed.read(wheels[0])))
+    assert len(wheels) == 1 and "network" not in manifest["permissions"]
+    credits = inner.read("nsm_core/weights/CREDITS.md").decode()
+    assert "Carnegie Mellon" in credits and "CC BY" in credits
+    assert "nsm_core/weights/nsm.npz" in inner.namelist()
+    assert not any("torch" in Path(name).parts for name in (*names, *inner.namelist()))
+
+
 @pytest.mark.skipif(
     bool(bpy.app.binary_path), reason="installs into the bpy package, not into a running application"
 )
@@ -41,6 +60,7 @@ def test_the_zip_validates_installs_and_works_away_from_the_repository(tmp_path)
     ):
         done = subprocess.run([*tool, *verb], capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
+    require_small_and_whole(tmp_path / "nsm.zip")
     home = tmp_path / "home"
     home.mkdir()
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | {

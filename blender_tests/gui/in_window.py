@@ -264,6 +264,8 @@ def steps(log: Log):
     while running.current() is not None and time.perf_counter() - clicked < _LATE:
         yield 0.1
     figures["keys_s"] = time.perf_counter() - clicked
+    start, end = bpy.data.actions[0].frame_range
+    figures["take_s"] = (end - start) / (bpy.context.scene.render.fps / bpy.context.scene.render.fps_base)
     figures["results"] = [row.text for row in settings.results]
     figures["first_take"] = log.figures()
     FIGURES.with_suffix(".part.json").write_text(json.dumps(figures, indent=1), encoding="utf-8")
