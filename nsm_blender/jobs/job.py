@@ -8,7 +8,7 @@ from pathlib import Path
 from nsm_core.body.key_reduction import Bound
 
 from ..begin import STAND
-from ..keys.root_motion import HIPS
+from ..keys.style import HIPS
 
 
 @dataclass(frozen=True)
