@@ -12,7 +12,7 @@ from nsm_core.errors import JobError, NsmError
 from nsm_core.world.actions import Aim, require_action
 
 from ..begin import POSE, STAND
-from ..keys.root_motion import KINDS
+from ..keys.style import KINDS
 from .job import Job, JobGoal, JobTake
 from .paths import refuse_clashes, require_path, require_words
 from .ways import WAY_KEYS, read_way
