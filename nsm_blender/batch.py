@@ -37,11 +37,12 @@ from .jobs.job import Job, JobTake
 from .jobs.options import of_shard, read_options
 from .jobs.paths import refuse_used
 from .jobs.read import read_job
-from .jobs.spec import open_scene, spec_of
+from .jobs.spec import group_of, merged, open_scene, spec_of
 from .leaving import leave
 from .pictures.outputs import require_writable, save_blend, write_json
 from .pictures.render import contact_sheet, video
 from .takes import Take, generate
+from .together import generate_together
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -153,16 +154,17 @@ def _make(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -> T
             f"{title}: scripts in the scene did not run ({blocked}); where you trust it, say `scripts = "
             "true` in the job file."
         )
-    spec = spec_of(entry, scene)
-    steps, begun, said = generate(spec, scene), time.monotonic(), time.monotonic()
+    group = group_of(entry, scene) if entry.characters else None
+    steps = generate(spec_of(entry, scene), scene) if group is None else generate_together(group, scene)
+    begun = said = time.monotonic()
     frames = 0
     while True:
         try:
             progress = next(steps)
         except StopIteration as stop:
-            take = stop.value
+            take = stop.value if group is None else merged(stop.value, group)
             break
-        frames += progress.hips_world is not None
+        frames += progress.hips_world is not None or bool(progress.cast)
         if time.monotonic() - said > _SAY_EVERY:
             said = time.monotonic()
             say(f"{title}: {progress.stage} {progress.fraction:.0%}, {frames} frames")

@@ -42,6 +42,8 @@ class JobTake:
     reduce: Bound | None = None  # how far the motion may be off for fewer keys
     overwrite: bool = False  # whether ``out`` may take the place of the scene
     goals: list[JobGoal] = field(default_factory=list)
+    # Of several that act together: their names, each with its goals, instead of ``character`` and ``goals``.
+    characters: list[tuple[str, list[JobGoal]]] = field(default_factory=list)
     outputs: dict[str, Path] = field(default_factory=dict)
     error: str | None = None
 

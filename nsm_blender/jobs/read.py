@@ -20,9 +20,10 @@ from .ways import WAY_KEYS, read_way
 OUTPUTS = ("report", "out", "sheet", "video", "bvh", "glb")
 _JOB_KEYS = ("scene", "scripts", "take")
 _TAKE_KEYS = (
-    "name", "character", "rig", "seed", "variations", "start", "start_frame", "contact_ik", "root_motion",
-    "reduce", "goals", "overwrite", *OUTPUTS,
+    "name", "character", "characters", "rig", "seed", "variations", "start", "start_frame", "contact_ik",
+    "root_motion", "reduce", "goals", "overwrite", *OUTPUTS,
 )  # fmt: skip
+_CAST_KEYS = ("character", "goals")
 _GOAL_KEYS = ("object", "action", "to", "hold", "location", *WAY_KEYS)
 # Blender's first frame, and one that leaves its last 48,574 to the take.
 _FIRST_FRAME, _LAST_START = -1_048_574, 1_000_000
@@ -95,13 +96,43 @@ def _take(entry: Any, number: int, folder: Path) -> JobTake:
         )
         take.contact_ik = _flag(entry, "contact_ik", where, take.contact_ik)
         take.overwrite = _flag(entry, "overwrite", where, take.overwrite)
-        goals = validate.listed(_needed(entry, "goals", where), f"'goals' in {where}", JobError, 1000)
-        if not goals:
-            raise JobError(f"In {where}, 'goals' is empty; give at least one goal.")
-        take.goals = [_goal(goal, f"goal {i} of {where}") for i, goal in enumerate(goals, 1)]
+        if "characters" in entry:
+            take.characters = _characters(entry, where)
+        else:
+            take.goals = _goals(entry, where)
     except NsmError as error:
         take.error = str(error)
     return take
+
+
+def _goals(entry: dict[str, Any], where: str) -> list[JobGoal]:
+    goals = validate.listed(_needed(entry, "goals", where), f"'goals' in {where}", JobError, 1000)
+    if not goals:
+        raise JobError(f"In {where}, 'goals' is empty; give at least one goal.")
+    return [_goal(goal, f"goal {i} of {where}") for i, goal in enumerate(goals, 1)]
+
+
+def _characters(entry: dict[str, Any], where: str) -> list[tuple[str, list[JobGoal]]]:
+    """Those who act together, each with its goals."""
+    for key in ("character", "goals"):
+        if key in entry:
+            raise JobError(f"In {where}, 'characters' holds the goals of each; remove '{key}'.")
+    for key in ("bvh", "glb"):
+        if key in entry:
+            raise JobError(f"In {where}, '{key}' is of one character; remove it from a take of several.")
+    rows = validate.listed(entry["characters"], f"'characters' in {where}", JobError, 100)
+    cast: dict[str, list[JobGoal]] = {}
+    for number, row in enumerate(rows, 1):
+        here = f"character {number} of {where}"
+        validate.table(row, here, JobError)
+        _known(row, _CAST_KEYS, here)
+        name = require_words(_needed(row, "character", here), f"'character' in {here}")
+        if name in cast:
+            raise JobError(f"In {where}, '{name}' is among the characters twice; put its goals together.")
+        cast[name] = _goals(row, here)
+    if len(cast) < 2:
+        raise JobError(f"In {where}, 'characters' needs two at least; give one its 'character' and 'goals'.")
+    return list(cast.items())
 
 
 def _variations(take: JobTake, entry: Any) -> list[JobTake]:

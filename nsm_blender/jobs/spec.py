@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -13,6 +14,8 @@ from ..prepare import TakeSpec
 from ..rigs.bone_map import store_map
 from ..rigs.detect import judged_on
 from ..rigs.presets import load_preset, named_preset
+from ..takes import Take
+from ..together import GroupSpec
 from .job import JobGoal, JobTake
 
 
@@ -32,6 +35,27 @@ def spec_of(entry: JobTake, scene: bpy.types.Scene) -> TakeSpec:
         root_motion=entry.root_motion,
         reduce=entry.reduce,
     )
+
+
+def group_of(entry: JobTake, scene: bpy.types.Scene) -> GroupSpec:
+    """What to generate for an entry of several characters; raises as ``spec_of``."""
+    return GroupSpec(
+        [
+            spec_of(replace(entry, name="", character=name, goals=goals, seed=entry.seed + number), scene)
+            for number, (name, goals) in enumerate(entry.characters)
+        ]
+    )
+
+
+def merged(takes: list[Take], group: GroupSpec) -> Take:
+    """Several takes that were made together as the one that a job's entry stands for: the longest, with the
+    report of all.
+    """
+    names = [spec.character.name for spec in group.takes]
+    reports = [{"character": name, **take.report} for name, take in zip(names, takes, strict=True)]
+    longest = max(takes, key=lambda take: take.keyed.frame_end)
+    goals = [{"character": r["character"], **goal} for r in reports for goal in r["goals"]]
+    return replace(longest, report={**longest.report, "goals": goals, "characters": reports})
 
 
 def open_scene(path: Path, scripts: bool) -> bpy.types.Scene:
