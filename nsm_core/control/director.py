@@ -85,7 +85,8 @@ class Director:
         self._past_position = np.repeat(here[None].astype(np.float32), WINDOW + 1, axis=0)
         self._past_heading = np.full(WINDOW + 1, root[2], np.float32)
         self._past_action = np.repeat(_hot("idle")[None], WINDOW + 1, axis=0)
-        self._wait = int(rng.integers(4, 16))  # frames of standing before the first goal is heard
+        # Frames of standing before the first goal is heard.
+        self._wait = int(rng.integers(4, 16)) + round(goals[0].wait * FPS if goals else 0)
         # Where others are about: whether a goal may begin now, and what is commanded while one gives way.
         self.gate: Callable[[Goal], bool] | None = None
         self.giving_way: Command | None = None
@@ -95,7 +96,7 @@ class Director:
         """Go on from what the character did before the take; ``seat`` is what it sits on now."""
         self._past_position, self._past_heading = trail.goal_position, trail.goal_heading
         self._past_action = trail.goal_action
-        if trail.moving:
+        if trail.moving and not self.goals[0].wait:
             self._wait = 0
         if seat is not None:
             self.stage = begin(seat, self._ground, moment, self.grasps, self._scene, self._ik)
@@ -199,6 +200,7 @@ class Director:
         self._part, self._since, self._left = 0, self._frame, np.inf
         self.results[index].start_frame = self._frame
         before, self.stage = self.stage, None
+        self._ground.pace = following.pace
         try:
             self.stage = begin(following, self._ground, moment, self.grasps, self._scene, self._ik, before)
         except GoalError as error:
@@ -265,7 +267,9 @@ class Director:
         if self._rest >= SETTLE or (self._frame - self._since) / FPS > self.time_limit:
             result.reached = self._rest >= SETTLE
             result.seconds, result.end_frame = (self._frame - self._started) / FPS, self._frame
-            self._hold = max(1, round(self.goals[self.index].hold * FPS)) if result.reached else 1
+            following = self.goals[self.index + 1 : self.index + 2]
+            stay = self.goals[self.index].hold + sum(goal.wait for goal in following)
+            self._hold = max(1, round(stay * FPS)) if result.reached else 1
             grasp = getattr(stage, "grasp", None)
             for name, value in (grasp.errors if grasp is not None else {}).items():
                 setattr(result, name, value)

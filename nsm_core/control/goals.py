@@ -36,6 +36,9 @@ class Goal:
     what is moved: the box of carry, the leaf of open; ``terrain`` the heights of what a climb stands on
     (probed from the scene where None).  Of walk and run: ``way`` (N, 2) a line over the floor that is
     followed from its first point to its last, which is the position; ``speed`` m/s, drawn where None.
+    ``by`` seconds from the take's beginning at which it is to be reached, as soon as it can be where None;
+    ``wait`` seconds of standing, or whatever was done before, until it is begun, and ``pace`` the speed of
+    its ways as a share of the usual one, bring that about (``timing``).
     """
 
     action: str
@@ -48,6 +51,9 @@ class Goal:
     terrain: Terrain | None = None
     way: Array | None = None
     speed: float | None = None
+    by: float | None = None
+    wait: float = 0.0
+    pace: float = 1.0
 
     def __post_init__(self) -> None:
         action = require_action(self.action)
@@ -133,7 +139,8 @@ class GoalResult:
     hands' errors are those at the end of the grasp (carry: mean of both wrists and the turn of their axis;
     open: the one hand); nan elsewhere.
     ``line`` (N, 2) is what was to be followed, and ``line_cm`` are mean and largest distance from it to the
-    root's ground track, nan elsewhere; ``remarks`` are sentences on how it was done.
+    root's ground track, nan elsewhere; ``remarks`` are sentences on how it was done; ``late`` seconds by
+    which it was reached after the time that was asked for.
     ``reason``: why it was given up, a sentence, where in the middle of a take no way led to it; empty where
     its time ran out.  ``place`` and ``facing`` are what the errors were measured to, over the first ``axes``
     axes; None where nothing was measured.  ``taken`` is what the hands' were measured to.
@@ -156,6 +163,7 @@ class GoalResult:
     line: Array | None = None
     line_cm: tuple[float, float] = (float("nan"), float("nan"))
     remarks: list[str] = field(default_factory=list)
+    late: float = 0.0
     reason: str = ""
     place: Array | None = None
     facing: float = 0.0

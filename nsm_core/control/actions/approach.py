@@ -24,6 +24,7 @@ from nsm_core.world.scene.solids import Other, Scene
 from nsm_core.world.sensors.interaction import InteractionVolume
 
 REACH = 3.6  # metres from which goal-driven mode takes over
+LED_REACH = 1.0  # the same of one who goes at another pace than usual
 BESIDE = 0.3  # metres at the end of the straight way that may touch the goal's surroundings
 ELBOW_ROOM = 0.33  # metres to keep from things on the straight way: the network cuts corners a little
 STALL, LED = (
@@ -85,6 +86,7 @@ class Ground:
 
     def __init__(self, plan: FloorPlan | None, rng: np.random.Generator, scene: Scene | None = None) -> None:
         self.plan, self.rng = plan, rng
+        self.pace = 1.0  # of the usual speed
         self._props = [] if scene is None else list(scene.props)
         self._others = [] if scene is None else scene.others
         self._seen: tuple[list[Prop | Other], Array, FloorPlan] | None = None
@@ -154,7 +156,9 @@ class Approach:
         middle of a take.
         """
         self.ground, self.stand, self.heading, self.final = ground, np.asarray(stand), heading, final
-        self.reach, self.gait, self.ready, self.thing, self.anyway = reach, gait, ready, thing, anyway
+        # Who is sent to the goal itself goes at the network's own pace.
+        self.reach = reach if ground.pace == 1.0 else min(reach, LED_REACH)
+        self.gait, self.ready, self.thing, self.anyway = gait, ready, thing, anyway
         self.command: Command | None = None
         self._stall = self._led = 0
 
@@ -199,7 +203,7 @@ class Approach:
                 raise
             way = np.stack((moment.root[:2], self.stand)).astype(np.float64)
         gait = WALKING if self.gait is RUNNING and path_length(way) < LEAST_RUN else self.gait
-        speed = float(self.ground.rng.uniform(*gait.speeds))
+        speed = self.ground.pace * float(self.ground.rng.uniform(*gait.speeds))
         course = Course(way, self.heading, speed, gait.turn_distance, gait.acceleration, gait.deceleration)
         return Command(gait.action, course=course, thing=self.thing)
 
