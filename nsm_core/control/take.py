@@ -7,7 +7,7 @@ Per frame: direct (goals), sense, feed, predict, read and blend; a take that is 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -31,6 +31,7 @@ from nsm_core.world.actions import BY_KEY
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan, resample_path
 from nsm_core.world.planning.track import off_line
+from nsm_core.world.scene.movers import Mover
 from nsm_core.world.scene.props import Box, Prop
 from nsm_core.world.scene.solids import Scene
 from nsm_core.world.scene.terrain import Terrain, around, merged
@@ -45,6 +46,7 @@ from .posing import pose_of, stance_of, standing_start
 from .post_process import PostProcess
 from .relief import Relief
 from .start import Start, trail_of
+from .yielding import Yielding
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
 _MARGIN = 4.0  # metres of floor planned on around start and goals
@@ -61,7 +63,7 @@ class TakeRequest:
     over, such as rugs and thresholds, and is no part of it; ``time_limit`` seconds without any progress after
     which a goal is given up.  ``figure`` is the character's own body where it is another than the network's,
     its hips as high, since it acts in a world of that scale.  ``start`` is the motion that the take goes on
-    from, on that body; None: it begins with a quiet stand.
+    from, on that body; None: it begins with a quiet stand.  ``movers`` are things that move by themselves.
     """
 
     start_position: Array
@@ -75,6 +77,7 @@ class TakeRequest:
     ground: Terrain = field(default_factory=Terrain)
     figure: Figure = BUNDLED
     start: Start | None = None
+    movers: Sequence[Mover] = ()
 
 
 @dataclass
@@ -127,6 +130,8 @@ class TakeRunner:
             self.state, root = trail.state, trail.state.root[0]
         goals, self.props = own_props([goal.fitting(request.figure) for goal in request.goals])
         self.scene = Scene(request.environment, self.props.values())
+        self.scene.others += request.movers
+        self._yielding = Yielding(request.movers) if request.movers else None
         places = np.concatenate((root[None, :2], *places_of(goals, self.props.values())))
         self.plan = FloorPlan(request.environment, (places.min(0) - _MARGIN, places.max(0) + _MARGIN))
         check_reachable(goals, self.plan, root[:2], request.environment)
@@ -194,7 +199,10 @@ class TakeRunner:
         self._mending = None
         state = self.state
         t0 = time.perf_counter()
-        position, heading, action, sensed = self.director.update(self._moment(self._frames[-1][4]))
+        moment = self._moment(self._frames[-1][4])
+        if self._yielding is not None:
+            self._yielding.update(self.director, moment, self.frames)
+        position, heading, action, sensed = self.director.update(moment)
         self._measure()
         relief = self.relief
         state.goal_position, state.goal_heading, state.goal_action = (
@@ -248,7 +256,8 @@ class TakeRunner:
             return False
         if self._mending is None:
             props = [(prop, np.stack(self._poses[name])) for name, prop in self.props.items()]
-            self._mending = self._post.solve(props, self.others)
+            moving = [Obstacle(m.query, m.track(self.frames)) for m in self.request.movers]
+            self._mending = self._post.solve(props, [*self.others, *moving])
         start = time.perf_counter()
         try:
             next(self._mending)
