@@ -17,9 +17,10 @@ from nsm_core.errors import GoalError, NsmError, SkeletonError
 from nsm_core.rotations import Array
 
 from .animation.kept import SceneState
-from .begin import POSE, STAND, goes_on, reading_start, require_at_rest
+from .begin import POSE, STAND, goes_on, others_of, reading_start, require_at_rest
 from .goals.resolve import make_goal_point, moved_by, place_after, require_possible, resolve, sought
 from .goals.spec import GoalSpec
+from .keys.keying import scene_fps
 from .keys.objects import MovedObject, require_movable, rides_along
 from .keys.style import HIPS, KeyStyle
 from .progress import Progress, staged, waited
@@ -30,6 +31,7 @@ from .world.beside import beside
 from .world.evaluated import Snapshot
 from .world.frame import WorldFrame, holds
 from .world.ground import floor_under
+from .world.moving import movers, tracks
 from .world.surroundings import Surroundings
 
 
@@ -99,10 +101,17 @@ def prepare(
         for target in moving_alone:
             require_movable(target, spec.character)
         places = {o: o.matrix_world.copy() for o in (spec.character, *moving_alone)}
-        around = yield from surroundings_of(spec, scene, frame, moving, company)
+        held = [*moving, *(others_of(spec.character, scene) if spec.begin == POSE else ())]
+        if company is not None:
+            held += [*company.characters, *company.moving]
+        look = tracks(scene, spec.character, held, spec.start_frame, scene_fps(scene))
+        found = yield from staged("Looking for what moves", look)
+        _go_to(scene, spec.start_frame)
+        around = yield from surroundings_of(spec, scene, frame, [*moving, *(t.owner for t in found)], company)
+        about = movers(found, around.solids, frame)
         goals = yield from staged(
             "Finding the goals",
-            beside(lambda _: resolve_goals(spec.goals, scene, frame, start, around), touches=True),
+            beside(lambda _: resolve_goals(spec, scene, frame, start, around), touches=True),
         )
         _go_to(scene, spec.start_frame)
         _require_still(places)
@@ -127,6 +136,7 @@ def prepare(
         ground=ground,
         figure=figure,
         start=motion,
+        movers=about,
     )
     return request, frame, things
 
@@ -214,7 +224,7 @@ def _figure_of(character: bpy.types.Object) -> Generator[Progress, None, Figure]
 
 
 def resolve_goals(
-    specs: list[GoalSpec],
+    spec: TakeSpec,
     scene: bpy.types.Scene,
     frame: WorldFrame,
     start: tuple[Array, float],
@@ -225,10 +235,23 @@ def resolve_goals(
     """
     goals: list[Goal] = []
     before = start
-    for spec in specs:
-        goals.append(resolve(spec, scene, frame, before, around))
+    for asked in spec.goals:
+        goals.append(timed(resolve(asked, scene, frame, before, around), asked, spec, scene))
         before = place_after(goals[-1], before, around)
     return goals
+
+
+def timed(goal: Goal, asked: GoalSpec, spec: TakeSpec, scene: bpy.types.Scene) -> Goal:
+    """A goal that is to be reached at a frame of the scene, seconds from the take's first frame."""
+    if asked.by is None:
+        return goal
+    seconds = (asked.by - spec.start_frame) / scene_fps(scene)
+    if seconds <= 0:
+        raise GoalError(
+            f"{goal.name} is to be reached at frame {asked.by:g}, before the take begins at frame "
+            f"{spec.start_frame:g}; choose a later frame."
+        )
+    return replace(goal, by=seconds)
 
 
 def start_of(

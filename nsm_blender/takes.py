@@ -7,13 +7,14 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import bpy
 
 from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner
+from nsm_core.control.timing import played_in_time, retimed, rounds
 from nsm_core.conventions import FPS
 from nsm_core.errors import GoalError, NsmError
 from nsm_core.model.features.meaning import remark
@@ -22,6 +23,7 @@ from nsm_core.rotations import Array
 from nsm_core.world.actions import require_learned
 
 from .animation.kept import Kept, restored_on_failure
+from .arrival import goals_at_rest, goals_on_arrival
 from .begin import POSE, STAND, note_begin, others_of
 from .goals.resolve import require_room_for
 from .keys.fingers import key_fingers
@@ -97,8 +99,7 @@ def generate(
     if loading is not None:
         model = yield from waited("Loading the network", lambda _: loading.join() or shipped_model())
     require_learned((goal.action for goal in request.goals), model.metadata)
-    runner = yield from waited("Planning the ways", lambda _: TakeRunner(model, request))
-    result = yield from _growing(runner, frame, things)
+    request, result = yield from _performed(spec, scene, model, request, frame, things)
     yield Progress("Keying", 1.0)
     take = yield from key_and_check(spec, scene, request, result, frame, things)
     take.report["warnings"] += remark(model.metadata)
@@ -152,30 +153,56 @@ def key_and_check(
         return Take(keyed, report, result, frame)
 
 
+def _performed(
+    spec: TakeSpec,
+    scene: bpy.types.Scene,
+    model: inference_model.Model,
+    request: TakeRequest,
+    frame: WorldFrame,
+    things: dict[str, MovedObject],
+) -> Generator[Progress, None, tuple[TakeRequest, TakeResult]]:
+    """Perform a take; anew where a goal's thing was elsewhere by then, or a goal is to be reached at another
+    time.  The request as it was performed at last, and the result.
+    """
+    sought: dict[int, int] = {}
+    request = replace(request, goals=(yield from goals_at_rest(spec, scene, frame, request, sought)))
+    for number in range(rounds(request.goals) + 2 * len(request.movers) + 1):
+        asked = request
+        runner = yield from waited("Planning the ways", lambda _, asked=asked: TakeRunner(model, asked))
+        yield from _growing("Fitting the times" if number else "Generating", runner, frame, things)
+        results = runner.director.results
+        goals = yield from goals_on_arrival(spec, scene, frame, request, results, sought)
+        goals = retimed(request.goals, results) if goals is None else goals
+        if goals is None:
+            break
+        request = replace(request, goals=goals)
+    result = yield from waited("Solving", lambda _: runner.result())
+    return asked, played_in_time(result, asked.goals)
+
+
 def _growing(
-    runner: TakeRunner, frame: WorldFrame, things: dict[str, MovedObject]
-) -> Generator[Progress, None, TakeResult]:
-    """Progress of a motion that grows in a thread, as fast as it can, however long the window takes to draw;
-    its result.
+    stage: str, runner: TakeRunner, frame: WorldFrame, things: dict[str, MovedObject]
+) -> Generator[Progress, None, None]:
+    """Progress of a motion that grows in a thread, as fast as it can, however long the window takes to
+    draw.
     """
     newest: deque[tuple[float, Array, Array, dict[str, Array]]] = deque(maxlen=1)
 
-    def grow(tell: Callable[[float], None]) -> TakeResult:
-        while _step(runner):
+    def grow(tell: Callable[[float], None]) -> None:
+        while not runner.director.done and _step(runner):
             newest.append((min(runner.progress, 1.0), *runner.pose(), runner.prop_poses()))
             tell(runner.progress)
-        return runner.result()
 
-    steps, progress = beside(grow), Progress("Generating", 0.0, waits=True)
+    steps, progress = beside(grow), Progress(stage, 0.0, waits=True)
     while True:
         try:
             next(steps)
-        except StopIteration as stop:
-            return stop.value
+        except StopIteration:
+            return
         if newest:
             fraction, hips, rotations, poses = newest.pop()
             moved = [(thing.object, thing.world_at(poses[thing.prop])) for thing in things.values()]
-            progress = Progress("Generating", fraction, frame.to_world(hips), rotations, moved, waits=True)
+            progress = Progress(stage, fraction, frame.to_world(hips), rotations, moved, waits=True)
         yield progress
 
 

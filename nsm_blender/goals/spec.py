@@ -13,7 +13,8 @@ class GoalSpec:
     box is carried.
 
     Of walk and run: ``along`` tells that the object is a curve to go along, ``rounds`` times where it is
-    closed; ``speed`` m/s of the character, drawn where None.
+    closed; ``speed`` m/s of the character, drawn where None.  ``by``: the frame at which it is to be
+    reached, as soon as it can be where None.
     """
 
     action: str
@@ -24,6 +25,7 @@ class GoalSpec:
     along: bool = False
     rounds: int = 1
     speed: float | None = None
+    by: float | None = None
 
     @property
     def label(self) -> str:

@@ -103,6 +103,7 @@ def _goal_report(goal: GoalResult, shown: ShownTake, prop: Prop | None) -> dict[
         "seconds": round(float(goal.seconds), 3),
         "reason": reason,
         **({"remarks": list(goal.remarks)} if goal.remarks else {}),
+        **({"late_seconds": round(float(goal.late), 3)} if goal.late else {}),
         **{key: _number(value) for key, value in values.items()},
     }
 
@@ -152,7 +153,18 @@ def goal_line(goal: dict[str, Any]) -> str:
             f"on average and {goal['line_max_cm']:.1f} cm at most.{told}"
         )
     if goal["reached"]:
-        return f"{goal['object']}: {BY_KEY[goal['action']].done} after {goal['seconds']:.1f} s, {errors}."
+        late = goal.get("late_seconds", 0.0)
+        told = (
+            ""
+            if not late
+            else (
+                f" That is {abs(late):.1f} s {'later' if late > 0 else 'earlier'} than asked for: "
+                f"{'it cannot be there sooner' if late > 0 else 'it did not wait so long'}."
+            )
+        )
+        return (
+            f"{goal['object']}: {BY_KEY[goal['action']].done} after {goal['seconds']:.1f} s, {errors}.{told}"
+        )
     if goal.get("reason"):
         return f"{goal['object']}: not reached. {goal['reason']}"
     return (

@@ -16,7 +16,7 @@ from .goals import Moment
 
 AHEAD = 45  # frames for which the way is looked at
 ROOM = 0.4  # metres from the root that have to be free of what moves
-PATIENCE = 30 * FPS  # frames of waiting in a row after which one goes on
+PATIENCE = 15 * FPS  # frames of waiting for one goal after which one goes on all the same
 _EVERY = 5
 _HEIGHTS = (0.3, 1.0)  # metres over the floor at which a body is felt for
 _STROLL, _THERE = 1.1, 0.5  # m/s of one who is sent straight to a goal, and metres off it that are there
@@ -27,22 +27,23 @@ class Yielding:
 
     def __init__(self, movers: Sequence[Mover]) -> None:
         self.movers = movers
-        self.frames = 0  # of waiting in a row
+        self._waited = {0: 0}  # frames, by the number of the goal
         self._waits = False
 
     def update(self, director: Director, moment: Moment, frame: int) -> None:
         """Stop the way, or go on with it, for a character in its ``frame``."""
         for mover in self.movers:
             mover.frame = frame
+        waited = self._waited.get(director.index, 0)
         if self._waits:
-            self.frames += 1
+            self._waited[director.index] = waited + 1
             way = self._way(self._meant, moment)
-            if not self._met(way, frame) or self.frames > PATIENCE:
-                self._waits, self.frames = False, 0
+            if not self._met(way, frame, director) or waited > PATIENCE:
+                self._waits = False
                 director.resume()
-        elif director.giving_way is None and not director.holding:
+        elif director.giving_way is None and not director.holding and waited <= PATIENCE:
             way = self._way(director.command, moment)
-            if self._met(way, frame):
+            if self._met(way, frame, director):
                 self._waits, self._meant = True, director.command
                 here = np.append(moment.root[:2], 0.0).astype(np.float32)
                 held = director.command is not None and "carry" in director.command.action
@@ -69,15 +70,17 @@ class Yielding:
         shares = np.minimum(np.array(frames) / FPS * _STROLL / length, 1.0)
         return here + shares[:, None] * way
 
-    def _met(self, way: Array, frame: int) -> bool:
-        """Whether something on the move, or what has come to rest after the way was chosen, is met on it."""
+    def _met(self, way: Array, frame: int, director: Director) -> bool:
+        """Whether something on the move is met on a way, other than what one goes to."""
+        goal = director.goals[max(director.index, 0)].position[:2]
+        movers = [m for m in self.movers if np.hypot(*(m.poses[-1, :2] - goal)) > m.reach + ROOM]
         for k, place in enumerate(way):
             when = frame + k * _EVERY
             points = np.array([(*place, z) for z in _HEIGHTS])
-            for mover in self.movers:
+            for mover in movers:
                 if np.hypot(*(mover.pose_at(when)[:2] - place)) > mover.reach + ROOM:
                     continue
-                # What rests already has been gone around, or is what one goes to.
+                # What rests already has been gone around.
                 if not mover.rests(frame) and mover.distance_at(when, points, ROOM).min() < ROOM:
                     return True
         return False

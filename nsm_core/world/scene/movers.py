@@ -16,11 +16,20 @@ class Mover:
 
     ``query`` its solids in its own frame, ``poses`` (T, 4) of that frame at 30 Hz from the take's first frame
     on, the last of them held: x, y, z (metres) and heading; ``reach`` metres on the floor from its place
-    within which all of it lies.
+    within which all of it lies; ``parts`` the names of the objects that it consists of; ``goes_on`` whether
+    it moves on after the last of the poses.
     """
 
-    def __init__(self, name: str, query: DistanceQuery, poses: Array, reach: float) -> None:
-        self.name, self.query, self.reach = name, query, reach
+    def __init__(
+        self,
+        name: str,
+        query: DistanceQuery,
+        poses: Array,
+        reach: float,
+        parts: frozenset[str] = frozenset(),
+        goes_on: bool = False,
+    ) -> None:
+        self.name, self.query, self.reach, self.parts, self.goes_on = name, query, reach, parts, goes_on
         self.poses = np.asarray(poses, dtype=np.float64)
         self.frame = 0
 
@@ -44,12 +53,14 @@ class Mover:
 
     def rests(self, frame: int) -> bool:
         """Whether it stays where it is in a frame for a while."""
+        if self.goes_on and frame + _STAYS > len(self.poses):
+            return False
         ahead = self.poses[max(frame, 0) : frame + _STAYS]
         return not len(ahead) or bool(np.abs(ahead - self.pose_at(frame)).max() < _STIRS)
 
     def at_rest_from(self, frame: int) -> int | None:
         """The first frame from ``frame`` on in which it rests for a while; None where it never does."""
-        return next((t for t in range(frame, len(self.poses) + 1) if self.rests(t)), None)
+        return next((t for t in range(frame, max(frame, len(self.poses)) + 1) if self.rests(t)), None)
 
     def signed_distance(self, points: Array, max_distance: float) -> Array:
         """Distances (N,) float32 of world ``points`` (N, 3) to where it is now; see ``DistanceQuery``."""
