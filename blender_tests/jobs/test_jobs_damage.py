@@ -349,7 +349,7 @@ def require_right(job: Job) -> None:
         assert (
             type(entry.seed) is int
             and 0 <= entry.seed < 2**31
-            and type(entry.start_frame) is int
+            and type(entry.start_frame) in (int, float)
             and abs(entry.start_frame) < 2**21
         )
         assert type(entry.contact_ik) is bool and isinstance(entry.character, str) and entry.goals

@@ -14,7 +14,8 @@ from ..keys.style import HIPS
 @dataclass(frozen=True)
 class JobGoal:
     """A goal of a job file: an object's name or a place (3,), world; ``to`` names the destination of what is
-    carried; ``curve`` is gone along, ``rounds`` times where it is closed, at ``speed`` m/s.
+    carried; ``curve`` is gone along, ``rounds`` times where it is closed, at ``speed`` m/s; ``by`` is the
+    frame at which it is to be reached.
     """
 
     action: str
@@ -25,6 +26,7 @@ class JobGoal:
     curve: str | None = None
     rounds: int = 1
     speed: float | None = None
+    by: int | None = None
 
 
 @dataclass
@@ -35,7 +37,7 @@ class JobTake:
     character: str = "Character"
     rig: str | Path = ""  # bone map: name of a preset, or a file; where empty, the one that it has
     seed: int = 0
-    start_frame: int = 1
+    start_frame: float = 1
     start: str = STAND  # or POSE: from the pose and the pace at the start frame
     contact_ik: bool = True
     root_motion: str = HIPS

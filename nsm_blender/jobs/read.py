@@ -24,7 +24,7 @@ _TAKE_KEYS = (
     "root_motion", "reduce", "goals", "overwrite", *OUTPUTS,
 )  # fmt: skip
 _CAST_KEYS = ("character", "goals")
-_GOAL_KEYS = ("object", "action", "to", "hold", "location", *WAY_KEYS)
+_GOAL_KEYS = ("object", "action", "to", "hold", "location", "by", *WAY_KEYS)
 # Blender's first frame, and one that leaves its last 48,574 to the take.
 _FIRST_FRAME, _LAST_START = -1_048_574, 1_000_000
 _LARGEST_SEED = 2**31 - 1
@@ -91,9 +91,8 @@ def _take(entry: Any, number: int, folder: Path) -> JobTake:
         take.root_motion = _one_of(entry, "root_motion", where, KINDS)
         take.reduce = _bound(entry, where)
         start = entry.get("start_frame", take.start_frame)
-        take.start_frame = validate.whole(
-            start, f"'start_frame' in {where}", JobError, _FIRST_FRAME, _LAST_START
-        )
+        read = validate.number if isinstance(start, float) else validate.whole  # or between two frames
+        take.start_frame = read(start, f"'start_frame' in {where}", JobError, _FIRST_FRAME, _LAST_START)
         take.contact_ik = _flag(entry, "contact_ik", where, take.contact_ik)
         take.overwrite = _flag(entry, "overwrite", where, take.overwrite)
         if "characters" in entry:
@@ -217,7 +216,10 @@ def _goal(entry: Any, where: str) -> JobGoal:
             f"In {where}, '{action.key}' stands where the character is; take 'walk' with a 'hold' to stand "
             "at an object or a place."
         )
-    return JobGoal(action.key, target, hold, location, to, curve, rounds, speed)
+    by = entry.get("by")
+    if by is not None:
+        by = validate.whole(by, f"'by' in {where}", JobError, _FIRST_FRAME, _LAST_START)
+    return JobGoal(action.key, target, hold, location, to, curve, rounds, speed, by)
 
 
 def _known(entry: dict[str, Any], keys: tuple[str, ...], where: str) -> None:

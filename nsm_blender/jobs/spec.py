@@ -96,8 +96,11 @@ def _goal(scene: bpy.types.Scene, goal: JobGoal) -> GoalSpec:
     to = _target(scene, goal.to, "to")
     if goal.curve is not None:
         curve = _target(scene, goal.curve, "curve")
-        return GoalSpec(goal.action, curve, goal.hold, along=True, rounds=goal.rounds, speed=goal.speed)
-    return GoalSpec(goal.action, _target(scene, goal.object), goal.hold, goal.location, to, speed=goal.speed)
+        return GoalSpec(
+            goal.action, curve, goal.hold, along=True, rounds=goal.rounds, speed=goal.speed, by=goal.by
+        )
+    target = _target(scene, goal.object)
+    return GoalSpec(goal.action, target, goal.hold, goal.location, to, speed=goal.speed, by=goal.by)
 
 
 def _wear(character: bpy.types.Object, rig: str | Path) -> None:

@@ -136,6 +136,12 @@ def _draw_goal(layout: Any, goal: Any) -> None:
     draw_way(column, goal)
     if FINDERS[action.key].swings and goal.object is not None:
         column.operator("nsm.door_swing", icon="ARROW_LEFTRIGHT")
+    if action.aim is not Aim.HERE:
+        when = column.row(align=True, heading="Reached at")
+        when.prop(goal, "at_frame", text="")
+        frame = when.row()
+        frame.active = goal.at_frame
+        frame.prop(goal, "by", text="Frame")
     held = column.row(align=True)
     held.prop(goal, "hold")
     held.prop(goal, "hold_frames", text="")

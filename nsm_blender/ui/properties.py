@@ -122,6 +122,20 @@ class NsmGoal(bpy.types.PropertyGroup):
         unit="TIME_ABSOLUTE",
         override=OVERRIDABLE,
     )
+    at_frame: BoolProperty(
+        name="At a Frame",
+        description="Have the goal reached at a given frame: the character waits before it, and goes slower "
+        "or faster",
+        default=False,
+        override=OVERRIDABLE,
+    )
+    by: IntProperty(
+        name="Reached at",
+        description="The frame at which the goal is to be reached: seated, arrived, set down. What cannot be "
+        "so soon is told",
+        default=120,
+        override=OVERRIDABLE,
+    )
     hold_frames: IntProperty(
         name="Stay in Frames",
         description="How long the character stays before the next goal, in frames of the scene",
@@ -372,11 +386,12 @@ def spec_of_row(row: NsmGoal, number: int = 1) -> GoalSpec:
     if action.aim is Aim.HERE:  # has no place of its own, whatever the row was before
         return GoalSpec(row.action, hold=row.hold)
     speed = row.speed if row.own_speed and row.action in SPEEDS else None
+    by = row.by if row.at_frame else None
     if goes_along(row):
-        return GoalSpec(row.action, row.object, row.hold, along=True, rounds=row.rounds, speed=speed)
+        return GoalSpec(row.action, row.object, row.hold, along=True, rounds=row.rounds, speed=speed, by=by)
     to = row.destination if action.needs_destination else None
     place = tuple(row.location) if row.object is None else None
-    return GoalSpec(row.action, row.object, row.hold, place, to, speed=speed)
+    return GoalSpec(row.action, row.object, row.hold, place, to, speed=speed, by=by)
 
 
 def show_results(settings: NsmSettings, lines: list[tuple[str, bool]]) -> None:
