@@ -135,15 +135,27 @@ class Director:
             self.plan = plan
             self._ground = Ground(plan, self.rng, self._scene)
         now = self.index + 1
-        if 0 <= self.index and self._hold < 0 and not self.done:
-            result = self.results[self.index]
-            result.seconds, result.end_frame = (self._frame - self._started) / FPS, self._frame
+        self._break_off()
         self.goals = self.goals[:now] + goals
         self.results = self.results[:now] + [GoalResult(g.name, g.action) for g in goals]
         self.done = False
         self._given_up, self._turned = self._given, 0.0
         if self.index >= 0:
             self._hold = 1
+
+    def stop(self) -> None:
+        """Give up the goal in hand and all that follow, and end here."""
+        self._break_off()
+        now = self.index + 1
+        self.goals, self.results, self.done = self.goals[:now], self.results[:now], True
+
+    def _break_off(self) -> None:
+        """Note how far the goal in hand has come, unless it has been judged."""
+        if 0 <= self.index and self._hold < 0 and not self.done:
+            result, stage = self.results[self.index], self.stage
+            result.seconds, result.end_frame = (self._frame - self._started) / FPS, self._frame
+            if stage is not None and stage.endless:
+                result.reached, result.remarks = True, stage.line()[1]
 
     @property
     def ground(self) -> Ground:
@@ -264,7 +276,8 @@ class Director:
         if left < self._left - STEP_ON:
             self._since, self._left = self._frame, left
         self._rest = self._rest + 1 if stage.arrived(moment) else 0  # type: ignore[union-attr]
-        if self._rest >= SETTLE or (self._frame - self._since) / FPS > self.time_limit:
+        late = not stage.endless and (self._frame - self._since) / FPS > self.time_limit  # type: ignore[union-attr]
+        if self._rest >= SETTLE or late:
             result.reached = self._rest >= SETTLE
             result.seconds, result.end_frame = (self._frame - self._started) / FPS, self._frame
             following = self.goals[self.index + 1 : self.index + 2]

@@ -24,6 +24,21 @@ SPEEDS = {"walk": (min(0.5, WALKED[0]), max(1.6, WALKED[1])), "run": (min(2.0, R
 
 
 @dataclass
+class Steering:
+    """What one who is steered should do now, changed by whoever steers: ``velocity`` (2,) m/s, and the
+    ``heading`` to face where one stands, radians (None: as one stands); world.
+    """
+
+    velocity: Array = field(default_factory=lambda: np.zeros(2))
+    heading: float | None = None
+
+    @property
+    def speed(self) -> float:
+        """Metres a second that are wanted."""
+        return float(np.linalg.norm(self.velocity))
+
+
+@dataclass
 class Goal:
     """One entry of the queue.
 
@@ -35,7 +50,8 @@ class Goal:
     ``hold`` seconds to stay once it is reached; ``interaction`` the sensed object of sit and climb; ``prop``
     what is moved: the box of carry, the leaf of open; ``terrain`` the heights of what a climb stands on
     (probed from the scene where None).  Of walk and run: ``way`` (N, 2) a line over the floor that is
-    followed from its first point to its last, which is the position; ``speed`` m/s, drawn where None.
+    followed from its first point to its last, which is the position; ``speed`` m/s, drawn where None;
+    ``steering`` that leads instead of a place, until something else is asked for.
     ``by`` seconds from the take's beginning at which it is to be reached, as soon as it can be where None;
     ``wait`` seconds of standing, or whatever was done before, until it is begun, and ``pace`` the speed of
     its ways as a share of the usual one, bring that about (``timing``).
@@ -54,6 +70,7 @@ class Goal:
     by: float | None = None
     wait: float = 0.0
     pace: float = 1.0
+    steering: Steering | None = None
 
     def __post_init__(self) -> None:
         action = require_action(self.action)

@@ -49,6 +49,7 @@ from .start import Start, trail_of
 from .yielding import Yielding
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
+_ROAMED = 200.0 * np.array(((-1.0, -1.0), (1.0, 1.0)))  # metres of floor about one who is steered
 _MARGIN = 4.0  # metres of floor planned on around start and goals
 _SENSOR_REACH = DIAMETER / 2 + SPHERE_RADIUS
 _WRISTS = [arm[2] for arm in ARMS]
@@ -451,6 +452,7 @@ def own_props(goals: list[Goal]) -> tuple[list[Goal], dict[str, Prop]]:
 def places_of(goals: list[Goal], props: Iterable[Prop]) -> list[Array]:
     """Floor places (N, 2) that goals and their props lead to, in pieces."""
     ways = [g.way for g in goals if g.way is not None]
+    ways += [g.position[:2] + _ROAMED for g in goals if g.steering is not None]
     return [*[g.position[None, :2] for g in goals], *[p.pose[None, :2] for p in props], *ways]
 
 

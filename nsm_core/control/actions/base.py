@@ -27,6 +27,7 @@ class Stage:
     """One goal while it is performed: what is commanded, and whether it is done."""
 
     part = 0  # counts the parts of a stage; each has its own time limit
+    endless = False  # whether it goes on until something else is asked for
 
     def __init__(self, goal: Goal) -> None:
         self.goal = goal

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from nsm_core.control.goals import Goal, Moment
+from nsm_core.control.locomotion import Steer
 from nsm_core.conventions import IDLE, SIT
 from nsm_core.distances import STAND_AHEAD
 from nsm_core.rotations import Array, heading_to_direction
@@ -66,6 +67,8 @@ def _goer(gait: Gait, reach: float, led: float) -> Callable[[Goal, StageStart], 
     """
 
     def begin(goal: Goal, start: StageStart) -> Stage:
+        if goal.steering is not None:
+            return Steer(goal, start.ground, start.moment)
         if goal.way is not None:
             return follow.Follow(goal, start.ground, gait, led)
         if goal.speed is not None:
@@ -76,6 +79,8 @@ def _goer(gait: Gait, reach: float, led: float) -> Callable[[Goal, StageStart], 
 
 
 def _places(goal: Goal, way: Way) -> list[Array | None]:
+    if goal.steering is not None:
+        return []
     return [goal.position[:2].astype(np.float64)] if goal.way is None else follow.places(goal, way)
 
 

@@ -81,6 +81,11 @@ class ClearanceMap:
         """
         return self._at(np.asarray(points, dtype=np.float64), slice(0, 1))[..., 0]
 
+    def off_solids(self, place: Array) -> Array:
+        """The direction (2,) from a floor point (2,) with more room; zero where nothing is near."""
+        slope = self._at(np.asarray(place, dtype=np.float64)[None], slice(1, 3))[0]
+        return slope / max(float(np.linalg.norm(slope)), 1e-6) * (np.linalg.norm(slope) > 1e-3)
+
     def besides(self: _Map, query: DistanceQuery, places: Array, reach: float) -> _Map:
         """This map with more solids in it: ``query``, which lies within ``reach`` metres of ``places`` (N,
         2).

@@ -59,10 +59,12 @@ class Track(Course):
 
     def advance(self, position: Array) -> None:
         """As ``Course.advance``, and learn how far one drifts off the line."""
+        before = self.progress
         super().advance(position)
         off = np.asarray(position, dtype=np.float64) - self.at(np.array(self.progress))
         aside = float(off @ self._left(np.array(self.progress)))
-        if self.joins < self.progress < self.length - 0.3 and abs(aside) < _NEAR:
+        goes = self.joins < self.progress < self.length - 0.3 and self.progress > before
+        if goes and abs(aside) < _NEAR:
             self._aside = float(np.clip(self._aside - _DRIFT_RATE * aside * DT, -_MOST_ASIDE, _MOST_ASIDE))
 
     def preview(self, speed: float, frames: Sequence[int]) -> tuple[Array, Array, Array]:
