@@ -80,7 +80,7 @@ class Company:
 
 
 def prepare(
-    spec: TakeSpec, scene: bpy.types.Scene, company: Company | None = None
+    spec: TakeSpec, scene: bpy.types.Scene, company: Company | None = None, needs_goals: bool = True
 ) -> Generator[Progress, None, tuple[TakeRequest, WorldFrame, dict[str, MovedObject]]]:
     """Gather what a take needs from the scene as it is at the take's first frame, in slices; the current
     frame is put back.
@@ -89,7 +89,7 @@ def prepare(
     who act with it.
     """
     require_character(spec.character, scene)
-    if not spec.goals:
+    if needs_goals and not spec.goals:
         raise GoalError("There is no goal to go to; add one to the list, or enable one.")
     state = SceneState(scene, spec.character)
     try:

@@ -28,8 +28,8 @@ class Shown:
 
 @dataclass
 class Progress:
-    """How far a take is: what is being done, 0..1, and pose and moved objects of the newest frame where there
-    is one.
+    """How far a take is: what is being done, 0..1 (below 0: nobody knows), and pose and moved objects of the
+    newest frame where there is one.
     """
 
     stage: str

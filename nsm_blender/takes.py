@@ -67,7 +67,7 @@ def shipped_model(path: str | None = None) -> inference_model.Model:
     return inference_model.load_model(path)
 
 
-def _loading() -> threading.Thread:
+def loading_model() -> threading.Thread:
     """Have the bundled network loaded while the scene is read; what goes wrong is told where the network is
     needed.
     """
@@ -92,7 +92,7 @@ def generate(
     require_character(spec.character, scene)
     require_keyable(spec.character)
     require_root(spec.character, spec.root_motion)
-    loading = _loading() if model is None else None
+    loading = loading_model() if model is None else None
     request, frame, things = yield from prepare(spec, scene)
     for goal in request.goals:
         require_room_for(goal, request.environment)

@@ -152,6 +152,8 @@ def goal_line(goal: dict[str, Any]) -> str:
             f"{goal['object']}: gone along in {goal['seconds']:.1f} s, {goal['line_mean_cm']:.1f} cm off it "
             f"on average and {goal['line_max_cm']:.1f} cm at most.{told}"
         )
+    if goal["reached"] and goal.get("remarks"):
+        return f"{goal['object']}: {', '.join(goal['remarks'])}."
     if goal["reached"]:
         late = goal.get("late_seconds", 0.0)
         told = (

@@ -33,6 +33,7 @@ class NSM_PT_generate(Sidebar, bpy.types.Panel):
         if takes_of(context.scene):
             layout.operator("nsm.another_take", icon="FILE_REFRESH")
         layout.operator("nsm.continue_take", icon="FRAME_NEXT")
+        layout.operator("nsm.steer", icon="EVENT_W")
         reason = running.reason_not_ready(context)
         if reason:
             sentence(context, layout, reason, "INFO")

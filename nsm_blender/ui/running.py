@@ -65,12 +65,18 @@ def interrupt(sentence: str) -> None:
 
 
 def note_progress(stage: str, fraction: float) -> str:
-    """Note how far the take under way is; return a line with the time left."""
+    """Note how far the take under way is; return a line with the time left.
+
+    A ``fraction`` below 0: nobody knows, it goes on until it is ended.
+    """
     if _running is None:
         return ""
     if not _running.fraction:
         _running.begun = time.monotonic()  # loading says nothing about how fast frames come
-    _running.fraction = fraction
+    _running.fraction = max(fraction, 0.0)
+    if fraction < 0:
+        _running.text = stage
+        return stage
     _running.text = f"{stage} {fraction:.0%}{time_left(fraction, time.monotonic() - _running.begun)}"
     return _running.text
 

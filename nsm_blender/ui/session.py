@@ -87,7 +87,7 @@ class TakeSession:
             if progress is None:
                 self._close()
                 return self._value
-            self.fraction = progress.fraction
+            self.fraction = max(progress.fraction, 0.0)
             self.text = running.note_progress(progress.stage, progress.fraction)
             if show or not self._shown:
                 self._show(progress)

@@ -156,6 +156,8 @@ class Director:
             result.seconds, result.end_frame = (self._frame - self._started) / FPS, self._frame
             if stage is not None and stage.endless:
                 result.reached, result.remarks = True, stage.line()[1]
+            else:
+                result.reason = f"It was broken off after {result.seconds:.1f} s."
 
     @property
     def ground(self) -> Ground:

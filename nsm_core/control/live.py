@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from nsm_core.model.inference.model import Model
+from nsm_core.rotations import Array, direction_to_heading
 
 from .goals import Goal, Steering
 from .take import TakeRequest, TakeRunner
@@ -25,10 +26,19 @@ class LiveTake:
         """Begin where ``request`` begins; its goals are not done.  GoalError as of ``TakeRunner``."""
         self.steering = Steering()
         self.performs: Goal | None = None
-        self._name = "steering"
+        self._name = "Keyboard"
         here = Goal("walk", self._name, np.append(request.start_position[:2], 0.0), request.start_heading)
         self._steered = replace(here, steering=self.steering)
         self.runner = TakeRunner(model, replace(request, goals=[self._steered]))
+
+    @property
+    def heading(self) -> float:
+        """Where the character faces now, radians."""
+        return float(self.runner.state.root[0, 2])
+
+    def heading_to(self, place: Array) -> float:
+        """The heading in which a place (2,) or (3,) lies from here."""
+        return float(direction_to_heading(np.asarray(place)[:2] - self.runner.state.root[0, :2]))
 
     def hand_over(self, goal: Goal) -> None:
         """Have the character do ``goal`` from the next frame on, and stay at it until it is steered again.

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +24,11 @@ from .actions.base import Stage
 from .goals import Goal, Moment, Steering
 
 WALKS, RUNS = float(np.mean(WALKING.speeds)), float(np.mean(RUNNING.speeds))  # m/s that keys ask for
+# As quick to answer as bodies of the training data are.
+_WALKS, _RUNS = (
+    replace(WALKING, acceleration=1.5, deceleration=1.1),
+    replace(RUNNING, acceleration=2.8, deceleration=2.4),
+)
 _AHEAD = 2 * FPS  # frames of the trajectory
 _EVERY = 3  # frames of it between two looks at what is solid
 _STANDS = 0.25  # m/s under which one may set off any way at once
@@ -62,30 +68,11 @@ class Trajectory(Course):
         floor: FloorPlan | None,
     ) -> None:
         """Lay it from ``here`` (2,) at ``velocity`` (2,) m/s and ``heading`` to what is ``wanted``."""
-        pace, want = math.hypot(*velocity), wanted.speed
-        way = _heading_of(velocity) if pace > _STANDS else heading
-        aim = _heading_of(wanted.velocity) if want > 0 else way
-        if pace <= _STANDS and want > 0:
-            way = aim
-        x, y = float(here[0]), float(here[1])
-        last = np.array((x, y))
-        places, headings, paces = [(x, y)], [heading], [pace]
-        for frame in range(1, _AHEAD + 1):
-            off = (aim - way + math.pi) % (2 * math.pi) - math.pi
-            share = min(max((abs(off) - _SHARP) / (_REVERSE - _SHARP), 0.0), 1.0)
-            change = want * (1 - (1 - _BRAKED) * share) - pace
-            pace += min(max(change, -gait.deceleration * DT * (1 + share)), gait.acceleration * DT)
-            most = gait.sideways / max(pace, _LEAST_TURN) * DT
-            way += min(max(off * _AT_ONCE * DT, -most), most)
-            x, y = x + pace * DT * math.sin(way), y - pace * DT * math.cos(way)
-            if floor is not None and frame % _EVERY == 0:
-                last, free = _kept_off(floor, last, np.array((x, y)))
-                x, y, pace = float(last[0]), float(last[1]), pace * free
-            places.append((x, y))
-            headings.append(way if want > 0 or pace > _STANDS or wanted.heading is None else wanted.heading)
-            paces.append(pace)
-        self._places, self._headings, self._paces = np.array(places), np.array(headings), np.array(paces)
-        self.points, self.progress, self.speed = self._places, 0.0, max(want, _LEAST_TURN)
+        laid = _led(here, velocity, heading, wanted, gait, None)
+        if floor is not None and (floor.clearance(laid[0][_EVERY::_EVERY]) < floor.radius).any():
+            laid = _led(here, velocity, heading, wanted, gait, floor)
+        self._places, self._headings, self._paces = laid
+        self.points, self.progress, self.speed = self._places, 0.0, max(wanted.speed, _LEAST_TURN)
         self._length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(self.points, axis=0), axis=1)))
 
 
@@ -119,9 +106,11 @@ class Steer(Stage):
                 self._anchor = self._anchor[0], heading
             return self._stand(self._anchor)
         self._anchor = None
-        gait = RUNNING if wanted.speed > WALK_TO_RUN[0] else WALKING
+        pace = float(np.linalg.norm(change))
+        gait = _RUNS if max(wanted.speed, pace) > WALK_TO_RUN[0] else _WALKS
         self._trajectory.lay(root[:2], change, float(root[2]), wanted, gait, self._ground.floor())
-        return Command(gait.action, course=self._trajectory)
+        runs = (wanted.speed or pace) > WALK_TO_RUN[0]
+        return Command((_RUNS if runs else _WALKS).action, course=self._trajectory)
 
     def _stand(self, anchor: tuple[Array, float]) -> Command:
         place, heading = anchor
@@ -135,6 +124,38 @@ class Steer(Stage):
 
     def line(self) -> tuple[Array | None, list[str]]:
         return None, [f"steered for {self._frames / FPS:.1f} s over {self._gone:.1f} m"]
+
+
+def _led(
+    here: Array, velocity: Array, heading: float, wanted: Steering, gait: Gait, floor: FloorPlan | None
+) -> tuple[Array, Array, Array]:
+    """Places (61, 2), headings (61,) and paces (61,) of the coming two seconds, off solids of ``floor``."""
+    pace, want = math.hypot(*velocity), wanted.speed
+    way = _heading_of(velocity) if pace > _STANDS else heading
+    aim = _heading_of(wanted.velocity) if want > 0 else way
+    if pace <= _STANDS and want > 0:
+        way = aim
+    x, y = float(here[0]), float(here[1])
+    last = np.array((x, y))
+    places, headings, paces = [(x, y)], [heading], [pace]
+    for frame in range(1, _AHEAD + 1):
+        off = (aim - way + math.pi) % (2 * math.pi) - math.pi
+        share = min(max((abs(off) - _SHARP) / (_REVERSE - _SHARP), 0.0), 1.0)
+        change = want * (1 - (1 - _BRAKED) * share) - pace
+        pace += min(max(change, -gait.deceleration * DT * (1 + share)), gait.acceleration * DT)
+        most = gait.sideways / max(pace, _LEAST_TURN) * DT
+        way += min(max(off * _AT_ONCE * DT, -most), most)
+        x, y = x + pace * DT * math.sin(way), y - pace * DT * math.cos(way)
+        if floor is not None and frame % _EVERY == 0:
+            place, free = _kept_off(floor, last, np.array((x, y)))
+            if 0 < free < 1:  # along a wall
+                way = _heading_of(place - last)
+            last = place
+            x, y, pace = float(last[0]), float(last[1]), pace * free
+        places.append((x, y))
+        headings.append(way if want > 0 or pace > _STANDS or wanted.heading is None else wanted.heading)
+        paces.append(pace)
+    return np.array(places), np.array(headings), np.array(paces)
 
 
 def _heading_of(direction: Array) -> float:

@@ -14,6 +14,7 @@ from . import (
     help,
     queues,
     review,
+    steer,
     timeline,
 )
 
@@ -26,6 +27,7 @@ CLASSES = (
     *example.CLASSES,
     *generate.CLASSES,
     *generate_all.CLASSES,
+    *steer.CLASSES,
     *review.CLASSES,
     *timeline.CLASSES,
     *export.CLASSES,

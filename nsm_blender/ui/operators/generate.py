@@ -43,7 +43,7 @@ def spec_of(scene: bpy.types.Scene) -> TakeSpec:
     )
 
 
-class _Generate(Modal):
+class TakeMaker(Modal):
     """What the operators share that make a take."""
 
     bl_options: ClassVar = {"REGISTER", "UNDO"}
@@ -89,7 +89,7 @@ class _Generate(Modal):
         return {"FINISHED"}
 
 
-class NSM_OT_generate(_Generate, bpy.types.Operator):
+class NSM_OT_generate(TakeMaker, bpy.types.Operator):
     bl_idname = "nsm.generate"
     bl_label = "Generate"
     bl_description = (
@@ -101,7 +101,7 @@ class NSM_OT_generate(_Generate, bpy.types.Operator):
     )
 
 
-class NSM_OT_another_take(_Generate, bpy.types.Operator):
+class NSM_OT_another_take(TakeMaker, bpy.types.Operator):
     bl_idname = "nsm.another_take"
     bl_label = "Another Take"
     bl_description = (
@@ -114,7 +114,7 @@ class NSM_OT_another_take(_Generate, bpy.types.Operator):
         return replace(spec, seed=max((take.seed for take in takes_of(scene)), default=spec.seed) + 1)
 
 
-class NSM_OT_continue_take(_Generate, bpy.types.Operator):
+class NSM_OT_continue_take(TakeMaker, bpy.types.Operator):
     bl_idname = "nsm.continue_take"
     bl_label = "Continue from Here"
     bl_description = (
