@@ -10,9 +10,9 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
+from nsm_core.control.actions.steer import RUNS, WALKS
 from nsm_core.control.goals import Goal
 from nsm_core.control.live import LiveTake
-from nsm_core.control.locomotion import RUNS, WALKS
 from nsm_core.conventions import DT, FPS
 from nsm_core.errors import GoalError
 from nsm_core.model.features.meaning import remark

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from nsm_core.body.skeleton import forward_kinematics
-from nsm_core.control.actions.approach import RUNNING, WALKING
+from nsm_core.control.actions.steer import RUNS, WALKS
 from nsm_core.control.goals import Goal, Steering
 from nsm_core.control.live import LiveTake
-from nsm_core.control.locomotion import RUNS, WALKS, Trajectory
+from nsm_core.control.locomotion import Answer, Trajectory
 from nsm_core.control.take import TakeRequest, TakeResult
 from nsm_core.conventions import RUN, SIT
 from nsm_core.errors import GoalError
@@ -21,7 +21,8 @@ from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene import furniture
 
 CHAIR = furniture.make("chair", np.random.default_rng(90001))
-SEAT = np.array((1.0, -2.6))
+SEAT = np.array((2.5, 3.0))
+WALKING, RUNNING = Answer(1.5, 1.1, 0.9), Answer(2.8, 2.4, 2.5)
 FRAMES = {"turn": 60, "run": 120, "stop": 180, "spin": 240, "sit": 300, "leave": 560, "end": 680}
 
 
@@ -70,9 +71,8 @@ def test_it_goes_where_it_is_steered(take):
     assert abs(turned) < 0.35 and np.linalg.norm(mean(FRAMES["sit"])) < 0.15
     assert take.action[FRAMES["leave"], SIT] > 0.9, "it sits until it is steered"
     assert mean(FRAMES["end"]) == pytest.approx(ahead(-90), abs=0.3)
-    assert [g.reached for g in take.goals] == [True, True, True] and "steered for 10.0 s" in take.goals[
-        0
-    ].remarks[0]
+    assert [g.reached for g in take.goals] == [True, True, True]
+    assert take.goals[0].remarks[0].startswith("steered for 9.")
 
 
 @pytest.mark.parametrize("switch", ["sit", "leave"])
@@ -108,9 +108,11 @@ def floor(*boxes) -> FloorPlan:
     return FloorPlan(Cuboids([((x, y), 0.0, [low], [high]) for x, y, low, high in boxes]), ((-9, -9), (9, 9)))
 
 
-def laid(velocity, plan: FloorPlan | None, gait=WALKING, pace=(0.0, 0.0)) -> tuple[np.ndarray, np.ndarray]:
-    course = Trajectory(gait)
-    course.lay(np.zeros(2), np.array(pace), 0.0, Steering(np.asarray(velocity, dtype=np.float64)), gait, plan)
+def laid(velocity, plan: FloorPlan | None, answer=WALKING, pace=(0.0, 0.0)) -> tuple[np.ndarray, np.ndarray]:
+    course = Trajectory()
+    course.lay(
+        np.zeros(2), np.array(pace), 0.0, Steering(np.asarray(velocity, dtype=np.float64)), answer, plan
+    )
     places, _, paces = course.preview(0.0, tuple(range(61)))
     return places, paces
 
@@ -128,7 +130,7 @@ def test_what_is_wanted_is_led_to_in_two_seconds():
 def test_it_keeps_off_solids_and_slides_along_walls():
     wall = floor((0, -1.2, (-4, -0.1, 0), (4, 0.1, 2)))
     places, paces = laid(ahead(0, RUNS), wall, RUNNING, ahead(0, RUNS))
-    assert wall.clearance(places).min() > wall.radius - 0.05 and paces[-1] < 0.2
+    assert wall.clearance(places).min() > wall.radius - 0.1 and paces[-1] < 0.2, "between two looks"
     slid, paces = laid(ahead(45), wall, WALKING, ahead(45))
     assert wall.clearance(slid).min() > wall.radius - 0.05 and slid[-1, 0] > 1.0 and paces[-1] > 0.4
     inside = floor((0, 0, (-0.2, -0.2, 0), (0.2, 0.2, 0.5)))

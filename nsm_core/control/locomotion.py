@@ -9,29 +9,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from nsm_core.conventions import DT, FPS, SIT
-from nsm_core.distances import STAND_AHEAD, WALK_TO_RUN
-from nsm_core.rotations import Array, heading_to_direction
+from nsm_core.conventions import DT, FPS
+from nsm_core.rotations import Array
 from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.planning.path import Course
 
-from .actions.approach import RUNNING, WALKING, Command, Gait, Ground
-from .actions.base import Stage
-from .goals import Goal, Moment, Steering
+from .goals import Steering
 
-WALKS, RUNS = float(np.mean(WALKING.speeds)), float(np.mean(RUNNING.speeds))  # m/s that keys ask for
-# As quick to answer as bodies of the training data are.
-_WALKS, _RUNS = (
-    replace(WALKING, acceleration=1.5, deceleration=1.1),
-    replace(RUNNING, acceleration=2.8, deceleration=2.4),
-)
 _AHEAD = 2 * FPS  # frames of the trajectory
 _EVERY = 3  # frames of it between two looks at what is solid
-_STANDS = 0.25  # m/s under which one may set off any way at once
+STANDS = 0.25  # m/s under which one may set off any way at once
 _LEAST_TURN = 0.3  # m/s: the turn in a bend is not quicker than at this pace
 _SHARP, _REVERSE, _BRAKED = (
     0.4,
@@ -39,15 +30,22 @@ _SHARP, _REVERSE, _BRAKED = (
     0.35,
 )  # radians from which on a turn slows one down, to which, to what share
 _AT_ONCE = 5.0  # 1/s: how soon a wanted direction is taken where nothing limits it
-_STOOD_UP = 0.3  # of the sit label
-_PAST = 6  # frames over which the pace is told
+
+
+@dataclass(frozen=True)
+class Answer:
+    """How quickly a body answers: m/s2 by which it gains and loses speed, and is turned ``sideways``."""
+
+    acceleration: float
+    deceleration: float
+    sideways: float
 
 
 class Trajectory(Course):
     """Where one who is steered will be over the coming two seconds; laid anew every frame."""
 
-    def __init__(self, gait: Gait) -> None:
-        super().__init__(np.zeros((2, 2)), 0.0, gait.speeds[1])
+    def __init__(self) -> None:
+        super().__init__(np.zeros((2, 2)), 0.0)
         self._places, self._headings, self._paces = np.zeros((1, 2)), np.zeros(1), np.zeros(1)
 
     def advance(self, position: Array) -> None:
@@ -64,76 +62,26 @@ class Trajectory(Course):
         velocity: Array,
         heading: float,
         wanted: Steering,
-        gait: Gait,
+        answer: Answer,
         floor: FloorPlan | None,
     ) -> None:
         """Lay it from ``here`` (2,) at ``velocity`` (2,) m/s and ``heading`` to what is ``wanted``."""
-        laid = _led(here, velocity, heading, wanted, gait, None)
+        laid = _led(here, velocity, heading, wanted, answer, None)
         if floor is not None and (floor.clearance(laid[0][_EVERY::_EVERY]) < floor.radius).any():
-            laid = _led(here, velocity, heading, wanted, gait, floor)
+            laid = _led(here, velocity, heading, wanted, answer, floor)
         self._places, self._headings, self._paces = laid
         self.points, self.progress, self.speed = self._places, 0.0, max(wanted.speed, _LEAST_TURN)
         self._length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(self.points, axis=0), axis=1)))
 
 
-class Steer(Stage):
-    """Go where ``goal.steering`` says at each moment, until something else is asked for."""
-
-    endless = True
-
-    def __init__(self, goal: Goal, ground: Ground, moment: Moment) -> None:
-        super().__init__(goal)
-        self._steering: Steering = goal.steering or Steering()
-        self._ground, self._past = ground, [moment.root.astype(np.float64)]
-        self._trajectory = Trajectory(WALKING)
-        self._anchor: tuple[Array, float] | None = None
-        self._gone, self._frames = 0.0, 0
-
-    def update(self, moment: Moment) -> Command:
-        root, wanted = moment.root.astype(np.float64), self._steering
-        self._gone += float(np.linalg.norm(root[:2] - self._past[-1][:2]))
-        self._frames += 1
-        self._past = [*self._past[-_PAST:], root]
-        change = (root[:2] - self._past[0][:2]) * FPS / (len(self._past) - 1)
-        if float(moment.style[SIT]) > _STOOD_UP:  # a sitter stands up before its seat first
-            self._anchor = self._anchor or (root[:2] + STAND_AHEAD * heading_to_direction(root[2]), root[2])
-            return self._stand(self._anchor)
-        if wanted.speed == 0 and moment.speed < _STANDS:
-            heading = root[2] if wanted.heading is None else wanted.heading
-            if self._anchor is None:
-                self._anchor = root[:2], heading
-            elif wanted.heading is not None:
-                self._anchor = self._anchor[0], heading
-            return self._stand(self._anchor)
-        self._anchor = None
-        pace = float(np.linalg.norm(change))
-        gait = _RUNS if max(wanted.speed, pace) > WALK_TO_RUN[0] else _WALKS
-        self._trajectory.lay(root[:2], change, float(root[2]), wanted, gait, self._ground.floor())
-        runs = (wanted.speed or pace) > WALK_TO_RUN[0]
-        return Command((_RUNS if runs else _WALKS).action, course=self._trajectory)
-
-    def _stand(self, anchor: tuple[Array, float]) -> Command:
-        place, heading = anchor
-        return Command("idle", np.append(place, 0.0).astype(np.float32), float(heading))
-
-    def arrived(self, moment: Moment) -> bool:
-        return False
-
-    def target(self) -> tuple[Array | None, float, int]:
-        return None, 0.0, 2
-
-    def line(self) -> tuple[Array | None, list[str]]:
-        return None, [f"steered for {self._frames / FPS:.1f} s over {self._gone:.1f} m"]
-
-
 def _led(
-    here: Array, velocity: Array, heading: float, wanted: Steering, gait: Gait, floor: FloorPlan | None
+    here: Array, velocity: Array, heading: float, wanted: Steering, answer: Answer, floor: FloorPlan | None
 ) -> tuple[Array, Array, Array]:
     """Places (61, 2), headings (61,) and paces (61,) of the coming two seconds, off solids of ``floor``."""
     pace, want = math.hypot(*velocity), wanted.speed
-    way = _heading_of(velocity) if pace > _STANDS else heading
+    way = _heading_of(velocity) if pace > STANDS else heading
     aim = _heading_of(wanted.velocity) if want > 0 else way
-    if pace <= _STANDS and want > 0:
+    if pace <= STANDS and want > 0:
         way = aim
     x, y = float(here[0]), float(here[1])
     last = np.array((x, y))
@@ -142,8 +90,8 @@ def _led(
         off = (aim - way + math.pi) % (2 * math.pi) - math.pi
         share = min(max((abs(off) - _SHARP) / (_REVERSE - _SHARP), 0.0), 1.0)
         change = want * (1 - (1 - _BRAKED) * share) - pace
-        pace += min(max(change, -gait.deceleration * DT * (1 + share)), gait.acceleration * DT)
-        most = gait.sideways / max(pace, _LEAST_TURN) * DT
+        pace += min(max(change, -answer.deceleration * DT * (1 + share)), answer.acceleration * DT)
+        most = answer.sideways / max(pace, _LEAST_TURN) * DT
         way += min(max(off * _AT_ONCE * DT, -most), most)
         x, y = x + pace * DT * math.sin(way), y - pace * DT * math.cos(way)
         if floor is not None and frame % _EVERY == 0:
@@ -153,7 +101,7 @@ def _led(
             last = place
             x, y, pace = float(last[0]), float(last[1]), pace * free
         places.append((x, y))
-        headings.append(way if want > 0 or pace > _STANDS or wanted.heading is None else wanted.heading)
+        headings.append(way if want > 0 or pace > STANDS or wanted.heading is None else wanted.heading)
         paces.append(pace)
     return np.array(places), np.array(headings), np.array(paces)
 
@@ -179,4 +127,4 @@ def _kept_off(floor: FloorPlan, before: Array, place: Array) -> tuple[Array, flo
     return slid, float(np.linalg.norm(along) / np.linalg.norm(step))
 
 
-__all__ = ["RUNS", "WALKS", "Steer", "Steering"]
+__all__ = ["STANDS", "Answer", "Trajectory"]

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from nsm_core.control.goals import Goal, Moment
-from nsm_core.control.locomotion import Steer
 from nsm_core.conventions import IDLE, SIT
 from nsm_core.distances import STAND_AHEAD
 from nsm_core.rotations import Array, heading_to_direction
@@ -16,6 +15,7 @@ from nsm_core.rotations import Array, heading_to_direction
 from . import follow
 from .approach import REACH, RUNNING, WALKING, Approach, Command, Gait, Ground
 from .base import EXECUTED, Performer, Stage, StageStart, Way
+from .steer import Steer
 
 LED_RUN = 1.0  # metres from its end up to which a run is led, as in the training data
 LED_WALK = 0.6  # the same of a walk along a line, or at a speed that is asked for
