@@ -406,3 +406,22 @@ def test_the_scene_is_made_as_long_as_the_take(settings):
     assert bpy.ops.nsm.fit_scene() == {"FINISHED"}
     assert (scene.frame_start, scene.frame_end, scene.frame_preview_end) == (10, 612, 612)
     assert not bpy.ops.nsm.fit_scene.poll()
+
+
+@pytest.mark.parametrize("stocked", [False, True])
+def test_every_button_that_is_off_says_why(settings, stocked):
+    """In a sentence of its own, where Blender would only say that the context is wrong."""
+    if stocked:
+        bpy.ops.nsm.add_character()
+        settings.character.keyframe_insert("location", frame=bpy.context.scene.frame_end)
+        queue_of(bpy.context.scene).goals.add().object = furnish()[0]
+    off = 0
+    for cls in operators.CLASSES:
+        button = getattr(bpy.ops.nsm, cls.bl_idname.removeprefix("nsm."))
+        if not button.poll():
+            off += 1
+            with pytest.raises(RuntimeError) as raised:
+                button()
+            assert "context is incorrect" not in str(raised.value), cls.bl_idname
+            assert str(raised.value).rstrip().endswith("."), cls.bl_idname
+    assert off > 3

@@ -136,6 +136,7 @@ def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: 
         else:
             position, heading = _in_front_of(seat_body(spec.object, around), around)
     else:
+        name = "at ({:.2f}, {:.2f})".format(*spec.location)
         position = frame.to_core(np.array(spec.location, dtype=np.float64))
         way = position[:2] - here
         heading = float(direction_to_heading(way)) if np.linalg.norm(way) > 0.2 else facing

@@ -24,7 +24,9 @@ class NSM_PT_generate(Sidebar, bpy.types.Panel):
         column.prop(settings, "start_frame")
         column.prop(settings, "begin")
         column.prop(settings, "seed")
-        column.prop(settings, "contact_ik")
+        plain = layout.column()
+        plain.enabled = running.current() is None
+        plain.prop(settings, "contact_ik")
         big = layout.column()
         big.scale_y = 1.5
         big.operator("nsm.generate", icon="PLAY")

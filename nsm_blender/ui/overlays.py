@@ -136,9 +136,17 @@ def _shows_any() -> bool:
     return any(getattr(toggles(), layer.key) for layer in LAYERS)
 
 
+def _looks_on(scene: bpy.types.Scene) -> bool:
+    """Whether what happens is the animator's doing in the scene that is shown: no take, and no rendering,
+    which another thread does.
+    """
+    busy = running.current() is not None or bpy.app.is_job_running("RENDER")
+    return not busy and scene == bpy.context.scene
+
+
 @persistent
 def _after_frame(scene: bpy.types.Scene, *_: object) -> None:
-    if running.current() is None and wants_take_layers() and scene == bpy.context.scene:
+    if wants_take_layers() and _looks_on(scene):
         refresh(scene)
 
 
@@ -149,7 +157,7 @@ def wants_take_layers() -> bool:
 
 @persistent
 def _after_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    if running.current() is not None or scene != bpy.context.scene:
+    if not _looks_on(scene):
         return
     if not lookout.is_stale() and any(
         update.is_updated_transform or update.is_updated_geometry for update in depsgraph.updates
@@ -190,7 +198,7 @@ def _after_load(*_: object) -> None:
 
 def _looked() -> None:
     scene = bpy.context.scene
-    if scene is not None and _shows_any():
+    if scene is not None and (_shows_any() or shows_picked()):
         refresh(scene)
     viewport.redraw()
 
