@@ -132,6 +132,7 @@ def _draw_goal(layout: Any, goal: Any) -> None:
         column.prop(goal, "destination")
     if goal.object is None and action.aim is Aim.PLACE:
         column.prop(goal, "location")
+        column.operator("nsm.goal_pick", icon="RESTRICT_SELECT_OFF")
         column.operator("nsm.goal_to_cursor", icon="PIVOT_CURSOR")
     draw_way(column, goal)
     if FINDERS[action.key].swings and goal.object is not None:

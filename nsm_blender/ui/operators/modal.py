@@ -21,7 +21,7 @@ _BUDGET = 0.03  # seconds of stepping at a time: clicks and ESC are heard that o
 _SLOWEST_PREVIEW = 0.5  # seconds of stepping between two redraws, at most, where a redraw itself takes long
 _TICK = 0.02
 # The view may be turned and zoomed while a take runs; everything else would change what it reads.
-_VIEW_EVENTS = {
+VIEW_EVENTS = {
     "MIDDLEMOUSE",
     "WHEELUPMOUSE",
     "WHEELDOWNMOUSE",
@@ -136,7 +136,7 @@ class Modal:
             self.report({"INFO"}, session.why)
             return {"CANCELLED"}
         if event.type != "TIMER":
-            return {"PASS_THROUGH"} if event.type in _VIEW_EVENTS else {"RUNNING_MODAL"}
+            return {"PASS_THROUGH"} if event.type in VIEW_EVENTS else {"RUNNING_MODAL"}
         try:
             due = signs.due()
             value = session.tick(_BUDGET, due)

@@ -54,7 +54,7 @@ class Follow(Stage):
             lead = ground.way(here, line[0])
             line, joins = np.concatenate((lead, line[1:])), path_length(lead)
         gait = self._gait
-        speed = self.goal.speed or float(ground.rng.uniform(*gait.speeds))
+        speed = ground.pace * (self.goal.speed or float(ground.rng.uniform(*gait.speeds)))
         track = Track(
             line,
             self.goal.heading,
