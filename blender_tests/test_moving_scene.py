@@ -99,3 +99,19 @@ def test_a_cart_that_crosses_the_way_is_let_pass(character):
         outside = np.linalg.norm(np.maximum(away[:, :2], 0), axis=1) + np.minimum(away[:, :2].max(1), 0)
         deepest = min(deepest, float((outside - body.radii[0])[centres[:, 2] < 0.9].min()))
     assert deepest > -0.03
+
+
+def test_who_is_animated_already_is_let_pass_and_not_run_into(character):
+    bob = add_character((-2.2, -1.5, 0.0))
+    bob.rotation_euler.z = 1.57
+    make(bob, GoalSpec("walk", None, 0.2, location=(2.2, -1.5, 0.0)))
+    # Alone both would be at the crossing at the same time.
+    take = make(character, GoalSpec("walk", None, 0.2, location=(0.0, -3.6, 0.0)))
+    assert take.report["goals"][0]["reached"]
+    deepest = 0.0
+    for frame in range(1, take.keyed.last + 1, 2):
+        bodies = [Body.of(*read_back(one, [frame]), BUNDLED) for one in (character, bob)]
+        a, b = bodies
+        gaps = np.linalg.norm(a.centres[0][:, None] - b.centres[0], axis=2) - a.radii[0][:, None] - b.radii[0]
+        deepest = min(deepest, float(gaps.min()))
+    assert deepest > -0.03

@@ -31,7 +31,7 @@ from .world.beside import beside
 from .world.evaluated import Snapshot
 from .world.frame import WorldFrame, holds
 from .world.ground import floor_under
-from .world.moving import movers, tracks
+from .world.moving import characters, keyed_bodies, movers, tracks
 from .world.surroundings import Surroundings
 
 
@@ -106,9 +106,13 @@ def prepare(
             held += [*company.characters, *company.moving]
         look = tracks(scene, spec.character, held, spec.start_frame, scene_fps(scene))
         found = yield from staged("Looking for what moves", look)
+        look_for = characters(scene, [spec.character, *held], spec.start_frame, scene_fps(scene))
+        actors = yield from staged("Looking for who moves", look_for)
         _go_to(scene, spec.start_frame)
-        around = yield from surroundings_of(spec, scene, frame, [*moving, *(t.owner for t in found)], company)
-        about = movers(found, around.solids, frame)
+        around = yield from surroundings_of(
+            spec, scene, frame, [*moving, *(m.owner for m in (*found, *actors))], company
+        )
+        about = movers(found, around.solids, frame) + keyed_bodies(actors, frame)
         goals = yield from staged(
             "Finding the goals",
             beside(lambda _: resolve_goals(spec, scene, frame, start, around), touches=True),

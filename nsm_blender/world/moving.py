@@ -8,12 +8,18 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from nsm_core.body.capsules import Body, Figure
+from nsm_core.body.skeleton import forward_kinematics, root_of
+from nsm_core.control.together.keyed import KeyedBody
 from nsm_core.conventions import FPS
+from nsm_core.errors import NsmError
 from nsm_core.rotations import Array
 from nsm_core.world.scene.movers import Mover
 
 from ..animation.channels import strip_curves
+from ..rigs.armature import Placement, read_world_pose
 from ..rigs.mount import over_frames
+from ..rigs.skin import Skin
 from .bvh_query import BVHQuery
 from .colliders import belonging_to
 from .frame import WorldFrame
@@ -22,7 +28,22 @@ from .solids import Solid
 _STEP = 3  # frames of the network between two looks at the scene
 _LONGEST = 90 * FPS  # frames that are looked at, at most
 _TAIL = 2 * FPS // _STEP  # looks, at the end of all, over which what has come to rest does not stir
+_EVERY = 2  # spheres of a body of which one is sensed: they lie closer together than they are wide
 _STIRS = 2e-3  # metres and radians by which what stands may seem to move
+
+
+@dataclass(frozen=True)
+class MovingCharacter:
+    """A character that is animated already: its ``armature`` and ``figure``, and, at every third frame of the
+    network from the take's first one on, ``centres`` (N, S, 3) and ``radii`` (S,) of its body's spheres in
+    the world, and its ``roots`` (N, 3): x, y and heading.
+    """
+
+    owner: bpy.types.Object
+    parts: tuple[str, ...]
+    centres: Array
+    radii: Array
+    roots: Array
 
 
 @dataclass(frozen=True)
@@ -77,6 +98,75 @@ def tracks(
 
 def _stirs(matrices: Array) -> bool:
     return bool(np.abs(matrices - matrices[0]).max() > _STIRS)
+
+
+def characters(
+    scene: bpy.types.Scene,
+    but: Iterable[bpy.types.Object],
+    start_frame: float,
+    rate: float,
+) -> Generator[float, None, list[MovingCharacter]]:
+    """Look through the frames for characters that are animated already, in slices; as ``tracks``."""
+    left_out = belonging_to(scene, but)
+    actors: list[tuple[bpy.types.Object, Placement, Figure]] = []
+    last = start_frame
+    for armature in scene.objects:
+        if armature.type != "ARMATURE" or armature.name_full in left_out or not armature.visible_get():
+            continue
+        data = armature.animation_data
+        if data is None or (data.action is None and not data.nla_tracks):
+            continue
+        try:
+            placement = Placement.of(armature)
+            skin = yield from Skin.reading(armature, placement)
+        except NsmError:
+            continue  # no humanoid: what of it moves as a whole is looked for with the things
+        actors.append((armature, placement, skin.figure()))
+        end = _last_frame(armature)
+        last = max(last, scene.frame_end if end is None else end)
+    count = min(int(np.ceil((last - start_frame) / rate * FPS / _STEP)) + 1, _LONGEST // _STEP)
+    if not actors or count < 2:
+        return []
+
+    def read() -> list[tuple[Array, Array]]:
+        poses = (read_world_pose(armature, placement) for armature, placement, _ in actors)
+        return [(hips, local) for _, hips, local in poses]
+
+    frames = start_frame + np.arange(count) * _STEP * rate / FPS
+    rows = yield from over_frames(scene, frames, read)
+    made = []
+    for k, (armature, placement, figure) in enumerate(actors):
+        hips, local = (np.stack(column) for column in zip(*(row[k] for row in rows), strict=True))
+        body = Body.of(hips / placement.scale, local, figure)
+        joints, _ = forward_kinematics(hips, local, figure.offsets * placement.scale)
+        place, heading = root_of(joints)
+        if _stirs(body.centres):
+            parts = tuple(belonging_to(scene, [armature]))
+            roots = np.column_stack((place, np.unwrap(heading)))
+            centres = body.centres[:, ::_EVERY] * placement.scale
+            made.append(
+                MovingCharacter(armature, parts, centres, body.radii[0, ::_EVERY] * placement.scale, roots)
+            )
+    return made
+
+
+def keyed_bodies(found: Iterable[MovingCharacter], frame: WorldFrame) -> list[Mover]:
+    """These characters in the core ``frame`` of another one, on their ways."""
+    made: list[Mover] = []
+    for actor in found:
+        count = (len(actor.roots) - 1) * _STEP + 1
+        at = np.arange(count) / _STEP
+        k = np.minimum(at.astype(int), len(actor.roots) - 2)
+        share = (at - k)[:, None, None]
+        centres = frame.to_core(actor.centres[k] + share * (actor.centres[k + 1] - actor.centres[k]))
+        rows = np.arange(len(actor.roots))
+        x, y, heading = (np.interp(at, rows, column) for column in actor.roots.T)
+        places = frame.to_core(np.stack((x, y, np.full(count, frame.floor)), axis=1))
+        poses = np.column_stack((places, heading))
+        made.append(
+            KeyedBody(actor.owner.name, centres, actor.radii / frame.scale, poses, frozenset(actor.parts))
+        )
+    return made
 
 
 def movers(found: Iterable[MovingThing], solids: Iterable[Solid], frame: WorldFrame) -> list[Mover]:

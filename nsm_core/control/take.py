@@ -46,6 +46,7 @@ from .posing import pose_of, stance_of, standing_start
 from .post_process import PostProcess
 from .relief import Relief
 from .start import Start, trail_of
+from .together.keyed import obstacle_of
 from .yielding import Yielding
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
@@ -257,7 +258,7 @@ class TakeRunner:
             return False
         if self._mending is None:
             props = [(prop, np.stack(self._poses[name])) for name, prop in self.props.items()]
-            moving = [Obstacle(m.query, m.track(self.frames)) for m in self.request.movers]
+            moving = [obstacle_of(mover, self.frames) for mover in self.request.movers]
             self._mending = self._post.solve(props, [*self.others, *moving])
         start = time.perf_counter()
         try:

@@ -20,6 +20,8 @@ class Mover:
     it moves on after the last of the poses.
     """
 
+    stirs = _STIRS
+
     def __init__(
         self,
         name: str,
@@ -56,7 +58,7 @@ class Mover:
         if self.goes_on and frame + _STAYS > len(self.poses):
             return False
         ahead = self.poses[max(frame, 0) : frame + _STAYS]
-        return not len(ahead) or bool(np.abs(ahead - self.pose_at(frame)).max() < _STIRS)
+        return not len(ahead) or bool(np.abs(ahead - self.pose_at(frame)).max() < self.stirs)
 
     def at_rest_from(self, frame: int) -> int | None:
         """The first frame from ``frame`` on in which it rests for a while; None where it never does."""
