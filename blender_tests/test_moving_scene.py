@@ -102,7 +102,7 @@ def test_a_cart_that_crosses_the_way_is_let_pass(character):
 
 
 def test_who_is_animated_already_is_let_pass_and_not_run_into(character):
-    bob = add_character((-2.2, -1.5, 0.0))
+    bob = add_character((-1.5, -1.5, 0.0))
     bob.rotation_euler.z = 1.57
     make(bob, GoalSpec("walk", None, 0.2, location=(2.2, -1.5, 0.0)))
     # Alone both would be at the crossing at the same time.

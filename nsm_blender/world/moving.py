@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from nsm_core.body.animated_body import AnimatedBody
 from nsm_core.body.capsules import Body, Figure
 from nsm_core.body.skeleton import forward_kinematics, root_of
-from nsm_core.control.together.keyed import KeyedBody
 from nsm_core.conventions import FPS
 from nsm_core.errors import NsmError
 from nsm_core.rotations import Array
@@ -164,7 +164,7 @@ def keyed_bodies(found: Iterable[MovingCharacter], frame: WorldFrame) -> list[Mo
         places = frame.to_core(np.stack((x, y, np.full(count, frame.floor)), axis=1))
         poses = np.column_stack((places, heading))
         made.append(
-            KeyedBody(actor.owner.name, centres, actor.radii / frame.scale, poses, frozenset(actor.parts))
+            AnimatedBody(actor.owner.name, centres, actor.radii / frame.scale, poses, frozenset(actor.parts))
         )
     return made
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from nsm_core.body.animated_body import obstacle_of
 from nsm_core.body.capsules import BUNDLED, Figure
 from nsm_core.body.clip import smoothed_root
 from nsm_core.body.ik.clearance import Obstacle
@@ -46,7 +47,6 @@ from .posing import pose_of, stance_of, standing_start
 from .post_process import PostProcess
 from .relief import Relief
 from .start import Start, trail_of
-from .together.keyed import obstacle_of
 from .yielding import Yielding
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from nsm_core.body.ik.body_track import BodyTrack
 from nsm_core.body.ik.clearance import Obstacle
 from nsm_core.control.batch import step_together
 from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner
@@ -17,7 +18,7 @@ from nsm_core.model.networks.config import Memory
 from nsm_core.model.networks.protocol import Info
 from nsm_core.rotations import Array
 
-from .bodies import BodyTrack, OtherBody, OtherProp, depths_between, in_world, track_of
+from .bodies import OtherBody, OtherProp, depths_between, in_world, track_of
 from .frames import Frame
 from .player import Player, Wait
 from .traffic import Traffic

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.ik.clearance import Obstacle
 from nsm_core.rotations import Array
 from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.scene.movers import Mover
 
-from .bodies import BodyTrack, spheres_distance
+from .ik.body_track import BodyTrack, spheres_distance
+from .ik.clearance import Obstacle
 
 _SWAYS = 0.08  # metres and radians by which a body stirs that stands or sits
 
 
-class KeyedBody(Mover):
+class AnimatedBody(Mover):
     """The spheres ``centres`` (T, S, 3) and ``radii`` (S,), metres, that fill a body at 30 Hz from the take's
     first frame on, and its root ``poses`` (T, 4); see ``Mover``.
     """
@@ -49,7 +49,7 @@ class KeyedBody(Mover):
 
 def obstacle_of(mover: Mover, count: int) -> Obstacle:
     """Something that moves by itself over the ``count`` frames of a take, as the solver knows it."""
-    return mover.obstacle() if isinstance(mover, KeyedBody) else Obstacle(mover.query, mover.track(count))
+    return mover.obstacle() if isinstance(mover, AnimatedBody) else Obstacle(mover.query, mover.track(count))
 
 
-__all__ = ["KeyedBody", "obstacle_of"]
+__all__ = ["AnimatedBody", "obstacle_of"]
