@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from nsm_core.conventions import DT
+from nsm_core.conventions import DT, FPS
 from nsm_core.model.features.layout import Inputs
 from nsm_core.model.inference.model import BUNDLED, Model, model_of
 from nsm_core.model.inference.weights_file import load_weights
@@ -63,6 +63,7 @@ def main(arguments: list[str]) -> int:
     report_batches([m for m in (ours, theirs) if m], max(options.frames // 20, 5))
     if "stance" in ours.metadata and not options.no_takes:
         report_takes(ours)
+        report_steered(ours)
     if options.training and theirs:
         report_training(ours.config, options.threads)
     return 0
@@ -178,6 +179,32 @@ def report_takes(model: Model) -> None:
         print(
             f"  {name:18s}{len(take.root):8d}{values}{sum(ms):11.2f}{ratio:20.2f}{DT * 1e3 / sum(ms):13.1f}"
         )
+
+
+def report_steered(model: Model, seconds: int = 20) -> None:
+    """One character that is steered between furniture: milliseconds a frame, and their share of real time.
+
+    Every second it is led another way, at a walk or at a run, and now and then it stands.
+    """
+    from nsm_core.control.actions.steer import RUNS, WALKS
+    from nsm_core.control.live import LiveTake
+    from nsm_core.evaluation.trials import locomotion
+    from nsm_core.rotations import heading_to_direction
+
+    live, rng = LiveTake(model, locomotion.request(locomotion.trials(1)[0])), np.random.default_rng(0)
+    times = []
+    for frame in range(seconds * FPS):
+        if frame % FPS == 0:
+            pace = float(rng.choice((0.0, WALKS, WALKS, RUNS)))
+            live.steering.velocity = pace * heading_to_direction(np.array(rng.uniform(-np.pi, np.pi)))
+        start = time.perf_counter()
+        live.step()
+        times.append(1e3 * (time.perf_counter() - start))
+    mean, late = float(np.mean(times)), float(np.percentile(times, 99))
+    print(
+        f"\nsteered live, ms a frame: {mean:.2f} on average, {late:.2f} in the slowest of a hundred, "
+        f"{max(times):.2f} at most; {mean / (DT * 1e3):.0%} of real time at {FPS} frames a second"
+    )
 
 
 def report_batches(models: list[Model], count: int) -> None:
