@@ -42,8 +42,8 @@ class NSM_OT_steer(TakeMaker, bpy.types.Operator):
         enabled = [n for n, row in enumerate(queue.goals) if row.enabled]
         active = enabled.index(queue.active_goal) + 1 if queue.active_goal in enabled else 0
         self._controls = Controls(active)
-        self._view = _view_of(context)
-        self._before = self._view.view_location.copy() if self._view else None
+        view = _view_of(context)
+        self._before = view.view_location.copy() if view else None
         self._seen: Vector | None = None
         steps = partial(steer, controls=self._controls)
         return TakeSession(self._spec, context.scene, ended, steps, "Recording stopped and nothing was keyed")
@@ -52,11 +52,12 @@ class NSM_OT_steer(TakeMaker, bpy.types.Operator):
         if not self._session.over and event.type not in {"TIMER", "ESC"}:
             if self._controls.event(event.type, event.value):
                 return {"RUNNING_MODAL"}
-        if self._view is not None:
-            self._controls.view = heading_of_view(self._view.view_rotation @ Vector((1.0, 0.0, 0.0)))
+        view = _view_of(context)  # anew: areas come and go
+        if view is not None:
+            self._controls.view = heading_of_view(view.view_rotation @ Vector((1.0, 0.0, 0.0)))
         answer = super().modal(context, event)
         if event.type == "TIMER" and "RUNNING_MODAL" in answer:
-            self._follow()
+            self._follow(view)
             told = self._controls.said or HELP
             context.workspace.status_text_set(
                 f"NSM: {self._session.text}   {told}   ESC: put everything back"
@@ -65,17 +66,18 @@ class NSM_OT_steer(TakeMaker, bpy.types.Operator):
 
     def cancel(self, context: bpy.types.Context) -> None:
         super().cancel(context)
-        if self._view is not None and self._before is not None:
-            self._view.view_location = self._before
+        view = _view_of(context)
+        if view is not None and self._before is not None:
+            view.view_location = self._before
 
-    def _follow(self) -> None:
+    def _follow(self, view: Any) -> None:
         """Have the view go with the character, as it was turned and zoomed."""
-        if self._view is None or self._view.view_perspective == "CAMERA" or not self._session.posed:
+        if view is None or view.view_perspective == "CAMERA" or not self._session.posed:
             return
         character = self._session.character
         hips = _place_of(character)
         if self._seen is not None:
-            self._view.view_location += hips - self._seen
+            view.view_location += hips - self._seen
         self._seen = hips
 
 
