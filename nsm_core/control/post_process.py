@@ -139,7 +139,7 @@ class PostProcess:
         tasks = [*_stand(feet), *_sit(pose, seated), *_reach(targets, shares, turns)]
         tasks.append(TurnTask(INDEX["Head"], pose.world[:, INDEX["Head"]], np.full(len(notes), HEAD_TURN)))
         spheres = self.figure.spheres
-        limit = Clearance([*solids, Obstacle(_FLOOR)], spheres.foot, spheres)
+        limit = Clearance([*solids, self._floor()], spheres.foot, spheres)
         pose = yield from solve(pose, [*tasks, limit], stiffness())
         pose = Pose(pose.tree, pose.hips, _led(pose, pose.local, targets, smooth_step(shares / FIRM)))
         if before is not None and len(notes) > 3:
@@ -161,6 +161,15 @@ class PostProcess:
                         turns[t, lead.hand] = quat_mul(lead.turn, pose.world[t, wrists[lead.hand]])
         ways = targets - pose.positions[:, wrists]
         return pose.positions[:, wrists] + smooth_step(shares / FIRM)[..., None] * ways, shares, turns
+
+    def _floor(self) -> Obstacle:
+        """The floor, off which hands keep that hold nothing; the others are where they have to be."""
+        count, spheres = len(self.notes), self.figure.spheres
+        free = np.zeros((count, len(spheres.radii)))
+        for t, note in enumerate(self.notes):
+            for right, left, _ in note.touching.values():
+                free[t] += INSIDE * (right * (spheres.hand == 0) + left * (spheres.hand == 1))
+        return Obstacle(_FLOOR, np.zeros((count, 4)), free)
 
     def _solids(self, props: Sequence[tuple[Prop, Array]]) -> list[Obstacle]:
         solids, spheres = [Obstacle(self.still)], self.figure.spheres
