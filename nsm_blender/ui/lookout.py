@@ -62,11 +62,9 @@ def ask(scene: bpy.types.Scene, rest: float = 0.0) -> None:
     then.
     """
     global _asked, _due
-    if bpy.app.background:  # where no timer runs: see ``look_now``
-        return
     _asked, _due = Known(scene), time.monotonic() + rest
-    if not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=_TICK)
+    if not bpy.app.background and not bpy.app.timers.is_registered(tick):
+        bpy.app.timers.register(tick, first_interval=_TICK)
     _tell()
 
 
@@ -185,8 +183,10 @@ def _step() -> bool:
     return True
 
 
-def _tick() -> float | None:
-    """What the timer does: a few milliseconds of work; None when there is nothing left to do."""
+def tick() -> float | None:
+    """What a timer does, and scripts where no timer runs: a few milliseconds of work; the seconds until the
+    next, None when there is nothing left to do.
+    """
     if running.current() is not None or _plays():
         return _BUSY
     now = time.monotonic()
@@ -244,5 +244,5 @@ def uninstall() -> None:
     """End all work and forget who listens."""
     stop()
     _heard.clear()
-    if not bpy.app.background and bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.unregister(_tick)
+    if not bpy.app.background and bpy.app.timers.is_registered(tick):
+        bpy.app.timers.unregister(tick)

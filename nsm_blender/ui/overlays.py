@@ -94,7 +94,7 @@ def goal_picked(scene: bpy.types.Scene) -> None:
     """Show where the goal that was picked was found, as soon as it is known."""
     if not shows_picked() or running.current() is not None:
         return
-    if _active_told(scene) is None and settings_of(scene).character is not None:
+    if _active_told(scene) is None and settings_of(scene).character is not None and not bpy.app.background:
         lookout.ask(scene)
     refresh(scene)
 
