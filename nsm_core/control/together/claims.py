@@ -71,6 +71,10 @@ class Claims:
                 return claim
         return None
 
+    def taken(self) -> list[Claim]:
+        """Those that somebody has."""
+        return [claim for claim in self._all if claim.holder is not None]
+
     def update(self) -> list[tuple[Player, Claim, float]]:
         """Give things away and free; who has to wait for one now, and how far it may go on, metres."""
         wants = [(m, self.of(m, m.goal)) for m in self.players]

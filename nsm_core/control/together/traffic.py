@@ -70,6 +70,7 @@ class Traffic:
             stops[player.order] = min(far, stops.get(player.order, np.inf))
             player.waits_for.setdefault(whom.order, where)
 
+        self._hand_on(before)
         for player, claim, far in self.claims.update():
             if far < np.inf:
                 assert claim.holder is not None
@@ -83,6 +84,18 @@ class Traffic:
             self._have(player, stops.get(player.order), before[player.order])
         self._part()
 
+    def _hand_on(self, before: dict[int, dict[int, str]]) -> None:
+        """Let who stands in the way of somebody to a thing that both want have it first."""
+        for claim in self.claims.taken():
+            holder = claim.holder
+            assert holder is not None
+            for order in before[holder.order]:
+                other = self.players[order]
+                if holder.still > _STUCK and self.claims.of(other, other.goal) is claim:
+                    claim.holder = other
+                    self._pairs.pop((min(order, holder.order), max(order, holder.order)), None)
+                    break
+
     # --- ways that cross
 
     def _meet(self, one: Player, other: Player, stop: object) -> None:
@@ -90,6 +103,10 @@ class Traffic:
         kept = self._pairs.get(key)
         if met is not None:
             first = kept[0] if kept is not None else first_of(one, other, met)
+            if one.order in other.waits_for:  # for a thing that the one has: it goes first on the way, too
+                first = one
+            elif other.order in one.waits_for:
+                first = other
             if first is None:
                 return
             last = other if first is one else one
