@@ -246,7 +246,10 @@ class Director:
     def _take_up(self, moment: Moment) -> None:
         """Go on with a goal after giving way: by another way, and with a thing as others have left it."""
         self._resumes, goal = False, self.goals[self.index]
-        if goal.prop is not None and all(g.prop is not goal.prop for g in self.grasps):
+        hands = [g for g in self.grasps if g.prop is not None and g.prop is goal.prop]
+        if goal.prop is not None and all(getattr(g, "state", "") == "reach" for g in hands):
+            if self.stage is not None:
+                self.stage.end(False)  # hands that have not taken it reach for it anew
             self.stage = begin(goal, self._ground, moment, self.grasps, self._scene, self._ik)
         approach = getattr(self.stage, "approach", None)
         if approach is not None:
