@@ -50,7 +50,7 @@ class Modal:
 
     def __init__(self, window: Window, operator: type[bpy.types.Operator] = NSM_OT_generate) -> None:
         self.window, self.reports, self.beside = window, [], getattr(operator, "beside", False)
-        for name in ("modal", "cancel", "_start", "_open", "_end", "_keep", "_fail", "_asked"):
+        for name in ("modal", "cancel", "_start", "_open", "_end", "_keep", "_fail", "_asked", "_steps_of"):
             if hasattr(operator, name):
                 setattr(self, name, types.MethodType(getattr(operator, name), self))
 

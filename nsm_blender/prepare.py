@@ -44,7 +44,8 @@ class TakeSpec:
 
     ``root_motion`` is one of ``keys.style.KINDS``; ``reduce`` how far the motion may be off for fewer keys,
     None for one in every frame; ``keep_edits`` whether the animator's keys in the take that plays now go into
-    another one that begins with the same frame.
+    another one that begins with the same frame; ``variations`` how many seeds are tried, from ``seed`` on
+    (``variations.generate_variations``).
     """
 
     character: bpy.types.Object
@@ -57,6 +58,7 @@ class TakeSpec:
     root_motion: str = HIPS
     reduce: Bound | None = None
     keep_edits: bool = True
+    variations: int = 1
 
     def __post_init__(self) -> None:
         if self.begin not in (STAND, POSE):

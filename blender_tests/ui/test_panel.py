@@ -354,7 +354,9 @@ def test_while_a_take_runs_every_button_is_off_and_says_why(settings):
     off |= {
         name
         for button in buttons
-        if (name := button.idname_py().removeprefix("nsm.")).startswith(("take", "export"))
+        if (name := button.idname_py().removeprefix("nsm.")).startswith(
+            ("take", "export", "variation_", "ghosts")
+        )
     }
     assert {button.idname_py().removeprefix("nsm.") for button in buttons if not button.poll()} == off
     running.begin_take(bpy.context.scene, settings.character)

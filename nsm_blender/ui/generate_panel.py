@@ -36,6 +36,9 @@ class NSM_PT_generate(Sidebar, bpy.types.Panel):
             layout.operator("nsm.another_take", icon="FILE_REFRESH")
         layout.operator("nsm.continue_take", icon="FRAME_NEXT")
         layout.operator("nsm.steer", icon="EVENT_W")
+        row = layout.row(align=True)
+        row.operator("nsm.variations", icon="OUTLINER_OB_ARMATURE")
+        row.prop(settings.keys, "variations", text="")
         reason = running.reason_not_ready(context)
         if reason:
             sentence(context, layout, reason, "INFO")

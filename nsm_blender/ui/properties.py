@@ -293,6 +293,9 @@ class NsmKeyOptions(bpy.types.PropertyGroup):
         description="Leave out keys that the motion does without, by curves in between that may be edited",
         default=False,
     )
+    variations: IntProperty(
+        name="Variations", description="How many takes are shown beside each other", default=3, min=2, max=6
+    )
     keep_edits: BoolProperty(
         name="Keep My Keys",
         description="Keys that you have set in the take that is shown go into the next one from the same "

@@ -22,6 +22,7 @@ from ..animation.kept import Kept, restored_on_failure
 from ..keys import strips
 from ..keys.keying import KeyedTake, pose_of, take_off
 from ..keys.objects import KeyedThing, take_off_thing
+from .ghosts import remove_ghosts
 from .kept_takes import KeptTakes
 from .properties import NsmKeyed, NsmTake, settings_of
 
@@ -60,6 +61,7 @@ def remember(scene: bpy.types.Scene, take: KeyedTake, seed: int = 0, beside: boo
         record.keys = _checksum(take)
         settings_of(scene).active_take = len(takes) - 1
     for action in unused:
+        remove_ghosts(scene, action)
         remove_unused(action)
     return record
 
@@ -130,6 +132,7 @@ def reject(scene: bpy.types.Scene, record: NsmTake) -> None:
             settings_of(scene).results.clear()
     finally:
         for _, action in rows:
+            remove_ghosts(scene, action)
             remove_unused(action)
 
 

@@ -61,7 +61,7 @@ class TakeSession:
         self._steps, self._stopped = steps(spec, scene), stopped
         self._value: Any = None
         self._preview: Preview | None = None
-        self._shown, self._keying, self._longest = False, False, 0.0
+        self._shown, self._longest = False, 0.0
         install()
         running.begin_take(scene, spec.character, self._stop, self._put_back)
 
@@ -122,9 +122,8 @@ class TakeSession:
                 return None
             end = time.perf_counter()
             self._longest = max(self._longest * _FORGETTING, end - begin)
-            if progress.stage == "Keying" and not self._keying:
-                self._keying = True  # the pose kept with the keys must be the animator's, not the preview's
-                self._put_back()
+            if progress.stage == "Keying":
+                self._put_back()  # the pose kept with the keys must be the animator's, not the preview's
                 return progress
             if progress.waits or end + self._longest > deadline:
                 return progress

@@ -8,6 +8,7 @@ import bpy
 
 from . import running
 from .drawing import Sidebar, sentence
+from .ghosts import ghosts_of
 from .properties import settings_of
 from .reviews import is_pushed, is_shown, pending, takes_of
 
@@ -65,6 +66,13 @@ class NSM_PT_takes(Sidebar, bpy.types.Panel):
             box = layout.box()
             for line in settings.results:
                 sentence(context, box, line.text, "CHECKMARK" if line.good else "ERROR")
+        if ghosts_of(context.scene):
+            box = layout.box()
+            sentence(context, box, "Click the variation that you like, in the viewport or the list.", "INFO")
+            row = box.row(align=True)
+            row.operator("nsm.variation_pick", icon="CHECKMARK").remove_others = False
+            row.operator("nsm.variation_pick", text="Pick, Remove Others", icon="TRASH").remove_others = True
+            box.operator("nsm.ghosts_remove", icon="X")
         if listed:
             _draw_list(layout, settings)
         row = layout.row(align=True)

@@ -17,6 +17,7 @@ from . import (
     review,
     steer,
     timeline,
+    variations,
 )
 
 CLASSES = (
@@ -31,6 +32,7 @@ CLASSES = (
     *generate_all.CLASSES,
     *steer.CLASSES,
     *review.CLASSES,
+    *variations.CLASSES,
     *timeline.CLASSES,
     *export.CLASSES,
     *help.CLASSES,

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import bpy
 
@@ -12,14 +12,17 @@ from nsm_core.body.key_reduction import Bound
 from nsm_core.errors import NsmError
 
 from ...begin import POSE
-from ...keys.keying import discard_take
-from ...keys.report import result_lines
+from ...keys.keying import KeyedTake, discard_take
+from ...keys.report import goal_line, result_lines
 from ...prepare import TakeSpec
-from ...progress import finish
+from ...progress import Progress, finish
 from ...takes import Take, generate
+from ...variations import generate_variations
 from .. import running
+from ..ghosts import remove_ghosts, show_ghosts
+from ..kept_takes import KeptTakes
 from ..properties import queue_of, settings_of, show_results, spec_of_row
-from ..reviews import remember, takes_of
+from ..reviews import remember, show, takes_of
 from ..session import TakeSession
 from .modal import Modal
 
@@ -61,21 +64,25 @@ class TakeMaker(Modal):
         scene = context.scene
         try:
             self._spec = self._asked(scene)
-            take = finish(generate(self._spec, scene))
+            value = finish(self._steps_of(self._spec, scene))
         except NsmError as error:
             return self._fail(scene, str(error))
-        return self._keep(scene, take)
+        return self._keep(scene, value)
 
     def _open(self, context: bpy.types.Context, ended: Callable[[], None]) -> TakeSession:
         self._spec = self._asked(context.scene)
-        return TakeSession(self._spec, context.scene, ended)
+        return TakeSession(self._spec, context.scene, ended, self._steps_of)
 
     def _asked(self, scene: bpy.types.Scene) -> TakeSpec:
         """What is to be generated."""
         return spec_of(scene)
 
+    def _steps_of(self, spec: TakeSpec, scene: bpy.types.Scene) -> Generator[Progress, None, Any]:
+        """The steps that generate it."""
+        return generate(spec, scene)
+
     def _keep(self, scene: bpy.types.Scene, take: Take) -> set[str]:
-        made = replace(take.keyed, things=[replace(thing) for thing in take.keyed.things])
+        made = _copy_of(take)
         try:
             lines = result_lines(take.report, take.keyed.frame_start, scene.frame_end)
             remember(scene, take.keyed, self._spec.seed, self.beside)
@@ -87,6 +94,16 @@ class TakeMaker(Modal):
         for goal, (text, good) in zip(take.report["goals"], lines, strict=False):
             self.report({"INFO" if goal["reached"] and good else "WARNING"}, text)
         return {"FINISHED"}
+
+
+def _copy_of(take: Take) -> KeyedTake:
+    """What a take has keyed and replaced, as it is now."""
+    return replace(take.keyed, things=[replace(thing) for thing in take.keyed.things])
+
+
+def next_seed(scene: bpy.types.Scene) -> int:
+    """The first seed after those of the character's takes; the sidebar's where it has none."""
+    return max((take.seed + 1 for take in takes_of(scene)), default=settings_of(scene).seed)
 
 
 class NSM_OT_generate(TakeMaker, bpy.types.Operator):
@@ -110,8 +127,7 @@ class NSM_OT_another_take(TakeMaker, bpy.types.Operator):
     beside = True
 
     def _asked(self, scene: bpy.types.Scene) -> TakeSpec:
-        spec = spec_of(scene)
-        return replace(spec, seed=max((take.seed for take in takes_of(scene)), default=spec.seed) + 1)
+        return replace(spec_of(scene), seed=next_seed(scene))
 
 
 class NSM_OT_continue_take(TakeMaker, bpy.types.Operator):
@@ -131,4 +147,43 @@ class NSM_OT_continue_take(TakeMaker, bpy.types.Operator):
         return super()._keep(scene, take)
 
 
-CLASSES = (NSM_OT_generate, NSM_OT_another_take, NSM_OT_continue_take)
+class NSM_OT_variations(TakeMaker, bpy.types.Operator):
+    bl_idname = "nsm.variations"
+    bl_label = "Variations"
+    bl_description = (
+        "Generate the same goals with several seeds, one after another, and show them beside each other: the "
+        "character plays the first, copies of it the others. Click the one that you like and press Pick. All "
+        "of them are on the list of takes"
+    )
+
+    def _asked(self, scene: bpy.types.Scene) -> TakeSpec:
+        return replace(spec_of(scene), seed=next_seed(scene), variations=settings_of(scene).keys.variations)
+
+    def _steps_of(self, spec: TakeSpec, scene: bpy.types.Scene) -> Generator[Progress, None, Any]:
+        return generate_variations(spec, scene)
+
+    def _keep(self, scene: bpy.types.Scene, value: list[Take]) -> set[str]:
+        made, before = [_copy_of(take) for take in value], KeptTakes(scene)
+        labels = [f"Variation {number}" for number in range(1, len(value) + 1)]
+        lines = [
+            (f"{label}: {goal_line(goal)}", bool(goal["reached"]))
+            for label, take in zip(labels, value, strict=True)
+            for goal in take.report["goals"]
+        ]
+        try:
+            for number, take in enumerate(value):
+                remember(scene, take.keyed, self._spec.seed + number, self.beside)
+            show(scene, next(t for t in takes_of(scene) if t.character.action == value[0].keyed.action))
+            show_ghosts(scene, [take.keyed for take in value[1:]], labels[1:])
+        except BaseException:
+            remove_ghosts(scene)
+            before.restore()
+            for take in made:
+                discard_take(take)
+            raise
+        settings_of(scene).seed = self._spec.seed
+        show_results(settings_of(scene), lines)
+        return {"FINISHED"}
+
+
+CLASSES = (NSM_OT_generate, NSM_OT_another_take, NSM_OT_continue_take, NSM_OT_variations)
