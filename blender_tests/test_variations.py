@@ -129,6 +129,7 @@ def test_what_is_raised_when_they_are_put_beside_each_other_leaves_none(scene, m
     def broken(*_):
         raise Injected
 
+    scene.nsm.character.animation_data_create()
     before = digest()
     monkeypatch.setattr(generate, "show_ghosts", broken)
     asked = spec(scene)
