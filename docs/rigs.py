@@ -1,56 +1,70 @@
-"""Try the add-on on a folder of rigs and write docs/rigs.md: what is found, and how a walk and a sit end.
+"""Try the add-on on a folder of rigs and on the bundled character at several sizes, and write docs/rigs.md.
 
-    python docs/rigs.py FOLDER [NAME ...]
+    python docs/rigs.py FOLDER [NAME ...] [--sheets FOLDER]
 
-FOLDER holds .glb, .vrm and .blend files; with names only the files whose name holds one of them are tried.
+FOLDER holds .glb, .vrm and .blend files; with names only the files whose name holds one of them are tried,
+and nothing is written.  With --sheets every take is rendered from the side and from the front.
 """
 
 from __future__ import annotations
 
+import argparse
 import shutil
 import sys
 import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import bpy
-import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from nsm_blender.demo_scene.room import place
-from nsm_blender.goals.spec import GoalSpec
-from nsm_blender.keys.keying import discard_take, key_take
+from rig_trials import STAGES, Outcome, bundled, perform, worst_limb
+
+import nsm_blender
 from nsm_blender.leaving import leave
-from nsm_blender.prepare import own_objects
+from nsm_blender.pictures import render
 from nsm_blender.rigs.armature import Placement
-from nsm_blender.rigs.bone_map import BoneMap, require_map
-from nsm_blender.takes import Take, TakeSpec, finish, generate
-from nsm_core.body.contacts import TOES
-from nsm_core.body.skeleton import INDEX, OFFSETS, J, forward_kinematics
-from nsm_core.conventions import FPS
+from nsm_blender.rigs.bone_map import require_map
+from nsm_core.body.skeleton import J
 from nsm_core.errors import NsmError
-from nsm_core.rotations import heading_quat, quat_from_rotvec, quat_mul, quat_rotate
-from nsm_core.world.scene.furniture import make
 
 HERE = Path(__file__).resolve().parent
-LIMBS = [
-    (side + upper, side + lower)
-    for side in ("Left", "Right")
-    for upper, lower in (("Shoulder", "Elbow"), ("Elbow", "Wrist"), ("Hip", "Knee"), ("Knee", "Ankle"))
-]
+SIZES = (1.0, 1.3, 1.6, 1.9, 2.2)
+BODIES = {  # height, arms, legs and bulk of the bundled character
+    **{f"bundled, {size} m": (size, 1.0, 1.0, 1.0) for size in SIZES},
+    "bundled, long arms": (1.75, 1.25, 1.0, 1.0),
+    "bundled, short legs": (1.75, 1.0, 0.8, 1.0),
+    "bundled, bulky": (1.75, 1.0, 1.0, 1.4),
+}
+VIEWS = {"side": (1.0, 0.0, 0.25), "front": (0.2, -1.0, 0.25)}
 HEAD = """# Rigs
 
-What `python docs/rigs.py FOLDER` made of a folder of rigs.
+What `python docs/rigs.py FOLDER` made of a folder of rigs, and of the bundled character at other sizes and
+proportions.  Furniture, box, door and podium are scaled with the legs of each.
+
+## What is found
 
 - *Size*: metres of the rig to a metre of the network's body, by the height of the hips.
 - *Fit*: how well the bones that were found fit a body.
 - *Limbs*: largest angle between a limb as evaluated and as in a motion through a wide range of poses.
-- *Walk*, *Sit*: whether the goal was reached and by how much it was missed, as seen on the rig's own bones.
-- *Slide*: how fast toe joints move that are within a centimetre of their lowest; *Under*: how deep the skin
-  comes under the floor while walking.  Lengths are in the scene's centimetres.
 
-| Rig | Bones by | Joints | Fit | Size | Limbs | Walk | Sit | Slide | Under |
-|---|---|---|---|---|---|---|---|---|---|
+| Rig | Bones by | Joints | Fit | Size | Limbs |
+|---|---|---|---|---|---|
+"""
+ACTIONS = """
+## How actions end
+
+Measured on the bones, the skin and the things that the scene shows; lengths in the scene's centimetres.
+
+- *Hips*: how far they are from where they should be when the goal is judged; of a carry, the box.
+- *Hands*: how far wrists are from where they take hold.
+- *Slide*: a second, by which toe joints move that are within a centimetre of their lowest.
+- *Under*: how deep the skin comes under the floor at any moment, feet, fingers and all.
+- *Inside*: how deep the body, as the capsules fitted to its skin, is inside anything solid.
+
+| Rig | Action | Reached | Hips | Hands | Slide | Under | Inside |
+|---|---|---|---|---|---|---|---|
 """
 
 
@@ -71,120 +85,89 @@ def load(path: Path, scratch: Path) -> list[bpy.types.Object]:
     return [thing for thing in bpy.data.objects if thing.type == "ARMATURE"]
 
 
-def wide_motion(frames: int = 12) -> tuple[np.ndarray, np.ndarray]:
-    """Hips (T, 3) and rotations (T, 23, 4) through a wide range of poses."""
-    rng = np.random.default_rng(3)
-    t = np.arange(frames)[:, None, None] / 30
-    turns = rng.normal(0, 0.6, (1, J, 3)) * np.sin(
-        rng.uniform(1, 5, (1, J, 3)) * t + rng.uniform(0, 6, (1, J, 3))
-    )
-    local = quat_from_rotvec(turns)
-    local[:, 0] = quat_mul(heading_quat(7 * t[:, 0, 0]), local[:, 0])
-    return np.tile((0.0, 0.0, 0.95), (frames, 1)), local
+def characters(
+    folder: Path, names: list[str], scratch: Path
+) -> Iterator[tuple[str, Callable[[], bpy.types.Object]]]:
+    """Every character by its name, with what brings it into a scene of its own."""
+    for path in sorted(folder.iterdir()):
+        wanted = path.suffix in (".glb", ".vrm", ".blend") and (
+            not names or any(n in path.name for n in names)
+        )
+        for number in range(len(load(path, scratch)) if wanted else 0):
+            yield (
+                f"{path.name} {load(path, scratch)[number].name}",
+                lambda p=path, n=number: _only(load(p, scratch), n),
+            )
+    for name, measures in BODIES.items():
+        if not names or any(n in name for n in names):
+            yield name, lambda m=measures: _bundled(*m)
 
 
-def worst_limb(rig: bpy.types.Object, bone_map: BoneMap, scale: float) -> float:
-    """Largest angle, degrees, between a limb as evaluated and as in the motion that was keyed."""
-    hips, local = wide_motion()
-    world = forward_kinematics(hips, local)[1]
-    take, worst = key_take(rig, hips * scale, local), 0.0
-    for frame in range(len(hips)):
-        bpy.context.scene.frame_set(1 + frame)
-        shown = rig.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        heads = {
-            joint: np.array(shown.matrix_world @ shown.pose.bones[bone_map.seen(joint)].head)
-            for joint in bone_map.joints
-        }
-        for upper, lower in LIMBS:
-            theirs = heads[lower] - heads[upper]
-            ours = quat_rotate(world[frame, INDEX[upper]], OFFSETS[INDEX[lower]].astype(float))
-            cosine = theirs @ ours / np.linalg.norm(theirs) / np.linalg.norm(ours)
-            worst = max(worst, float(np.degrees(np.arccos(np.clip(cosine, -1, 1)))))
-    discard_take(take)
-    return worst
+def _only(rigs: list[bpy.types.Object], number: int) -> bpy.types.Object:
+    """One of a file's armatures; the others are removed."""
+    for other in rigs[:number] + rigs[number + 1 :]:
+        bpy.data.objects.remove(other)
+    return rigs[number]
 
 
-def walk_and_sit(rig: bpy.types.Object, scale: float) -> Take:
-    """A take of a walk and a sit on a chair as large as the rig."""
-    chair = place(
-        make("chair", np.random.default_rng(90001)), "Chair", (1.3 * scale, -1.6 * scale), 0.6, "Oak", "Teal"
-    )
-    chair.scale = (scale,) * 3
-    bpy.context.view_layer.update()
-    goals = [GoalSpec("walk", None, 0.0, (-0.8 * scale, -2.6 * scale, 0.0)), GoalSpec("sit", chair, 1.5)]
-    return finish(generate(TakeSpec(rig, goals, name=rig.name), bpy.context.scene))
+def _bundled(height: float, arms: float, legs: float, bulk: float) -> bpy.types.Object:
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.context.scene.render.fps = 30
+    return bundled(height, arms, legs, bulk)
 
 
-def under_floor(take: Take) -> float:
-    """How deep the character's skin comes under the floor before it sits down, scene units."""
-    deepest = 0.0
-    for frame in range(take.keyed.frame_start, take.result.goals[0].end_frame, 4):
-        bpy.context.scene.frame_set(frame)
-        depsgraph = bpy.context.evaluated_depsgraph_get()
-        for own in own_objects(take.keyed.armature, bpy.context.scene):
-            if own.type == "MESH":
-                shown = own.evaluated_get(depsgraph)
-                mesh = shown.to_mesh()
-                places = np.empty(3 * len(mesh.vertices), np.float32)
-                mesh.vertices.foreach_get("co", places)
-                shown.to_mesh_clear()
-                matrix = np.array(shown.matrix_world)
-                heights = places.reshape(-1, 3) @ matrix[2, :3] + matrix[2, 3]
-                deepest = max(deepest, -float(heights.min()))
-    return deepest
-
-
-def standing_slide(take: Take, placement: Placement) -> float:
-    """How fast toe joints move over the floor while they are within a centimetre of their lowest, cm/s."""
-    hips, local = take.result.hips_position.astype(np.float64), take.result.local_rotations.astype(np.float64)
-    toes = forward_kinematics(hips, local, placement.own_offsets.astype(np.float64))[0][:, TOES]
-    low = toes[..., 2] < toes[..., 2].min(0) + 0.01
-    speed = 100 * FPS * np.linalg.norm(np.diff(toes[..., :2], axis=0), axis=-1)
-    return float(speed[low[1:] & low[:-1]].mean())
-
-
-def row(path: Path, rig: bpy.types.Object) -> str:
-    """One line of the table."""
+def found(name: str, rig: bpy.types.Object) -> str:
+    """A line on what is found of a rig."""
     try:
         bone_map, scale = require_map(rig), Placement.of(rig).scale
-        found = f"{bone_map.family} | {len(bone_map.joints)} of {J} | {bone_map.score:.2f} | {scale:.2f}"
-        limbs = worst_limb(rig, bone_map, scale)
-        take = walk_and_sit(rig, scale)
-        report, under = take.report, 100 * under_floor(take)
     except NsmError as error:
-        return f"| {path.name} {rig.name} | {error} | | | | | | | | |"
-    ends = [
-        f"{'yes' if goal['reached'] else 'no'}, {goal['position_error_cm'] * scale:.1f} cm"
-        for goal in report["goals"]
-    ]
-    slide = standing_slide(take, Placement.of(rig)) * scale
-    return (
-        f"| {path.name} {rig.name} | {found} | {limbs:.1f}° | {' | '.join(ends)} | {slide:.1f} cm/s | "
-        f"{under:.1f} cm |"
-    )
+        return f"| {name} | {error} | | | | |"
+    by = f"{bone_map.family} | {len(bone_map.joints)} of {J} | {bone_map.score:.2f}"
+    return f"| {name} | {by} | {scale:.2f} | {worst_limb(rig, bone_map, scale):.1f}° |"
 
 
-def main(folder: str, *names: str) -> None:
-    """Try every rig and write the table."""
-    rows = []
+def acted(name: str, make: Callable[[], bpy.types.Object], action: str, sheets: Path | None) -> str:
+    """A line on how an action ends."""
+    try:
+        take, o = perform(make(), action)
+    except NsmError as error:
+        return f"| {name} | {action} | {error} | | | | | |"
+    if sheets is not None:
+        for view, direction in VIEWS.items():
+            path = sheets / f"{name.replace(' ', '_')}_{action}_{view}.png"
+            render.contact_sheet(take.keyed, path, tiles=10, columns=5, size=(300, 260), direction=direction)
+    return f"| {name} | {action} | {'yes' if o.reached else 'no'} | {_told(o)} |"
+
+
+def _told(o: Outcome) -> str:
+    cells = [f"{o.hips:.1f}" if o.hips is not None else "", f"{o.hands:.1f}" if o.hands is not None else ""]
+    return " | ".join([*cells, f"{o.feet:.1f}", f"{o.under:.1f}", f"{o.solids:.1f}"])
+
+
+def main(folder: str, names: list[str], sheets: str | None) -> None:
+    """Try every character and write the tables."""
+    nsm_blender.register()
+    first, second = [], []
     with tempfile.TemporaryDirectory() as scratch:
-        for path in sorted(Path(folder).iterdir()):
-            if (
-                path.suffix not in (".glb", ".vrm", ".blend")
-                or names
-                and not any(n in path.name for n in names)
-            ):
-                continue
-            for number in range(len(load(path, Path(scratch)))):
-                rigs = load(path, Path(scratch))
-                for other in rigs[:number] + rigs[number + 1 :]:
-                    bpy.data.objects.remove(other)
-                rows.append(row(path, rigs[number]))
-                print(rows[-1], flush=True)
-    (HERE / "rigs.md").write_text(HEAD + "\n".join(rows) + "\n", encoding="utf-8")
+        for name, make in characters(Path(folder), names, Path(scratch)):
+            first.append(found(name, make()))
+            print(first[-1], flush=True)
+            for action in STAGES:
+                second.append(acted(name, make, action, Path(sheets) if sheets else None))
+                print(second[-1], flush=True)
+    if not names:
+        text = HEAD + "\n".join(first) + "\n" + ACTIONS + "\n".join(second) + "\n"
+        (HERE / "rigs.md").write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder")
+    parser.add_argument("names", nargs="*")
+    parser.add_argument("--sheets")
+    options = parser.parse_args()
+    main(options.folder, options.names, options.sheets)
     sys.stdout.flush()
     leave(0)

@@ -22,7 +22,7 @@ from .armature import Placement
 
 _POINTS = 3000  # on the skin that are looked at
 _FEWEST = 200  # that make a body
-_FITS = 0.02  # metres off the bundled body's surface within which nearly all of a skin lies that it fits
+_FITS = 0.02  # metres out of the bundled body within which nearly all of a skin lies that it fits
 
 
 @dataclass
@@ -95,12 +95,13 @@ def _fits(points: Array) -> bool:
     still = np.tile((1.0, 0.0, 0.0, 0.0), (1, len(JOINTS), 1))
     body = Body.of(OFFSETS[:1].astype(np.float64), still)
     away = np.linalg.norm(points[:, None] - body.centres[0], axis=-1) - body.radii[0]
-    return bool(np.quantile(np.abs(away.min(1)), 0.98) < _FITS)
+    outside, middle = np.quantile(away.min(1), (0.98, 0.5))  # where limbs meet, skin lies inside other parts
+    return bool(outside < _FITS and abs(middle) < _FITS / 2)
 
 
 def _bones(shown: bpy.types.Object, placement: Placement) -> dict[str, tuple[int, Array]]:
-    """Deforming bones by name: the joint that carries each, and what takes a point of theirs back to the rest
-    pose (4, 4).
+    """Deforming bones by name: the joint that carries each, and by what (4, 4) it has moved from its rest
+    pose.
     """
     seen = {name: j for j, name in enumerate(placement.seen.bones) if name is not None}
     data = shown.pose.bones
@@ -115,8 +116,8 @@ def _bones(shown: bpy.types.Object, placement: Placement) -> dict[str, tuple[int
             joint = next((seen[name] for name in line if name in seen), None)
             if joint is None:
                 joint = _nearest(np.array(bone.bone.head_local), segments)
-            back = bone.bone.matrix_local @ bone.matrix.inverted_safe()
-            bones[bone.name] = joint, np.array(back, dtype=np.float64)
+            move = bone.matrix @ bone.bone.matrix_local.inverted_safe()
+            bones[bone.name] = joint, np.array(move, dtype=np.float64)
     return bones
 
 
@@ -162,17 +163,25 @@ def _sampled(
     kept = [row for row, vertex in enumerate(main.tolist()) if held[vertex] is not None]
     if not kept:
         return None
-    joints, backs = zip(*(held[vertex] for vertex in main[kept].tolist()), strict=True)
-    matrices = np.array(backs)
-    points = np.einsum("nij,nj->ni", matrices[:, :3, :3], points[kept]) + matrices[:, :3, 3]
+    joints, moved = zip(*(held[vertex] for vertex in main[kept].tolist()), strict=True)
+    moves = np.array(moved)
+    moves[np.abs(np.linalg.det(moves)) < 1e-9] = np.eye(4)
+    back = np.linalg.inv(moves)
+    points = np.einsum("nij,nj->ni", back[:, :3, :3], points[kept]) + back[:, :3, 3]
     return points, np.array(joints), float(area.sum())
 
 
 def _held(vertex: bpy.types.MeshVertex, groups: list[tuple[int, Array] | None]) -> tuple[int, Array] | None:
-    """The joint and the way back of the bone that holds a vertex most."""
+    """The joint that carries a vertex most, and by what (4, 4) its bones have moved it from the rest pose."""
     weights = [(g.weight, groups[g.group]) for g in vertex.groups if g.group < len(groups)]
-    weights = [(weight, bone) for weight, bone in weights if bone is not None and weight > 0]
-    return max(weights, key=lambda each: each[0])[1] if weights else None
+    held = [(weight, *bone) for weight, bone in weights if bone is not None and weight > 0]
+    if not held:
+        return None
+    carried: dict[int, float] = {}
+    for weight, joint, _ in held:
+        carried[joint] = carried.get(joint, 0.0) + weight
+    moved = sum(weight * move for weight, _, move in held) / sum(weight for weight, *_ in held)
+    return max(carried, key=lambda joint: carried[joint]), moved
 
 
 def _in_t_pose(points: Array, joints: Array, armature: bpy.types.Object, placement: Placement) -> Array:

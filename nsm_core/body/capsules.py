@@ -213,6 +213,14 @@ class Figure:
         return Tree(PARENTS, np.asarray(self.offsets, dtype=np.float64))
 
     @cached_property
+    def hand(self) -> float:
+        """Metres from the wrist to the farthest sphere of the hand."""
+        rest = rest_joints(self.offsets)
+        still = np.tile((1.0, 0.0, 0.0, 0.0), (1, len(OFFSETS), 1))
+        left = self.spheres.of(rest[None], still)[0][0][self.spheres.hand == 1]
+        return float(np.linalg.norm(left - rest[INDEX["LeftWrist"]], axis=1).max())
+
+    @cached_property
     def seat(self) -> tuple[float, float]:
         """Metres from the hips to the back rest behind and to the seat under a body that is pressed on it."""
         rest = rest_joints(self.offsets)
@@ -231,7 +239,8 @@ BUNDLED = Figure()
 class Body:
     """Spheres that fill a body over T frames: ``centres`` (T, S, 3) world and ``radii`` (T, S), metres.
 
-    ``hand``, ``forearm`` and ``names`` (S,) as in ``Spheres``.
+    ``hand``, ``forearm`` and ``names`` (S,) as in ``Spheres``; ``hand_size`` times as long as the bundled
+    body's hands.
     """
 
     centres: Array
@@ -239,6 +248,7 @@ class Body:
     hand: Array
     forearm: Array
     names: list[str]
+    hand_size: float = 1.0
 
     @classmethod
     def of(cls, hips_position: Array, local_rotations: Array, figure: Figure = BUNDLED) -> Body:
@@ -246,7 +256,7 @@ class Body:
         hips, local = hips_position.astype(np.float64), local_rotations.astype(np.float64)
         spheres, offsets = figure.spheres, np.asarray(figure.offsets, dtype=np.float64)
         centres, radii = spheres.of(*forward_kinematics(hips, local, offsets))
-        return cls(centres, radii, spheres.hand, spheres.forearm, spheres.names)
+        return cls(centres, radii, spheres.hand, spheres.forearm, spheres.names, figure.hand / BUNDLED.hand)
 
 
 def penetration_depths(

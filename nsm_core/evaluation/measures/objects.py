@@ -24,7 +24,7 @@ from .motion import DEEP, SKATE_HEIGHT, foot_sliding, over_ground
 
 WRISTS = [arm[2] for arm in ARMS]  # right, left
 MOVES, TURNS = 0.002, np.radians(0.15)  # a frame, from which a thing counts as moving: metres and radians
-_GRASP = 0.15  # metres about a handle within which a hand is closed around it
+_GRASP = 0.15  # metres about a handle within which a hand of the bundled size is closed around it
 _GRID = 0.05  # metres between the points that stand for a box
 
 
@@ -69,8 +69,8 @@ def _holding(prop: Prop, body: Body, local: Array, seen: Array) -> Array:
 
 
 def _at_the_handle(leaf: Leaf, body: Body, local: Array, seen: Array) -> Array:
-    near = np.linalg.norm(local - np.asarray(leaf.handle, dtype=np.float64), axis=-1) < _GRASP
-    return (body.hand >= 0) & near
+    away = np.linalg.norm(local - np.asarray(leaf.handle, dtype=np.float64), axis=-1)
+    return (body.hand >= 0) & (away < _GRASP * body.hand_size)
 
 
 def _between_hands(box: Box, body: Body, local: Array, seen: Array) -> Array:
@@ -78,8 +78,9 @@ def _between_hands(box: Box, body: Body, local: Array, seen: Array) -> Array:
     for quarter in range(4):
         for hand, grasp in enumerate(box.grasps(quarter * np.pi / 2)):
             there = np.linalg.norm(seen[:, hand] - grasp, axis=-1) < _GRASP
+            near = np.linalg.norm(local - grasp, axis=-1) < _GRASP * body.hand_size
             mine = (body.hand == hand) | (body.forearm == hand)
-            held |= there[:, None] & mine & (np.linalg.norm(local - grasp, axis=-1) < _GRASP)
+            held |= there[:, None] & mine & near
     return held
 
 
