@@ -90,16 +90,6 @@ class Sole:
         return np.maximum(0, deep)
 
 
-def sole_depth(
-    toes: Array, feet: Array, ground: Array | float = 0.0, heel_ground: Array | float | None = None
-) -> Array:
-    """``Sole.depth`` of the bundled body."""
-    return _SOLE.depth(toes, feet, ground, heel_ground)
-
-
-_SOLE = Sole()
-
-
 def foot_heading(feet: Array) -> Array:
     """Heading (...) of feet from their ankles' world rotations (..., 4)."""
     return direction_to_heading(quat_rotate(feet, _AHEAD))

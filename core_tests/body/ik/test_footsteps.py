@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from walks import synthetic_walk
 
-from nsm_core.body.contacts import ANKLES, TOE_OFFSET, TOES, sole_depth
+from nsm_core.body.contacts import ANKLES, TOE_OFFSET, TOES, Sole
 from nsm_core.body.ik.footsteps import CLEARANCE, EDGE, FootGround, footsteps
 from nsm_core.body.skeleton import TOE_HEIGHT, forward_kinematics
 from nsm_core.rotations import quat_rotate
@@ -83,7 +83,7 @@ def test_a_body_that_drifts_sets_its_feet_anew_one_after_the_other():
 def test_feet_come_out_of_the_floor_and_swing_over_it():
     hips, local, contacts = walk()
     steps, toes, _ = planted(hips - (0, 0, 0.05), local, blurred(contacts))
-    assert sole_depth(toes, steps.rotations).max() < 0.006
+    assert Sole().depth(toes, steps.rotations).max() < 0.006
     pace = np.linalg.norm(np.gradient(toes[..., :2], axis=0), axis=-1) * FPS
     middle = ~steps.planted & (pace > 0.6)
     assert middle.any() and np.median(toes[middle][:, 2]) > TOE_HEIGHT + 0.6 * CLEARANCE
