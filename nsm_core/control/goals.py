@@ -17,7 +17,7 @@ from nsm_core.world.scene.props import Prop
 from nsm_core.world.scene.terrain import Terrain
 from nsm_core.world.sensors.interaction import InteractionVolume
 
-MOST_OFF_SEAT = 0.3  # metres by which bulk holds hips off a seat
+MOST_OFF_SEAT = 0.15  # metres by which bulk holds hips off a seat
 _Kind = TypeVar("_Kind", bound=Prop)
 # m/s that a goal may ask for, by action: those of the training data, and beside them what takes keep to.
 SPEEDS = {"walk": (min(0.5, WALKED[0]), max(1.6, WALKED[1])), "run": (min(2.0, RUN_AT[0]), RUN_AT[1])}
@@ -98,7 +98,7 @@ class Goal:
             return self
         behind, under = np.subtract(figure.seat, BUNDLED.seat)
         ahead = np.clip(behind, 0.0, MOST_OFF_SEAT) * heading_to_direction(np.array(self.heading))
-        place = self.position + np.append(ahead, np.clip(under, -MOST_OFF_SEAT / 6, MOST_OFF_SEAT / 2))
+        place = self.position + np.append(ahead, np.clip(under, -MOST_OFF_SEAT / 3, MOST_OFF_SEAT))
         return replace(self, position=place)
 
     def moves(self, kind: type[_Kind]) -> _Kind:
