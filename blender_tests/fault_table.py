@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Disturb takes in every way that the project knows, and write what became of the files as a table.
 
-  python blender_tests/fault_table.py [--only WORD] [--out docs/faults.md]
+  python blender_tests/fault_table.py [--groups GROUP ...] [--only WORD] [--out docs/faults.md]
 
 Takes are broken off by an exception at every stage, by ESC at every tenth frame, by what is deleted,
 renamed, hidden or moved while they are made, by undo and redo, other files and the extension switched off;
@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import collections
+import json
 import os
 import sys
 import time
@@ -24,7 +25,7 @@ for folder in (HERE.parent, HERE, HERE / "faults"):
     sys.path.insert(0, str(folder))
 
 import bpy  # noqa: F401 - first, as everywhere
-from cases import Cases
+from cases import GROUPS, Cases
 
 import nsm_blender
 from nsm_blender.leaving import leave
@@ -33,8 +34,12 @@ from nsm_blender.leaving import leave
 def main() -> int:
     """Run the cases, print and write the table; 1 where one fails."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    options.add_argument("--only", default="", help="cases whose group or name holds this")
+    options.add_argument("--groups", nargs="*", choices=GROUPS, default=(), help="only these")
+    options.add_argument("--only", default="", help="only cases whose name holds this")
     options.add_argument("--out", type=Path, help="write the table there, as Markdown")
+    options.add_argument(
+        "--rows", type=Path, help="add what was seen to this file, and make the table of all in it"
+    )
     asked = options.parse_args()
     nsm_blender.register()
     # Blender's own lines go elsewhere: it tells of every file that it opens.
@@ -42,18 +47,20 @@ def main() -> int:
     with open(os.devnull, "w") as nowhere:
         os.dup2(nowhere.fileno(), 1)
     begun, rows = time.monotonic(), []
-    for case in Cases().all():
-        if asked.only in f"{case.group}: {case.name}":
-            begin = time.monotonic()
-            state, wrong = case.go()
-            rows.append((case.group, case.name, state, wrong))
-            if wrong:
-                print(
-                    f"FAULT {case.group}: {case.name} ({time.monotonic() - begin:.1f} s)",
-                    *wrong,
-                    sep="\n    ",
-                    flush=True,
-                )
+    if asked.rows and asked.rows.exists():
+        rows = [tuple(row) for row in json.loads(asked.rows.read_text(encoding="utf-8"))]
+    for case in Cases().all(asked.groups):
+        if asked.only not in case.name:
+            continue
+        begin = time.monotonic()
+        state, wrong = case.go()
+        rows = [row for row in rows if row[:2] != (case.group, case.name)]
+        rows.append((case.group, case.name, state, wrong))
+        if wrong:
+            spent = time.monotonic() - begin
+            print(f"FAULT {case.group}: {case.name} ({spent:.1f} s)", *wrong, sep="\n    ", flush=True)
+        if asked.rows:
+            asked.rows.write_text(json.dumps(rows), encoding="utf-8")
     faults = sum(bool(wrong) for *_, wrong in rows)
     print(f"{len(rows)} cases, {faults} faults, {time.monotonic() - begun:.0f} s")
     if asked.out:

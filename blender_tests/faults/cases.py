@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,9 @@ from states import STATES
 import nsm_blender
 from nsm_core.errors import NsmError
 
+GROUPS = (
+    "escapes", "events", "raised", "states", "reviews", "characters", "points", "disks",
+)  # fmt: skip
 AS_BEFORE, WHOLE = "as before", "the whole take"
 
 
@@ -48,13 +51,10 @@ class Cases:
         self.rooms = Rooms(folder or Path(tempfile.mkdtemp()))
         self._states: dict[Any, dict[str, Any]] = {}
 
-    def all(self) -> list[Case]:
-        """Every case; none has run yet but the takes whose faults are counted."""
-        groups = (
-            self.escapes, self.events, self.raised, self.states, self.reviews, self.characters, self.points,
-            self.disks,
-        )  # fmt: skip
-        return [case for group in groups for case in group()]
+    def all(self, groups: Sequence[str] = ()) -> Iterator[Case]:
+        """Every case of these groups, of all where none is named."""
+        for name in groups or GROUPS:
+            yield from getattr(self, name)()
 
     # ------------------------------------------------------------ ESC
 
