@@ -182,8 +182,7 @@ def steps(seen: dict):
     # ------- ESC in the middle
     yield from generate()
     seen["started"] = running.current() is not None
-    half = (state for state in iter(running.current, None))  # ends with the take
-    while (state := next(half, None)) is not None and (pose(character) == before or state.fraction < 0.3):
+    while (state := running.current()) is not None and (pose(character) == before or state.fraction < 0.3):
         yield 0.1
     hand.photograph("growing")
     seen["grew"] = running.current() is not None and pose(character) != before
