@@ -11,9 +11,9 @@ import importlib.util
 import sys
 import warnings
 from collections.abc import Sequence
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
+from typing import Any
 
 # Earlier name -> where its names are now; several where they were divided.
 MOVED: dict[str, tuple[str, ...]] = {
@@ -82,16 +82,18 @@ class _Divided(ModuleType):
         super().__setattr__(name, value)
 
 
-class _Earlier(MetaPathFinder, Loader):
+class _Earlier:
+    # No subclass of importlib's own: these take longer to load than all else of the package's start.
+
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         """The earlier module ``name``; None for every other."""
         if name not in MOVED:
             return None
-        return importlib.util.spec_from_loader(
-            name, self, is_package=any(other.startswith(name + ".") for other in MOVED)
-        )
+        loader: Any = self
+        below = any(other.startswith(name + ".") for other in MOVED)
+        return importlib.util.spec_from_loader(name, loader, is_package=below)
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         """An empty one: names are looked up when they are asked for."""

@@ -258,7 +258,6 @@ def _likely(looks: Looks) -> float:
 
 
 FINDER = Finder(
-    "PACKAGE",
     _find,
     after=_after,
     under=lambda goal: goal.prop.size[2] / 2,

@@ -198,7 +198,6 @@ def _likely(looks: Looks) -> float:
 
 
 FINDER = Finder(
-    "TRIA_UP_BAR",
     _find,
     words=("podium", "step", "stair", "platform", "pedestal", "stage", "plinth", "ledge", "kerb", "dais"),
     likely=_likely,

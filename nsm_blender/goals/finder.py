@@ -65,7 +65,6 @@ class Finder:
     what is done with all that is made for nothing, and ``loose`` tells that loose parts belong to its object.
     """
 
-    icon: str
     find: Callable[[GoalSpec, bpy.types.Scene, Surroundings, Place], Goal]
     after: Callable[[Goal, Place, Surroundings], Place] = _where_it_is
     require: Callable[[GoalSpec, bpy.types.Scene], None] = _nothing

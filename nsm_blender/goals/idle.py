@@ -16,4 +16,4 @@ def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: 
     return Goal("idle", "here", np.append(before[0], 0.0), before[1], spec.hold)
 
 
-FINDER = Finder("PAUSE", _find)
+FINDER = Finder(_find)

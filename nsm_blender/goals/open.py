@@ -234,7 +234,6 @@ def _likely(looks: Looks) -> float:
 
 
 FINDER = Finder(
-    "LOOP_FORWARDS",
     _find,
     after=_after,
     require=_require,

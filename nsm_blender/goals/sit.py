@@ -71,7 +71,6 @@ def _likely(looks: Looks) -> float:
 
 
 FINDER = Finder(
-    "TRIA_DOWN_BAR",
     _find,
     somewhere=_somewhere,
     under=lambda goal: HIP_OVER_SEAT,

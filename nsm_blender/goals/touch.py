@@ -102,7 +102,6 @@ def _likely(looks: Looks) -> float:
 
 
 FINDER = Finder(
-    "VIEW_PAN",
     _find,
     after=_after,
     somewhere=lambda body: _on_side(body, 0.0),

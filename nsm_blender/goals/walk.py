@@ -166,13 +166,12 @@ def _somewhere(body: GoalBody) -> Place:
 
 
 WALK = Finder(
-    "TRIA_RIGHT_BAR",
     _find,
     somewhere=_somewhere,
     words=("table", "desk", "shelf", "sideboard", "cabinet", "cupboard", "wardrobe"),
     likely=lambda looks: 0.5,
     anything=True,
 )
-RUN = Finder("FF", _find, somewhere=_somewhere)
+RUN = Finder(_find, somewhere=_somewhere)
 
 __all__ = ["RUN", "WALK", "require_support", "walk_goal", "what_stands_at"]

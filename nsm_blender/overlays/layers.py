@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-from ..outlook import Outlook
-from . import scene_layers, take_layers
-from .kept import RememberedTake
-from .shapes import Shapes
+if TYPE_CHECKING:
+    from ..outlook import Outlook
+    from .kept import RememberedTake
+    from .shapes import Shapes
 
 
 @dataclass(frozen=True)
@@ -28,28 +29,41 @@ class Layer:
     flat: bool = False
 
 
+def _scene_layers() -> Any:
+    """Loaded when one is drawn: the toggles are there before anything is computed."""
+    from . import scene_layers
+
+    return scene_layers
+
+
+def _take_layers() -> Any:
+    from . import take_layers
+
+    return take_layers
+
+
 LAYERS = (
     Layer(
         "colliders",
         "Solid Things",
         "What the character walks around (orange), and what it steps on (green)",
         "MOD_PHYSICS",
-        before=scene_layers.colliders,
+        before=lambda found: _scene_layers().colliders(found),
     ),
     Layer(
         "goals",
         "Goals and Contacts",
         "Where each goal was found, and in a take which of hips, hands and feet hold something",
         "PIVOT_CURSOR",
-        before=scene_layers.goals,
-        during=take_layers.contacts,
+        before=lambda found: _scene_layers().goals(found),
+        during=lambda take, t: _take_layers().contacts(take, t),
     ),
     Layer(
         "way",
         "Planned Way",
         "The way over the floor from goal to goal",
         "CURVE_PATH",
-        before=scene_layers.planned_way,
+        before=lambda found: _scene_layers().planned_way(found),
     ),
     Layer(
         "environment",
@@ -57,14 +71,14 @@ LAYERS = (
         "What the character senses around itself in this frame of its take: spheres, from blue to red the "
         "fuller they are",
         "MESH_CYLINDER",
-        during=take_layers.environment,
+        during=lambda take, t: _take_layers().environment(take, t),
     ),
     Layer(
         "interaction",
         "Object Sensor",
         "What the character senses of the object that it is after, in this frame of its take",
         "MESH_GRID",
-        during=take_layers.interaction,
+        during=lambda take, t: _take_layers().interaction(take, t),
     ),
     Layer(
         "trajectories",
@@ -72,14 +86,14 @@ LAYERS = (
         "The second ahead as seen from the character (orange) and from its goal (blue), and the way that was "
         "gone (white)",
         "TRACKING_FORWARDS_SINGLE",
-        during=take_layers.trajectories,
+        during=lambda take, t: _take_layers().trajectories(take, t),
     ),
     Layer(
         "gating",
         "Experts at Work",
         "Which experts of the network make this frame, and over two seconds before and after it",
         "GRAPH",
-        during=take_layers.gating,
+        during=lambda take, t: _take_layers().gating(take, t),
         flat=True,
     ),
 )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import bpy
 
-from ..rigs.bone_map import stored_map, told_map
 from . import running
 from .drawing import Sidebar, sentence
 from .properties import settings_of
@@ -35,6 +34,8 @@ class NSM_PT_bones(Sidebar, bpy.types.Panel):
         return character is not None and character.type == "ARMATURE"
 
     def draw(self, context: bpy.types.Context) -> None:
+        from ..rigs.bone_map import stored_map, told_map
+
         layout, character = self.layout, settings_of(context.scene).character
         rig = character.data.nsm_rig
         body = layout.column()

@@ -8,7 +8,6 @@ import bpy
 
 from nsm_core.world.actions import Aim
 
-from ..goals.registry import FINDERS
 from . import lookout, queue_files, running
 from .drawing import Sidebar, sentence
 from .properties import action_of, queue_of
@@ -119,6 +118,8 @@ class NSM_PT_goals(Sidebar, bpy.types.Panel):
 
 def _draw_goal(layout: Any, goal: Any) -> None:
     """The settings of one goal."""
+    from ..goals.registry import FINDERS
+
     column = layout.column(align=True)
     column.use_property_split, column.use_property_decorate = True, False
     column.prop(goal, "action")

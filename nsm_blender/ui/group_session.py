@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import bpy
 
-from ..animation.kept import SceneState
-from ..goals.resolve import moved_by
-from ..keys.preview import Preview
-from ..progress import Progress
-from ..together import GroupSpec, generate_together
 from .session import TakeSession
 from .watch import Watch
+
+if TYPE_CHECKING:
+    from ..animation.kept import SceneState
+    from ..keys.preview import Preview
+    from ..progress import Progress
+    from ..together import GroupSpec
 
 
 class GroupSession(TakeSession):
@@ -21,16 +23,23 @@ class GroupSession(TakeSession):
     def __init__(
         self, group: GroupSpec, scene: bpy.types.Scene, ended: Callable[[], None] | None = None
     ) -> None:
+        from ..together import generate_together
+
         self._previews: dict[bpy.types.Object, Preview] = {}
         super().__init__(group, scene, ended, generate_together)
 
     def _watching(self, spec: GroupSpec, scene: bpy.types.Scene) -> tuple[_Watches, _States]:
+        from ..animation.kept import SceneState
+        from ..goals.resolve import moved_by
+
         return (
             _Watches([Watch(take, scene) for take in spec.takes]),
             _States([SceneState(scene, take.character, moved_by(take.goals)) for take in spec.takes]),
         )
 
     def _show(self, progress: Progress) -> None:
+        from ..keys.preview import Preview
+
         for shown in progress.cast:
             preview = self._previews.setdefault(shown.character, Preview(shown.character))
             self._shown = self.posed = True

@@ -7,7 +7,6 @@ from typing import Any
 
 import bpy
 
-from ..animation.kept import LOST
 from .properties import settings_of
 
 
@@ -22,6 +21,8 @@ class KeptTakes:
 
     def restore(self) -> None:
         """Put the list back; references to what no longer exists are left empty."""
+        from ..animation.kept import LOST
+
         settings = settings_of(self._scene)
         settings.takes.clear()
         for values in self._rows:
@@ -50,6 +51,8 @@ def _plain(prop: bpy.types.Property, value: Any) -> Any:
 
 
 def _fill(group: bpy.types.PropertyGroup, values: dict[str, Any]) -> None:
+    from ..animation.kept import LOST
+
     for name, value in values.items():
         with suppress(*LOST):
             if isinstance(value, dict):

@@ -9,20 +9,22 @@ import time
 from collections.abc import Callable, Generator
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
 from nsm_core.errors import NsmError
 
 from ..animation.identity import Known, identity
-from ..outlook import GoalOutlook, Outlook, outlook
 from ..overlays.layers import LAYERS
-from ..overlays.shapes import Shapes
-from ..prepare import TakeSpec
-from ..progress import Progress, waited
 from . import running
 from .queue import queue_of
+
+if TYPE_CHECKING:
+    from ..outlook import GoalOutlook, Outlook
+    from ..overlays.shapes import Shapes
+    from ..prepare import TakeSpec
+    from ..progress import Progress
 
 _log = logging.getLogger(__name__)
 _BUDGET, _TICK = 0.02, 0.02  # seconds of work at a time, and between two
@@ -157,6 +159,9 @@ def _steps(
     spec: TakeSpec, scene: bpy.types.Scene
 ) -> Generator[Progress, None, tuple[Outlook, dict[str, Shapes]]]:
     """Look, and have a thread make what the overlays draw of it."""
+    from ..outlook import outlook
+    from ..progress import waited
+
     found = yield from outlook(spec, scene)
     made = yield from waited(
         "Making the overlays", lambda _: {la.key: la.before(found) for la in LAYERS if la.before is not None}

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 from bpy.app.handlers import persistent
 from bpy.props import BoolProperty
 
 from ..animation.identity import identity
-from ..outlook import GoalOutlook
-from ..overlays import kept, viewport
-from ..overlays.kept import RememberedTake, remembered_take
 from ..overlays.layers import LAYERS, Layer
-from ..overlays.scene_layers import goals as goal_shapes
-from ..overlays.shapes import Shapes
 from . import lookout, running
 from .preferences import default_overlays, shows_picked
 from .properties import settings_of
 from .queue import queue_of
+
+if TYPE_CHECKING:
+    from ..outlook import GoalOutlook
+    from ..overlays.kept import RememberedTake
+    from ..overlays.shapes import Shapes
 
 _PICKED = "picked"  # among the overlays, what shows the chosen goal
 _REST = 0.6  # seconds after an edit, before one looks again
@@ -57,6 +57,8 @@ def wants_take() -> bool:
 
 def reason_empty(scene: bpy.types.Scene) -> str:
     """Why the overlays that are on show nothing, or not yet, as a sentence; empty where they do."""
+    from ..overlays.kept import remembered_take
+
     if wants_look():
         problem = lookout.problem(scene)
         if problem:
@@ -81,6 +83,9 @@ def reason_empty(scene: bpy.types.Scene) -> str:
 
 def refresh(scene: bpy.types.Scene) -> None:
     """Make everything anew that is shown."""
+    from ..overlays import viewport
+    from ..overlays.kept import remembered_take
+
     global _drawn_of
     take = remembered_take(settings_of(scene).character)
     t = None if take is None else take.frame_at(scene.frame_current_final)
@@ -106,6 +111,8 @@ def _active_told(scene: bpy.types.Scene) -> GoalOutlook | None:
 
 
 def _picked(scene: bpy.types.Scene) -> Shapes | None:
+    from ..overlays.scene_layers import goals as goal_shapes
+
     told, seen = _active_told(scene), lookout.seen(scene)
     if told is None or seen is None or not shows_picked() or toggles().goals:
         return None
@@ -185,6 +192,8 @@ def _after_undo(*_: object) -> None:
 
 @persistent
 def _before_load(*_: object) -> None:
+    from ..overlays import kept, viewport
+
     lookout.stop()
     kept.forget()
     viewport.clear()
@@ -197,6 +206,8 @@ def _after_load(*_: object) -> None:
 
 
 def _looked() -> None:
+    from ..overlays import viewport
+
     scene = bpy.context.scene
     if scene is not None and (_shows_any() or shows_picked()):
         refresh(scene)
@@ -235,6 +246,8 @@ def switch_on_defaults() -> None:
 
 def uninstall() -> None:
     """Leave nothing in the viewports, and no handler."""
+    from ..overlays import kept, viewport
+
     for name, handler in _HANDLERS.items():
         if handler in getattr(bpy.app.handlers, name):
             getattr(bpy.app.handlers, name).remove(handler)

@@ -8,7 +8,6 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, PointerProperty, StringProperty
 
 from ..overlays.layers import LAYERS
-from ..user_folder import preferences, user_folder
 from .properties import BEGINS, NsmKeyOptions
 
 PACKAGE = __package__.rpartition(".")[0]
@@ -50,6 +49,8 @@ class NsmPreferences(bpy.types.AddonPreferences):
     )
 
     def draw(self, _context: bpy.types.Context) -> None:
+        from ..user_folder import user_folder
+
         layout = self.layout
         layout.use_property_split = True
         layout.label(text="When Blender starts")
@@ -68,11 +69,15 @@ class NsmPreferences(bpy.types.AddonPreferences):
 
 def shows_picked() -> bool:
     """Whether a goal is shown when its row is picked."""
+    from ..user_folder import preferences
+
     return bool(getattr(preferences(), "show_picked", True))
 
 
 def default_overlays() -> set[str]:
     """Keys of the overlays that are on when Blender starts."""
+    from ..user_folder import preferences
+
     return set(getattr(preferences(), "overlays", ()))
 
 
@@ -80,6 +85,8 @@ def begin_scene(settings: Any) -> None:
     """Give a scene that gets its first character what the preferences say, where it has no choice of its
     own.
     """
+    from ..user_folder import preferences
+
     chosen = preferences()
     if chosen is None:
         return

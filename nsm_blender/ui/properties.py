@@ -14,14 +14,11 @@ from bpy.props import (
     StringProperty,
 )
 
-from nsm_core.control.goals import SPEEDS
 from nsm_core.errors import GoalError
 from nsm_core.world.actions import ACTIONS, BY_KEY, Action, Aim
 
-from ..goals.registry import FINDERS
+from ..goals.icons import ICONS
 from ..goals.spec import GoalSpec
-from ..rigs.bone_map import stored_map
-from ..rigs.detect import judged_on
 from .queue import hand_over
 from .queue import queue_of as queue_of
 from .running import unknown_action
@@ -31,9 +28,7 @@ GOAL_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "EMPTY"}
 # The queue of a character that is a library override can be edited, and is kept with the override.
 OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
 # Files keep the numbers: an action's is its place among all.
-_ACTION_ITEMS = [
-    (a.key, a.label, a.description, FINDERS[a.key].icon, number) for number, a in enumerate(ACTIONS)
-]
+_ACTION_ITEMS = [(a.key, a.label, a.description, ICONS[a.key], number) for number, a in enumerate(ACTIONS)]
 
 BEGINS = (
     (
@@ -233,6 +228,9 @@ class NsmTake(bpy.types.PropertyGroup):
 
 def _edited(row: NsmBone, _context: bpy.types.Context) -> None:
     """Judge a list of bones anew when a bone was exchanged."""
+    from ..rigs.bone_map import stored_map
+    from ..rigs.detect import judged_on
+
     data = row.id_data
     bone_map = stored_map(data)
     if bone_map is not None:
@@ -378,11 +376,15 @@ def action_of(row: NsmGoal) -> Action | None:
 
 def goes_along(row: NsmGoal) -> bool:
     """Whether a row asks to go along its object, a curve."""
+    from nsm_core.control.goals import SPEEDS
+
     return row.follow and row.action in SPEEDS and row.object is not None and row.object.type == "CURVE"
 
 
 def spec_of_row(row: NsmGoal, number: int = 1) -> GoalSpec:
     """Return what row ``number`` of the queue asks for; GoalError where its stored action is unknown."""
+    from nsm_core.control.goals import SPEEDS
+
     action = action_of(row)
     if action is None:
         raise GoalError(unknown_action(number, row.object.name if row.object else ""))

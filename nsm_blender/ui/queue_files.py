@@ -9,10 +9,6 @@ from typing import Any
 import bpy
 
 from nsm_core.errors import GoalError
-from nsm_core.files import output
-from nsm_core.validate import is_number, listed, read_toml, shown, table, text
-
-from ..user_folder import user_folder
 
 _KIND = "queues"
 _NOT_KEPT = {"rna_type", "name", "hold_frames"}  # the last follows from the seconds
@@ -21,6 +17,8 @@ _MOST = 200  # goals of a queue, and queues that are listed
 
 def folder() -> Path:
     """Where queues are kept."""
+    from ..user_folder import user_folder
+
     return user_folder(_KIND)
 
 
@@ -39,6 +37,8 @@ def path_of(name: str) -> Path:
 
 def save_queue(path: Path, rows: Any) -> None:
     """Write a queue, whole or not at all; OutputError where that fails."""
+    from nsm_core.files import output
+
     lines = ["# A queue of goals; objects are found by their names."]
     for row in rows:
         lines += ["", "[[goal]]"]
@@ -62,6 +62,8 @@ def load_queue(path: Path, queue: Any, scene: bpy.types.Scene) -> list[str]:
 
     GoalError says which entry of the file is wrong; the rows are then as they were.
     """
+    from nsm_core.validate import listed, read_toml, shown, table
+
     found = read_toml(path, GoalError)
     unknown = next((key for key in found if key != "goal"), None)
     if unknown is not None:
@@ -84,6 +86,8 @@ def load_queue(path: Path, queue: Any, scene: bpy.types.Scene) -> list[str]:
 
 
 def _fill(row: Any, goal: dict[str, Any], where: str, scene: bpy.types.Scene, missing: list[str]) -> None:
+    from nsm_core.validate import shown, text
+
     props = {prop.identifier: prop for prop in _kept(row)}
     for key, value in goal.items():
         prop = props.get(key)
@@ -103,6 +107,8 @@ def _fill(row: Any, goal: dict[str, Any], where: str, scene: bpy.types.Scene, mi
 
 
 def _fits(prop: Any, value: object) -> bool:
+    from nsm_core.validate import is_number
+
     if getattr(prop, "is_array", False):
         return isinstance(value, list) and len(value) == prop.array_length and all(map(is_number, value))
     if prop.type == "ENUM":

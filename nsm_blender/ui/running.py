@@ -11,8 +11,6 @@ import bpy
 
 from nsm_core.world.actions import BY_KEY, Aim
 
-from ..rigs.bone_map import told_map
-from ..world.frame import holds
 from .queue import cast_of, queue_of
 
 
@@ -146,6 +144,9 @@ def reason_no_character(scene: bpy.types.Scene) -> str:
 
 def _reason_of(character: bpy.types.Object, scene: bpy.types.Scene) -> str:
     """Why a character cannot act, as a sentence with what to do; empty when it can."""
+    from ..rigs.bone_map import told_map
+    from ..world.frame import holds
+
     if not holds(scene, character):
         return f"The character {character.name} is no longer in this scene; choose another one."
     if character.type != "ARMATURE":
@@ -155,6 +156,8 @@ def _reason_of(character: bpy.types.Object, scene: bpy.types.Scene) -> str:
 
 def problem_of_row(number: int, goal: Any, scene: bpy.types.Scene) -> str:
     """What row ``number`` of the queue lacks, as a sentence with what to do; empty where it can be tried."""
+    from ..world.frame import holds
+
     action = BY_KEY.get(goal.action)
     if action is None:
         return unknown_action(number, goal.object.name if goal.object else "")

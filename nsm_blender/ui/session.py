@@ -8,20 +8,20 @@ import logging
 import time
 from collections.abc import Callable, Generator
 from contextlib import suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
 from nsm_core.errors import NsmError
 
-from ..animation.kept import SceneState
-from ..goals.resolve import moved_by
-from ..keys.preview import Preview
-from ..prepare import TakeSpec
-from ..progress import Progress
-from ..takes import generate
 from . import running
 from .watch import Watch, install
+
+if TYPE_CHECKING:
+    from ..animation.kept import SceneState
+    from ..keys.preview import Preview
+    from ..prepare import TakeSpec
+    from ..progress import Progress
 
 _log = logging.getLogger(__name__)
 _NOT_KEYED = "Generate stopped and nothing was keyed"  # in the sentences of ``watch``, too
@@ -41,7 +41,7 @@ class TakeSession:
         spec: TakeSpec,
         scene: bpy.types.Scene,
         ended: Callable[[], None] | None = None,
-        steps: Callable[[TakeSpec, bpy.types.Scene], Generator[Progress, None, Any]] = generate,
+        steps: Callable[[TakeSpec, bpy.types.Scene], Generator[Progress, None, Any]] | None = None,
         stopped: str = _NOT_KEYED,
     ) -> None:
         """Start a take; NsmError while another one is under way, SkeletonError and GoalError as for its
@@ -50,6 +50,8 @@ class TakeSession:
         Other ``steps`` than a take's, as of ``prepare.show_goal_points``, are watched in the same way;
         ``stopped`` says in their sentences what did not come about.
         """
+        from ..takes import generate
+
         if running.current() is not None:
             raise NsmError(running.reason_busy())
         self.scene, self.character = scene, spec.character
@@ -58,7 +60,7 @@ class TakeSession:
         self.posed = False  # whether the last tick has changed what the scene looks like
         self._ended = ended
         self._watch, self._state = self._watching(spec, scene)
-        self._steps, self._stopped = steps(spec, scene), stopped
+        self._steps, self._stopped = (steps or generate)(spec, scene), stopped
         self._value: Any = None
         self._preview: Preview | None = None
         self._shown, self._longest = False, 0.0
@@ -67,6 +69,9 @@ class TakeSession:
 
     def _watching(self, spec: TakeSpec, scene: bpy.types.Scene) -> tuple[Watch, SceneState]:
         """What the take stands on, and what it may disturb."""
+        from ..animation.kept import SceneState
+        from ..goals.resolve import moved_by
+
         return Watch(spec, scene), SceneState(scene, spec.character, moved_by(spec.goals))
 
     def tick(self, budget: float, show: bool = True) -> Any:
@@ -129,6 +134,8 @@ class TakeSession:
                 return progress
 
     def _show(self, progress: Progress) -> None:
+        from ..keys.preview import Preview
+
         if progress.hips_world is None:
             return
         self._preview = self._preview or Preview(self.character)

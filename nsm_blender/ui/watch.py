@@ -6,17 +6,18 @@ from __future__ import annotations
 
 import atexit
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import bpy
 from bpy.app.handlers import persistent
 
 from ..animation.identity import Known
-from ..prepare import TakeSpec
-from ..rigs.bone_map import bone_map_of
-from ..world.frame import holds
 from . import running
 from .properties import settings_of, show_results
 from .queue import hand_over
+
+if TYPE_CHECKING:
+    from ..prepare import TakeSpec
 
 _STOPPED = "so Generate stopped and nothing was keyed"
 
@@ -27,6 +28,8 @@ class Watch:
     """
 
     def __init__(self, spec: TakeSpec, scene: bpy.types.Scene) -> None:
+        from ..rigs.bone_map import bone_map_of
+
         self.scene, self.character, self.data = (
             Known(scene),
             Known(spec.character),
@@ -40,6 +43,8 @@ class Watch:
         """Return what was deleted, exchanged or renamed meanwhile, as a sentence with what to do; empty where
         the take can go on.
         """
+        from ..world.frame import holds
+
         scene, character, data = self.scene.block, self.character.block, self.data.block
         # And called what they are now.
         known = [block.here for block in (self.scene, self.character, self.data, *self.goals)]

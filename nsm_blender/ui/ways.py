@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from nsm_core.control.goals import SPEEDS
-
 from .properties import goes_along
 
 
 def draw_way(layout: Any, goal: Any) -> None:
     """Draw what there is to set of the way of a goal to walk or run; nothing of others."""
+    from nsm_core.control.goals import SPEEDS
+
     if goal.action not in SPEEDS:
         return
     if goal.object is not None and goal.object.type == "CURVE":

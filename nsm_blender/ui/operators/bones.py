@@ -8,11 +8,6 @@ from typing import ClassVar
 import bpy
 from bpy.props import StringProperty
 
-from nsm_core.body.skeleton import JOINTS
-
-from ...rigs.bone_map import forget_told, found_map, store_map, stored_map
-from ...rigs.detect import judged_on
-from ...rigs.presets import load_preset, save_preset, user_folder
 from ..properties import settings_of
 from .reporting import sentences, while_idle
 
@@ -47,6 +42,10 @@ class NSM_OT_bones_detect(_OnBones):
     )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        from nsm_core.body.skeleton import JOINTS
+
+        from ...rigs.bone_map import found_map, store_map
+
         character = settings_of(context.scene).character
         bone_map = found_map(character.data)
         store_map(character.data, bone_map)
@@ -78,6 +77,8 @@ class _OnFile(_OnBones):
     filter_glob: StringProperty(default="*.toml", options={"HIDDEN"})
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        from ...rigs.presets import user_folder
+
         if not self.filepath:
             folder = user_folder()
             name = bpy.path.clean_name(settings_of(context.scene).character.name)
@@ -96,6 +97,8 @@ class NSM_OT_bones_save(_OnFile):
     check_existing: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        from ...rigs.presets import user_folder
+
         with sentences(self):
             try:
                 user_folder().mkdir(parents=True, exist_ok=True)
@@ -104,6 +107,9 @@ class NSM_OT_bones_save(_OnFile):
         return super().invoke(context, event)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        from ...rigs.bone_map import forget_told, found_map, stored_map
+        from ...rigs.presets import save_preset
+
         character = settings_of(context.scene).character
         with sentences(self):
             path = Path(bpy.path.abspath(self.filepath))
@@ -119,6 +125,10 @@ class NSM_OT_bones_load(_OnFile):
     bl_description = "Load a list of bones that was saved; bones that this character lacks are left empty"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        from ...rigs.bone_map import store_map
+        from ...rigs.detect import judged_on
+        from ...rigs.presets import load_preset
+
         data = settings_of(context.scene).character.data
         with sentences(self):
             preset = load_preset(bpy.path.abspath(self.filepath))

@@ -6,7 +6,6 @@ from typing import ClassVar
 
 import bpy
 
-from ...rigs.character import add_character
 from ..properties import settings_of
 from .reporting import sentences, while_idle
 
@@ -27,6 +26,8 @@ class NSM_OT_add_character(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        from ...rigs.character import add_character
+
         with sentences(self):
             settings_of(context.scene).character = add_character(
                 location=tuple(context.scene.cursor.location)

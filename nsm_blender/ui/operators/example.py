@@ -7,8 +7,6 @@ from typing import ClassVar
 
 import bpy
 
-from ...demo_scene.house import build_house
-from ...rigs.character import add_character
 from ..properties import settings_of
 from ..queue import queue_of
 from .reporting import while_idle
@@ -33,6 +31,9 @@ class NSM_OT_example(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        from ...demo_scene.house import build_house
+        from ...rigs.character import add_character
+
         window = context.window or context.window_manager.windows[0]
         scene = window.scene = bpy.data.scenes.new("Character Motion Example")
         house = build_house()

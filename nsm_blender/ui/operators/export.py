@@ -9,10 +9,6 @@ from typing import ClassVar
 import bpy
 from bpy.props import StringProperty
 
-from ...exports.bvh import export_bvh
-from ...exports.glb import export_glb
-from ...pictures.outputs import require_writable
-from ...world.frame import holds
 from ..properties import settings_of
 from ..queue import queue_of
 from ..reviews import is_shown, takes_of
@@ -43,6 +39,8 @@ class _Export(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        from ...pictures.outputs import require_writable
+
         with sentences(self):
             path = require_writable(self.filepath, self.ending)
             self.write(path, context.scene)
@@ -62,6 +60,8 @@ class NSM_OT_export_bvh(_Export):
     ending = ".bvh"
 
     def write(self, path: Path, scene: bpy.types.Scene) -> None:
+        from ...exports.bvh import export_bvh
+
         first, last = action_of_character(scene).frame_range
         export_bvh(path, settings_of(scene).character, math.floor(first), math.ceil(last), scene)
 
@@ -77,6 +77,8 @@ class NSM_OT_export_glb(_Export):
     ending = ".glb"
 
     def write(self, path: Path, scene: bpy.types.Scene) -> None:
+        from ...exports.glb import export_glb
+
         export_glb(path, settings_of(scene).character, moved_by_character(scene), scene)
 
 
@@ -88,6 +90,8 @@ def action_of_character(scene: bpy.types.Scene) -> bpy.types.Action | None:
 
 def moved_by_character(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     """What the take that is shown has moved, and what the goals of the queue are about and has an action."""
+    from ...world.frame import holds
+
     found = [thing.object for take in takes_of(scene) if is_shown(take) for thing in take.things]
     found += [goal.object for goal in queue_of(scene).goals]
     acts = [o for o in found if o is not None and o.animation_data and o.animation_data.action]

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import bpy
 
 from nsm_core.errors import NsmError
 
-from ...keys.report import result_lines
-from ...progress import finish
-from ...takes import Take
-from ...together import GroupSpec, generate_together
 from ..group_session import GroupSession
 from ..properties import settings_of, show_results, spec_of_row
 from ..queue import cast_of
@@ -22,9 +18,15 @@ from ..running import reason_no_cast
 from .generate import spec_of
 from .modal import Modal
 
+if TYPE_CHECKING:
+    from ...takes import Take
+    from ...together import GroupSpec
+
 
 def group_of(scene: bpy.types.Scene) -> GroupSpec:
     """What all characters with enabled goals are to do; GoalError on a row whose action is unknown."""
+    from ...together import GroupSpec
+
     asked = spec_of(scene)
     return GroupSpec(
         [
@@ -58,6 +60,9 @@ class NSM_OT_generate_all(Modal, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Generate in one go: scripts and background mode, where no timer runs."""
+        from ...progress import finish
+        from ...together import generate_together
+
         scene = context.scene
         try:
             self._group = group_of(scene)
@@ -71,6 +76,8 @@ class NSM_OT_generate_all(Modal, bpy.types.Operator):
         return GroupSession(self._group, context.scene, ended)
 
     def _keep(self, scene: bpy.types.Scene, takes: list[Take]) -> set[str]:
+        from ...keys.report import result_lines
+
         lines: list[tuple[str, bool]] = []
         for take, spec in zip(takes, self._group.takes, strict=True):
             name = take.keyed.armature.name

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import bpy
 from bpy.props import EnumProperty
@@ -11,17 +11,14 @@ from bpy.props import EnumProperty
 from nsm_core.errors import NsmError
 from nsm_core.world.actions import ACTIONS, Aim
 
-from ...goals.guess import asked_of
-from ...goals.points import HINGE, POINT_LINK, SWING, goal_point_of
-from ...goals.registry import FINDERS
-from ...goals.resolve import show_goal_point
-from ...prepare import TakeSpec, own_objects, require_character, show_goal_points, start_of
-from ...progress import finish
-from ...world.frame import WorldFrame
 from ..properties import GOAL_TYPES, NsmGoal, action_of, queue_of, settings_of, spec_of_row
 from ..session import TakeSession
 from .modal import Modal
 from .reporting import sentences, while_idle
+
+if TYPE_CHECKING:
+    from ...prepare import TakeSpec
+    from ...world.frame import WorldFrame
 
 
 class NSM_OT_goal_add(bpy.types.Operator):
@@ -39,6 +36,10 @@ class NSM_OT_goal_add(bpy.types.Operator):
         return while_idle(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        from ...goals.guess import asked_of
+        from ...goals.points import POINT_LINK
+        from ...prepare import own_objects
+
         settings = settings_of(context.scene)
         queue = queue_of(context.scene)
         own = own_objects(settings.character, context.scene) if settings.character else set()
@@ -153,6 +154,9 @@ class NSM_OT_goal_points(Modal, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Show them in one go: scripts and background mode, where no timer runs."""
+        from ...prepare import show_goal_points
+        from ...progress import finish
+
         scene = context.scene
         try:
             return self._keep(scene, finish(show_goal_points(_asked(scene), scene)))
@@ -160,6 +164,8 @@ class NSM_OT_goal_points(Modal, bpy.types.Operator):
             return self._fail(scene, str(error))
 
     def _open(self, context: bpy.types.Context, ended: Callable[[], None]) -> TakeSession:
+        from ...prepare import show_goal_points
+
         stopped = "Show Goal Points stopped and no point was made"
         return TakeSession(_asked(context.scene), context.scene, ended, show_goal_points, stopped)
 
@@ -177,6 +183,8 @@ class NSM_OT_goal_points(Modal, bpy.types.Operator):
 
 def _asked(scene: bpy.types.Scene) -> TakeSpec:
     """The enabled goals that have an object; GoalError on a row whose stored action is unknown."""
+    from ...prepare import TakeSpec
+
     settings = settings_of(scene)
     rows = [(n, goal) for n, goal in enumerate(queue_of(scene).goals, 1) if _has_point(goal)]
     return TakeSpec(settings.character, [spec_of_row(row, number) for number, row in rows])
@@ -194,6 +202,8 @@ class NSM_OT_door_swing(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
+        from ...goals.registry import FINDERS
+
         if not while_idle(cls):
             return False
         goal = _active_goal(context)
@@ -204,6 +214,10 @@ class NSM_OT_door_swing(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        from ...goals.points import HINGE, SWING, goal_point_of
+        from ...goals.resolve import show_goal_point
+        from ...prepare import start_of
+
         with sentences(self):
             spec = spec_of_row(_active_goal(context))
             # The scene is read for a door without one alone.
@@ -218,6 +232,9 @@ class NSM_OT_door_swing(bpy.types.Operator):
 
 def _frame_of(character: bpy.types.Object | None, scene: bpy.types.Scene) -> WorldFrame:
     """The size by which objects are judged: the character's, or that of a person in the scene's units."""
+    from ...prepare import require_character
+    from ...world.frame import WorldFrame
+
     try:
         require_character(character, scene)
         return WorldFrame.of(character)

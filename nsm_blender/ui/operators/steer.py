@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 import bpy
 from mathutils import Vector
 
-from ...steering import HELP, Controls, steer
 from .. import running
 from ..properties import queue_of
 from ..session import TakeSession
@@ -38,6 +37,8 @@ class NSM_OT_steer(TakeMaker, bpy.types.Operator):
         return not reason
 
     def _open(self, context: bpy.types.Context, ended: Callable[[], None]) -> TakeSession:
+        from ...steering import Controls, steer
+
         self._spec, queue = spec_of(context.scene), queue_of(context.scene)
         enabled = [n for n, row in enumerate(queue.goals) if row.enabled]
         active = enabled.index(queue.active_goal) + 1 if queue.active_goal in enabled else 0
@@ -49,6 +50,8 @@ class NSM_OT_steer(TakeMaker, bpy.types.Operator):
         return TakeSession(self._spec, context.scene, ended, steps, "Recording stopped and nothing was keyed")
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        from ...steering import HELP
+
         if not self._session.over and event.type not in {"TIMER", "ESC"}:
             if self._controls.event(event.type, event.value):
                 return {"RUNNING_MODAL"}
