@@ -27,7 +27,7 @@ from .arrival import goals_at_rest, goals_on_arrival
 from .begin import POSE, STAND, note_begin, others_of
 from .goals.resolve import require_room_for
 from .keys.fingers import key_fingers
-from .keys.keying import KeyedTake, end_things, key_take_steps, key_things
+from .keys.keying import KeyedTake, end_things, forget_gone, key_take_steps, key_things
 from .keys.layers import require_keyable
 from .keys.objects import MovedObject
 from .keys.report import build_report
@@ -150,6 +150,7 @@ def key_and_check(
             "Checking", lambda _: build_report(title, result, seen, keyed, request, keying_ms)
         )
         remember_take(keyed, spec.start_frame, request, result, frame)
+        forget_gone(keyed)
         return Take(keyed, report, result, frame)
 
 

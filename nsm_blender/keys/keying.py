@@ -18,6 +18,7 @@ from nsm_core.errors import NsmError, SkeletonError
 from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_normalize
 
 from ..animation.channels import ActionChannels, assign, new_action, remove_unused, transform_of
+from ..animation.identity import exists
 from ..animation.kept import FrameState, Kept, restored_on_failure
 from ..rigs.armature import Placement, StartPose, read_pose, read_world_pose
 from ..rigs.bone_map import BoneMap, bone_map_of
@@ -316,6 +317,13 @@ def take_off(take: KeyedTake) -> None:
             set_switches(moving, values)
     take.armature.update_tag()
     bpy.context.view_layer.update()
+
+
+def forget_gone(take: KeyedTake) -> None:
+    """Pass over what a take has replaced where somebody has deleted it since."""
+    for made in (take, *take.things):
+        if made.previous_action is not None and not exists(made.previous_action):
+            made.previous_action = made.previous_slot = None
 
 
 def discard_take(take: KeyedTake) -> None:

@@ -143,8 +143,9 @@ class NSM_OT_continue_take(TakeMaker, bpy.types.Operator):
         return replace(spec_of(scene), start_frame=scene.frame_current, begin=POSE)
 
     def _keep(self, scene: bpy.types.Scene, take: Take) -> set[str]:
+        done = super()._keep(scene, take)
         settings_of(scene).start_frame = take.keyed.first  # another one begins there, too
-        return super()._keep(scene, take)
+        return done
 
 
 class NSM_OT_variations(TakeMaker, bpy.types.Operator):
