@@ -13,8 +13,6 @@ from mathutils import Vector
 from nsm_core.errors import NsmError
 from nsm_core.world.actions import ACTIONS, Aim
 
-from ...prepare import own_objects, start_of
-from ...world.picking import picked_place
 from .. import running
 from ..properties import NsmGoal, action_of, queue_of, settings_of
 from .modal import VIEW_EVENTS
@@ -88,6 +86,9 @@ class NSM_OT_goal_pick(bpy.types.Operator):
 
 def picked(scene: bpy.types.Scene, origin: Vector, direction: Vector) -> Vector | None:
     """The place that a ray points at, on the floor of the scene's character, through the character itself."""
+    from ...prepare import own_objects, start_of
+    from ...world.picking import picked_place
+
     character = settings_of(scene).character
     floor, metre, own = 0.0, 1.0, set()
     if character is not None:
