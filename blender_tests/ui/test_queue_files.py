@@ -10,6 +10,7 @@ from scenes import box, empty
 from test_panel import Layout
 
 import nsm_blender
+from nsm_blender.rigs import presets
 from nsm_blender.ui import lookout, overlays, preferences, queue_files
 from nsm_blender.ui.goals_panel import NSM_MT_queues
 from nsm_blender.ui.operators.generate import spec_of
@@ -19,7 +20,7 @@ from nsm_blender.ui.queue import queue_of
 @pytest.fixture(autouse=True)
 def settings(tmp_path, monkeypatch):
     nsm_blender.register()
-    monkeypatch.setattr(queue_files, "user_folder", lambda kind: tmp_path / kind)
+    monkeypatch.setattr(presets, "user_folder", lambda kind: tmp_path / kind)
     yield bpy.context.scene.nsm
     nsm_blender.unregister()
 
