@@ -24,7 +24,8 @@ _LEFT_OUT = {
     "is_runtime_data", "original", "preview", "results", "rna_type", "session_uid", "tag", "depsgraph",
     "is_embedded_data", "tool_settings", "eevee", "display", "cycles", "sequencer_colorspace_settings",
     "view_settings", "display_settings", "grease_pencil_settings", "safe_areas", "bound_box",
-    "particle_systems", "previous_slot", "active_clip", "statistics", "is_dirty", "is_updated", "is_updated_data", "node_tree",
+    "particle_systems", "previous_slot",
+    "active_clip", "statistics", "is_dirty", "is_updated", "is_updated_data", "node_tree",
     "colorspace_settings", "ffmpeg", "linear_colorspace_settings", "keying_sets_all", "image_settings",
 }  # fmt: skip
 _COMPUTED = {
