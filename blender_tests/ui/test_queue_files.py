@@ -10,7 +10,7 @@ from scenes import box, empty
 from test_panel import Layout
 
 import nsm_blender
-from nsm_blender.rigs import presets
+from nsm_blender import user_folder
 from nsm_blender.ui import lookout, overlays, preferences, queue_files
 from nsm_blender.ui.goals_panel import NSM_MT_queues
 from nsm_blender.ui.operators.generate import spec_of
@@ -20,7 +20,7 @@ from nsm_blender.ui.queue import queue_of
 @pytest.fixture(autouse=True)
 def settings(tmp_path, monkeypatch):
     nsm_blender.register()
-    monkeypatch.setattr(presets, "user_folder", lambda kind: tmp_path / kind)
+    monkeypatch.setattr(user_folder, "user_folder", lambda kind: tmp_path / kind)
     yield bpy.context.scene.nsm
     nsm_blender.unregister()
 
@@ -130,7 +130,7 @@ def test_a_new_scene_begins_as_the_preferences_say(settings, monkeypatch):
         begin="STAND", contact_ik=False, folder="", overlays={"way"}, show_picked=False,
         keys=types.SimpleNamespace(root_motion="object", reduce=True, reduce_mm=3.0, reduce_degrees=2.0),
     )  # fmt: skip
-    monkeypatch.setattr(preferences, "preferences", lambda: chosen)
+    monkeypatch.setattr(user_folder, "preferences", lambda: chosen)
     settings.contact_ik = True  # chosen already
     bpy.ops.nsm.add_character()
     assert (settings.begin, settings.contact_ik, settings.keys.root_motion) == ("STAND", True, "object")
