@@ -7,18 +7,15 @@ A copy shares armature data and meshes with the character; it is not rendered, a
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from nsm_core.body.skeleton import INDEX
+if TYPE_CHECKING:
+    from ..keys.keying import KeyedTake
 
-from ..animation.channels import assign
-from ..keys.keying import KeyedTake
-from ..prepare import own_objects
-from ..rigs.armature import Placement, read_world_pose
 
 NAME = "NSM Variations"
 _APART = 1.2  # metres of the character from one to the next
@@ -101,6 +98,9 @@ def _copy(
     aside: Vector,
     colour: Sequence[float],
 ) -> None:
+    from ..animation.channels import assign
+    from ..prepare import own_objects
+
     copies: dict[bpy.types.Object, bpy.types.Object] = {}
     own = own_objects(armature, scene)
     for one in sorted(own, key=lambda o: len(_line(o))):  # what carries others first
@@ -162,6 +162,10 @@ def _line(one: bpy.types.Object) -> list[bpy.types.Object]:
 
 def _aside(armature: bpy.types.Object) -> Vector:
     """From one copy to the next: to the right of the character as it stands now."""
+    from nsm_core.body.skeleton import INDEX
+
+    from ..rigs.armature import Placement, read_world_pose
+
     placement = Placement.of(armature)
     joints, _, _ = read_world_pose(armature, placement)
     right = joints[INDEX["RightHip"]] - joints[INDEX["LeftHip"]]

@@ -11,20 +11,19 @@ import json
 import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..animation.channels import assign, curves_in, remove_unused, transform_of
-from ..animation.kept import Kept, restored_on_failure
-from ..keys import strips
-from ..keys.keying import KeyedTake, pose_of, take_off
-from ..keys.objects import KeyedThing, take_off_thing
 from .ghosts import remove_ghosts
 from .kept_takes import KeptTakes
 from .properties import NsmKeyed, NsmTake, settings_of
+
+if TYPE_CHECKING:
+    from ..keys.keying import KeyedTake
+    from ..keys.objects import KeyedThing
 
 
 def remember(scene: bpy.types.Scene, take: KeyedTake, seed: int = 0, beside: bool = False) -> NsmTake:
@@ -34,6 +33,8 @@ def remember(scene: bpy.types.Scene, take: KeyedTake, seed: int = 0, beside: boo
     gives back what was before both.  One that the animator has edited, or from whose end the new one goes on,
     stays as if accepted.  ``beside``: one that it is another try of stays on the list as it is.
     """
+    from ..animation.channels import remove_unused
+
     takes, unused = settings_of(scene).takes, list[bpy.types.Action]()
     others = [row.object for record in takes for row in _rows(record)]
     with _whole(scene, [take.armature, *(thing.object for thing in take.things), *others]):
@@ -69,6 +70,8 @@ def remember(scene: bpy.types.Scene, take: KeyedTake, seed: int = 0, beside: boo
 @contextmanager
 def _whole(scene: bpy.types.Scene, targets: Iterable[bpy.types.Object]) -> Iterator[None]:
     """Change the list, and what ``targets`` play, as a whole or not at all."""
+    from ..animation.kept import Kept, restored_on_failure
+
     with restored_on_failure(Kept(scene, targets)), restored_on_failure(KeptTakes(scene)):
         yield
 
@@ -99,6 +102,8 @@ def is_shown(record: NsmTake) -> bool:
 
 def is_pushed(record: NsmTake) -> bool:
     """Whether a take is a strip of the NLA."""
+    from ..keys import strips
+
     return strips.strip_of(record.character.object, record.character.action) is not None
 
 
@@ -113,6 +118,10 @@ def reject(scene: bpy.types.Scene, record: NsmTake) -> None:
     """Remove a take, its actions and its strips; where it was shown, the character and what it moved get
     their old actions and places back.
     """
+    from ..animation.channels import remove_unused
+    from ..keys import strips
+    from ..keys.keying import take_off
+
     shown, take = is_shown(record), keyed(record)
     free = shown or is_pushed(record) and _action_of(take.armature) is None
     _require_no_tweaking(record)
@@ -140,6 +149,9 @@ def show(scene: bpy.types.Scene, record: NsmTake) -> None:
     """Have a character play a take of the list; the one shown until now stays on it, and another action of
     the animator's is kept with a fake user and given back when the take is rejected.
     """
+    from ..animation.channels import assign
+    from ..keys.objects import take_off_thing
+
     armature = record.character.object
     before = next((t for t in takes_of(scene, armature) if is_shown(t)), None)
     moved = {row.object for row in record.things}
@@ -161,6 +173,9 @@ def show(scene: bpy.types.Scene, record: NsmTake) -> None:
 
 def push(scene: bpy.types.Scene, record: NsmTake) -> None:
     """Make a take a strip of the NLA, of its character and of what it moved; it counts as accepted."""
+    from ..animation.kept import Kept, restored_on_failure
+    from ..keys import strips
+
     _require_no_tweaking(record)
     rows = list(_rows(record))
     with restored_on_failure(Kept(scene, [row.object for row in rows])):
@@ -181,17 +196,24 @@ def pull(scene: bpy.types.Scene, record: NsmTake) -> None:
 
 
 def _pull(record: NsmTake) -> None:
+    from ..keys import strips
+
     for row in _rows(record):
         strips.pull(row.object, row.action)
 
 
 def _require_no_tweaking(record: NsmTake) -> None:
+    from ..keys import strips
+
     for row in _rows(record):
         strips.require_no_tweaking(row.object)
 
 
 def keyed(record: NsmTake) -> KeyedTake:
     """What a take of the list has keyed; objects and actions that are gone by now are passed over."""
+    from ..keys.keying import KeyedTake
+    from ..keys.objects import KeyedThing
+
     row = record.character
     things = [
         KeyedThing(
@@ -236,6 +258,9 @@ def _note(row: NsmKeyed, target: bpy.types.Object, made: KeyedTake | KeyedThing,
 
 def _note_before(row: NsmKeyed, action: bpy.types.Action | None) -> None:
     """Note what an object has now as what a take replaces."""
+    from ..animation.channels import curves_in, transform_of
+    from ..keys.keying import pose_of
+
     data = row.object.animation_data
     if row.object.type == "ARMATURE":
         curves = curves_in(row.action, _slot(row.action, row.slot))
@@ -268,6 +293,8 @@ def _bypass(scene: bpy.types.Scene, gone: NsmKeyed) -> None:
 
 def _supersede(old: KeyedTake, new: KeyedTake) -> None:
     """Take off what ``old`` made and have ``new`` remember what was before both."""
+    from ..keys.objects import take_off_thing
+
     again = {thing.object for thing in new.things}
     for thing in old.things:
         if thing.object not in again and _action_of(thing.object) == thing.action:
@@ -298,6 +325,8 @@ def _inherit(new: KeyedTake | KeyedThing, old: KeyedTake | KeyedThing) -> None:
 
 def _checksum(take: KeyedTake) -> str:
     """Of all keys of a take, its things' included."""
+    from ..animation.channels import curves_in
+
     total = 0
     for made in (take, *take.things):
         for curve in curves_in(made.action, made.slot):

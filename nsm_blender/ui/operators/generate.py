@@ -4,20 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import bpy
 
-from nsm_core.body.key_reduction import Bound
 from nsm_core.errors import NsmError
 
-from ...begin import POSE
-from ...keys.keying import KeyedTake, discard_take
-from ...keys.report import goal_line, result_lines
-from ...prepare import TakeSpec
-from ...progress import Progress, finish
-from ...takes import Take, generate
-from ...variations import generate_variations
 from .. import running
 from ..ghosts import remove_ghosts, show_ghosts
 from ..kept_takes import KeptTakes
@@ -26,9 +18,19 @@ from ..reviews import remember, show, takes_of
 from ..session import TakeSession
 from .modal import Modal
 
+if TYPE_CHECKING:
+    from ...keys.keying import KeyedTake
+    from ...prepare import TakeSpec
+    from ...progress import Progress
+    from ...takes import Take
+
 
 def spec_of(scene: bpy.types.Scene) -> TakeSpec:
     """Return the take that the sidebar asks for; GoalError on a row whose stored action is unknown."""
+    from nsm_core.body.key_reduction import Bound
+
+    from ...prepare import TakeSpec
+
     settings = settings_of(scene)
     keys = settings.keys
     return TakeSpec(
@@ -61,6 +63,8 @@ class TakeMaker(Modal):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Generate in one go: scripts and background mode, where no timer runs."""
+        from ...progress import finish
+
         scene = context.scene
         try:
             self._spec = self._asked(scene)
@@ -79,9 +83,14 @@ class TakeMaker(Modal):
 
     def _steps_of(self, spec: TakeSpec, scene: bpy.types.Scene) -> Generator[Progress, None, Any]:
         """The steps that generate it."""
+        from ...takes import generate
+
         return generate(spec, scene)
 
     def _keep(self, scene: bpy.types.Scene, take: Take) -> set[str]:
+        from ...keys.keying import discard_take
+        from ...keys.report import result_lines
+
         made = _copy_of(take)
         try:
             lines = result_lines(take.report, take.keyed.frame_start, scene.frame_end)
@@ -140,6 +149,8 @@ class NSM_OT_continue_take(TakeMaker, bpy.types.Operator):
     )
 
     def _asked(self, scene: bpy.types.Scene) -> TakeSpec:
+        from ...begin import POSE
+
         return replace(spec_of(scene), start_frame=scene.frame_current, begin=POSE)
 
     def _keep(self, scene: bpy.types.Scene, take: Take) -> set[str]:
@@ -161,9 +172,14 @@ class NSM_OT_variations(TakeMaker, bpy.types.Operator):
         return replace(spec_of(scene), seed=next_seed(scene), variations=settings_of(scene).keys.variations)
 
     def _steps_of(self, spec: TakeSpec, scene: bpy.types.Scene) -> Generator[Progress, None, Any]:
+        from ...variations import generate_variations
+
         return generate_variations(spec, scene)
 
     def _keep(self, scene: bpy.types.Scene, value: list[Take]) -> set[str]:
+        from ...keys.keying import discard_take
+        from ...keys.report import goal_line
+
         made, before = [_copy_of(take) for take in value], KeptTakes(scene)
         labels = [f"Variation {number}" for number in range(1, len(value) + 1)]
         lines = [
