@@ -12,7 +12,7 @@ from nsm_core.conventions import CONTACTS
 from nsm_core.distances import RUN_AT, WALKED
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_angle
-from nsm_core.world.actions import require_action
+from nsm_core.world.actions import BY_KEY, require_action
 from nsm_core.world.scene.props import Prop
 from nsm_core.world.scene.terrain import Terrain
 from nsm_core.world.sensors.interaction import InteractionVolume
@@ -94,7 +94,7 @@ class Goal:
 
     def fitting(self, figure: Figure) -> Goal:
         """The same for a body that is thicker or thinner than the bundled one: hips off seats by as much."""
-        if self.action != "sit" or figure is BUNDLED:
+        if not BY_KEY[self.action].seats or figure is BUNDLED:
             return self
         behind, under = np.subtract(figure.seat, BUNDLED.seat)
         ahead = np.clip(behind, 0.0, MOST_OFF_SEAT) * heading_to_direction(np.array(self.heading))

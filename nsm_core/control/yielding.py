@@ -46,7 +46,7 @@ class Yielding:
             if self._met(way, frame, director):
                 self._waits, self._meant = True, director.command
                 here = np.append(moment.root[:2], 0.0).astype(np.float32)
-                held = director.command is not None and "carry" in director.command.action
+                held = director.command is not None and "+carry" in director.command.action
                 thing = director.command.thing if held else None  # type: ignore[union-attr]
                 director.giving_way = Command(
                     "idle+carry" if held else "idle", here, float(moment.root[2]), thing=thing

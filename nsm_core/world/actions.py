@@ -33,9 +33,9 @@ class Action:
     ``key`` names it in job files, goals and reports; ``label`` and ``description`` show it in a list,
     ``done`` is what a report says of one that is reached.  ``moved`` names the prop that its hands move, and
     ``handles`` what that is called in a sentence; with ``needs_destination`` it is brought somewhere.
-    ``raises``: feet come to stand on the object; ``hands``: reports tell how far its hands are from where
-    they should be.  ``labels`` are those that a network must have learned (by default the action's own);
-    standing is never asked for.
+    ``raises``: feet come to stand on the object, ``seats``: hips come to rest on it; ``hands``: reports tell
+    how far its hands are from where they should be.  ``labels`` are those that a network must
+    have learned (by default the action's own); standing is never asked for.
     """
 
     key: str
@@ -47,6 +47,7 @@ class Action:
     moved: str = ""
     handles: str = ""
     raises: bool = False
+    seats: bool = False
     hands: bool = False
     labels: tuple[str, ...] = ()
 
@@ -73,7 +74,7 @@ class Action:
 
 # Files keep the place of an action in this tuple: a new one goes to its end.
 ACTIONS = (
-    Action("sit", "Sit", "Walk to the object and sit down on it", "sat down"),
+    Action("sit", "Sit", "Walk to the object and sit down on it", "sat down", seats=True),
     Action("walk", "Walk", "Walk to the object or to the place", "arrived", Aim.PLACE),
     Action("idle", "Stand", "Stand still where the character is; a sitter rises first", "stands", Aim.HERE),
     Action("run", "Run", "Run to the object or to the place", "arrived", Aim.PLACE),

@@ -9,6 +9,7 @@ import numpy as np
 
 from nsm_core.control.goals import Goal
 from nsm_core.rotations import Array
+from nsm_core.world.actions import BY_KEY
 from nsm_core.world.scene.props import Leaf
 
 from .player import STEP, Player
@@ -99,7 +100,7 @@ class Claims:
         """The thing that another has, without which a goal cannot even be begun: a box; None where it can."""
         claim = self.of(player, goal)
         taken = claim is not None and claim.holder not in (None, player)
-        return claim if taken and goal.action == "carry" else None
+        return claim if taken and BY_KEY[goal.action].needs_destination else None
 
     def _left(self, claim: Claim) -> bool:
         """Whether who has a thing is done with it and away from it."""
@@ -107,7 +108,7 @@ class Claims:
         assert holder is not None
         if self.of(holder, holder.goal) is claim:
             return False
-        if claim.action == "carry":
+        if BY_KEY[claim.action].needs_destination:
             return all(g.prop is None or g.prop.name != claim.name for g in holder.runner.director.grasps)
         return float(np.linalg.norm(holder.place - claim.place)) > LEFT[claim.action]
 

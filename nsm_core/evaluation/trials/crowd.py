@@ -17,6 +17,7 @@ from nsm_core.conventions import FPS
 from nsm_core.errors import GoalError
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array
+from nsm_core.world.actions import BY_KEY
 from nsm_core.world.scene import furniture
 from nsm_core.world.scene.door import make_door
 
@@ -60,7 +61,7 @@ def _ring(count: int, kind: str, rng: np.random.Generator) -> list[Cast]:
         goals = [goal_of(room, str(rng.choice(_ACTIONS)), rng) for _ in range(int(rng.integers(1, 3)))]
         if kind == "one seat" and n < 2:
             goals[0] = goal_of(room, "sit", rng, hold=1.5)
-        goals = [g for g in goals if g.action != "walk"] or goals[:1]
+        goals = [g for g in goals if BY_KEY[g.action].needs_object] or goals[:1]
         goals.append(_walk(ends[n], rng))
         casts.append(_cast(n, starts[n], headings[n], goals, solids, rng))
     return casts
