@@ -14,21 +14,24 @@ from nsm_core.control.start import Start
 from nsm_core.conventions import FPS
 from nsm_core.errors import GoalError
 from nsm_core.model.features.state import WINDOW
-from nsm_core.rotations import Array
+from nsm_core.rotations import Array, direction_to_heading, heading_to_direction
 
 from .animation.channels import curves_in
+from .animation.kept import frame_kept
+from .goals.finder import Place
 from .goals.loose_parts import seat_body
 from .keys.keying import KeyedTake, scene_fps
 from .keys.layers import may_move
 from .progress import Progress, staged
 from .rigs.armature import Placement, read_world_pose
-from .rigs.mount import over_frames
+from .rigs.mount import go_to, over_frames
 from .world.bvh_query import BVHQuery
 from .world.frame import WorldFrame
 from .world.solids import Solid
 from .world.surroundings import Surroundings
 
 BEGIN = "nsm_begin"  # on the action of a take: how it began, and its first frame
+STOOD = "nsm_stood"  # and where it stood then, on its armature: a point, and the way it faced
 TAKE = "nsm_take"  # on all actions of one take: the same word
 STAND, POSE = "stand", "pose"
 # Seated: thighs that drop by less than this share of their length, a seat this near under the hips, metres,
@@ -42,11 +45,8 @@ def goes_on(armature: bpy.types.Object, start_frame: float) -> bool:
     """Whether a character, as it is shown now, has a pose to go on from at a take's first frame: one in its
     rest pose has none, nor one whose take began there with a quiet stand.
     """
-    action = armature.animation_data.action if armature.animation_data else None
-    if action is not None and BEGIN in action:
-        how, first = action[BEGIN]
-        if how == 0 and abs(first - start_frame) < 1e-3:
-            return False
+    if began_at(armature, start_frame):
+        return False
     mapped = {name for name in Placement.of(armature).keyed.bones if name}
     identity = np.eye(4)
     return any(
@@ -56,9 +56,43 @@ def goes_on(armature: bpy.types.Object, start_frame: float) -> bool:
     )
 
 
-def note_begin(take: KeyedTake, begin: str) -> None:
-    """Note on a take's actions how it began, and that they belong together."""
-    take.action[BEGIN] = [float(begin == POSE), float(take.frame_start)]
+def began_at(armature: bpy.types.Object, start_frame: float) -> bool:
+    """Whether the take that a character shows began with a quiet stand at this very frame."""
+    action = armature.animation_data.action if armature.animation_data else None
+    how, first = action[BEGIN] if action is not None and BEGIN in action else (1.0, 0.0)
+    return bool(how == 0 and abs(first - start_frame) < 1e-3)
+
+
+def noted_stand(armature: bpy.types.Object, frame: WorldFrame) -> Place | None:
+    """Where the take that a character shows began with a quiet stand, if it did, on the armature as it is
+    shown now: ground point (2,) and heading, core frame; None elsewhere.
+
+    So another try with the same seed is the same take: the network's stance is not quite where it was put.
+    """
+    action = armature.animation_data.action if armature.animation_data else None
+    if action is None or STOOD not in action:
+        return None
+    place, ahead = np.array(action[STOOD], dtype=np.float64).reshape(2, 3)
+    matrix = np.array(armature.matrix_world, dtype=np.float64)
+    forward = matrix[:3, :3] @ ahead
+    if np.hypot(*forward[:2]) < 1e-6:
+        return None
+    here = frame.to_core(matrix[:3, :3] @ place + matrix[:3, 3])
+    return here[:2].astype(np.float32), float(direction_to_heading(forward))
+
+
+def note_begin(take: KeyedTake, scene: bpy.types.Scene, frame: WorldFrame, stood: Place | None) -> None:
+    """Note on a take's actions how it began, ``stood`` where with a quiet stand (core frame), and that they
+    belong together.
+    """
+    take.action[BEGIN] = [float(stood is None), float(take.frame_start)]
+    if stood is not None:
+        with frame_kept(scene):
+            go_to(scene, take.frame_start)
+            back = np.linalg.inv(np.array(take.armature.matrix_world, dtype=np.float64))
+        place = frame.to_world(np.append(stood[0], 0.0))
+        ahead = np.append(heading_to_direction(np.array(stood[1])), 0.0)
+        take.action[STOOD] = [*(back[:3, :3] @ place + back[:3, 3]), *(back[:3, :3] @ ahead)]
     token = secrets.token_hex(8)
     for action in (take.action, *(thing.action for thing in take.things)):
         action[TAKE] = token

@@ -17,7 +17,16 @@ from nsm_core.errors import GoalError, NsmError, SkeletonError
 from nsm_core.rotations import Array
 
 from .animation.kept import SceneState
-from .begin import POSE, STAND, goes_on, others_of, reading_start, require_at_rest
+from .begin import (
+    POSE,
+    STAND,
+    began_at,
+    goes_on,
+    noted_stand,
+    others_of,
+    reading_start,
+    require_at_rest,
+)
 from .goals.resolve import make_goal_point, moved_by, place_after, require_possible, resolve, sought
 from .goals.spec import GoalSpec
 from .keys.keying import scene_fps
@@ -33,6 +42,8 @@ from .world.frame import WorldFrame, holds
 from .world.ground import floor_under
 from .world.moving import characters, keyed_bodies, movers, tracks
 from .world.surroundings import Surroundings
+
+_EVEN = 5  # decimals of metres and radians to which a start is taken
 
 
 @dataclass
@@ -97,6 +108,10 @@ def prepare(
     try:
         _go_to(scene, spec.start_frame)
         frame, start = start_of(spec.character, scene)
+        continues = spec.begin == POSE and goes_on(spec.character, spec.start_frame)
+        if not continues and began_at(spec.character, spec.start_frame):
+            start = noted_stand(spec.character, frame) or start
+        start = start[0].round(_EVEN), round(start[1], _EVEN)  # the same again, whatever it was read from
         moving = moved_by(spec.goals)
         moving_alone = [o for o in moving if not rides_along(o, moving)]
         require_possible(spec.goals, scene)
@@ -127,7 +142,7 @@ def prepare(
         environment, ground = around.query, around.ground
         figure = yield from _figure_of(spec.character)
         motion = None
-        if spec.begin == POSE and goes_on(spec.character, spec.start_frame):
+        if continues:
             require_at_rest(spec.character, scene, spec.start_frame)
             motion = yield from reading_start(spec.character, scene, frame, spec.start_frame, around)
     finally:

@@ -24,7 +24,7 @@ from nsm_core.world.actions import require_learned
 
 from .animation.kept import Kept, restored_on_failure
 from .arrival import goals_at_rest, goals_on_arrival
-from .begin import POSE, STAND, note_begin, others_of
+from .begin import note_begin, others_of
 from .goals.resolve import require_room_for
 from .keys.fingers import key_fingers
 from .keys.keying import KeyedTake, end_things, forget_gone, key_take_steps, key_things
@@ -143,7 +143,8 @@ def key_and_check(
         key_fingers(keyed, result)
         if keep:
             end_things(keyed, before, title)
-        note_begin(keyed, POSE if keep else STAND)
+        stood = None if keep else (request.start_position, request.start_heading)
+        note_begin(keyed, scene, frame, stood)
         keying_ms = (time.perf_counter() - begin) * 1000 / max(len(result.hips_position), 1)
         seen = yield from staged("Checking", look_at(keyed, result, frame, things, scene))
         report = yield from waited(
