@@ -89,7 +89,10 @@ def test_uneven_scale(settings):
 
 def test_goal_object_removed_from_the_scene(settings):
     bpy.context.scene.collection.objects.unlink(settings.goals[0].object)
-    refuse(settings, "Chair is no longer in the scene")
+    told = "Chair is no longer in this scene"
+    assert not bpy.ops.nsm.generate.poll() and told in reason_not_ready(bpy.context)
+    with pytest.raises(GoalError, match="Chair is no longer in the scene"):
+        finish(prepare(spec_of(bpy.context.scene), bpy.context.scene))
 
 
 def test_goal_object_deleted(settings):

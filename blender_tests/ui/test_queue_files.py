@@ -137,6 +137,8 @@ def test_a_new_scene_begins_as_the_preferences_say(settings, monkeypatch):
     settings.begin = "POSE"
     bpy.ops.nsm.add_character()
     assert settings.begin == "POSE", "what was chosen since stays"
+    for layer in overlays.LAYERS:  # whatever was on in this window
+        setattr(overlays.toggles(), layer.key, False)
     overlays.switch_on_defaults()
     assert overlays.toggles().way and not overlays.toggles().colliders
 

@@ -351,7 +351,9 @@ class TestBesideTheWindow:
             except StopIteration as stop:
                 request = stop.value[0]
                 break
-        assert request.environment.signed_distance(np.array(((4.4, 0.4, 0.4),), np.float32), 0.3)[0] < 0
+        (mover,) = request.movers  # what moves is known by itself, where it is at the first frame
+        there = np.array(((4.4, 0.4, 0.4),), np.float32)
+        assert mover.distance_at(0, there, 0.3)[0] < 0 < mover.distance_at(60, there, 0.3)[0]
         assert scene.frame_current == 50
 
     def test_giving_up_ends_the_work_and_puts_the_frame_back(self):

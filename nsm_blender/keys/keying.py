@@ -20,7 +20,7 @@ from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_normalize
 from ..animation.channels import ActionChannels, assign, new_action, remove_unused, transform_of
 from ..animation.identity import exists
 from ..animation.kept import FrameState, Kept, restored_on_failure
-from ..rigs.armature import Placement, StartPose, read_pose, read_world_pose
+from ..rigs.armature import Placement, StartPose, read_pose, read_world_pose, require_skeleton
 from ..rigs.bone_map import BoneMap, bone_map_of
 from ..rigs.mount import Mount, go_to, last, over_frames
 from ..world.beside import beside
@@ -137,6 +137,7 @@ def key_take_steps(
     bone keyed.  With ``keep``, what the armature's action shows before ``frame_start`` goes into the new one.
     """
     scene = scene or bpy.context.scene
+    require_skeleton(armature)
     # As they are now: another frame does not show what was moved or turned without a key.
     before, here = Kept(scene, [armature]), FrameState(scene)
     previous_pose = pose_of(armature, placed=style.root_motion == OBJECT)
