@@ -15,7 +15,7 @@ from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.prepare import TakeSpec
 from nsm_blender.progress import finish
 from nsm_blender.rigs.character import add_character
-from nsm_blender.ui import reviews
+from nsm_blender.ui import ghosts, reviews
 from nsm_blender.ui.ghosts import ghosts_of, remove_ghosts, show_ghosts
 from nsm_blender.ui.session import TakeSession
 from nsm_blender.variations import generate_variations
@@ -140,6 +140,22 @@ def test_what_is_raised_when_they_are_put_beside_each_other_leaves_none(scene, m
     # Animation data that a take has given to an object stays there, empty.
     assert before.pop("objects").keys() == after.pop("objects").keys() and after == before
     assert not len(scene.nsm.takes) and scene.nsm.character.animation_data.action is None
+
+
+def test_what_is_raised_while_copies_are_looked_for_leaves_the_take_and_them(scene, monkeypatch):
+    assert bpy.ops.nsm.variations() == {"FINISHED"}
+
+    def broken(*_):
+        raise Injected
+
+    before, made = digest(), names()
+    with monkeypatch.context() as patch:
+        patch.setattr(ghosts, "action_of", broken)
+        with pytest.raises(Injected):
+            reviews.reject(scene, scene.nsm.takes[1])
+    assert digest() == before and names() == made and len(ghosts_of(scene)) == 1
+    reviews.reject(scene, scene.nsm.takes[1])
+    assert names() == made[:1] and not ghosts_of(scene)
 
 
 def test_copies_are_all_there_or_none(scene):

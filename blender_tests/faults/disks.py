@@ -164,6 +164,7 @@ def _locked_folder(folder: Path):
     for each in (folder, *folder.parents):  # pytest's own folders let nobody else in
         if each.stat().st_uid == os.geteuid() and each.is_relative_to(tempfile.gettempdir()):
             each.chmod(each.stat().st_mode | 0o755)
+    folder.chmod(0o777)  # the other take's report is written here
     root = os.geteuid() == 0
     if root:
         os.seteuid(65534)

@@ -12,6 +12,7 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import ClassVar
 
 import bpy
 from everything import difference, digest
@@ -204,8 +205,11 @@ class growing_by:
 class Gate:
     """Where the thread that makes a motion waits: at the frame number ``at``, until it may go on."""
 
+    closed: ClassVar[list[Gate]] = []
+
     def __init__(self, at: float = float("inf")) -> None:
         self.at, self.reached, self._open = at, threading.Event(), threading.Event()
+        self.closed.append(self)
 
     def open(self) -> None:
         self._open.set()
@@ -213,7 +217,7 @@ class Gate:
     def pass_by(self, frame: int) -> None:
         if frame >= self.at:
             self.reached.set()
-            self._open.wait(20)
+            self._open.wait()  # ``clean_up`` opens it at the latest
 
 
 def gated(gate: Gate) -> type[TakeRunner]:
@@ -234,12 +238,15 @@ def again(motion: TakeRunner, gate: Gate | None = None) -> Callable[..., TakeRun
         def __init__(self, names: dict[str, str]) -> None:
             self.__dict__.update(motion.__dict__)
             self.shown, self.names = 0, names
+            self.director = copy.copy(motion.director)  # which has come to its end
+            self.director.done = False
 
         def step(self) -> bool:
             if gate is not None:
                 gate.pass_by(self.shown)
             self.shown += 1
-            return self.shown < _PRETENDED
+            self.director.done = self.shown == _PRETENDED
+            return not self.director.done
 
         def pose(self):
             return self._frames[len(self._frames) * self.shown // (2 * _PRETENDED)][:2]
@@ -293,7 +300,7 @@ class Flow:
         return state.text if state is not None else ""
 
     def to(self, moment: str) -> bool:
-        """Go on to a moment; whether the take still runs there."""
+        """Go on to a moment; whether the take still runs there, or was refused before."""
         if moment == "begun":
             return self.last == {"RUNNING_MODAL"}
         if moment == "reading":
@@ -339,6 +346,7 @@ class Flow:
 
     def _until(self, there: Callable[[], bool]) -> bool:
         for _ in range(100_000):
+            assert self.last != {"FINISHED"}, "the take has come to its end before that"
             if self.last != {"RUNNING_MODAL"}:
                 return False
             if there():
@@ -357,6 +365,8 @@ class Flow:
 
 def clean_up() -> None:
     """Have nothing of a case that failed disturb the next one."""
+    while Gate.closed:
+        Gate.closed.pop().open()
     with suppress(BaseException):
         running.interrupt("")
     running.end_take()

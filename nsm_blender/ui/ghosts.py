@@ -6,7 +6,7 @@ A copy shares armature data and meshes with the character; it is not rendered, a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -54,17 +54,25 @@ def show_ghosts(scene: bpy.types.Scene, takes: Sequence[KeyedTake], labels: Sequ
         raise
 
 
-def remove_ghosts(scene: bpy.types.Scene, action: bpy.types.Action | None = None) -> None:
-    """Remove all copies, or those that play an action."""
+def remove_ghosts(scene: bpy.types.Scene, actions: Collection[bpy.types.Action] | None = None) -> None:
+    """Remove all copies, or those that play one of ``actions``.
+
+    All that may fail comes before the first one is removed.
+    """
+    gone: dict[bpy.types.Object, None] = {}
+    empty = []
     for collection in _collections(scene):
-        for armature in [o for o in collection.objects if o.type == "ARMATURE"]:
-            if action is None or action_of(armature) == action:
-                for ghost in [*armature.children_recursive, armature]:
-                    bpy.data.objects.remove(ghost)
-        if action is None or not any(o.type == "ARMATURE" for o in collection.objects):
-            for left in list(collection.objects):
-                bpy.data.objects.remove(left)
-            bpy.data.collections.remove(collection)
+        ghosts = [o for o in collection.objects if o.type == "ARMATURE"]
+        going = [ghost for ghost in ghosts if actions is None or action_of(ghost) in actions]
+        for ghost in going:
+            gone.update(dict.fromkeys((*ghost.children_recursive, ghost)))
+        if len(going) == len(ghosts):
+            gone.update(dict.fromkeys(collection.objects))
+            empty.append(collection)
+    for ghost in gone:
+        bpy.data.objects.remove(ghost)
+    for collection in empty:
+        bpy.data.collections.remove(collection)
 
 
 def ghosts_of(scene: bpy.types.Scene) -> list[bpy.types.Object]:

@@ -61,8 +61,8 @@ def remember(scene: bpy.types.Scene, take: KeyedTake, seed: int = 0, beside: boo
             _note(record.things.add(), thing.object, thing, thing.previous_transform)
         record.keys = _checksum(take)
         settings_of(scene).active_take = len(takes) - 1
+        remove_ghosts(scene, unused)  # the last that may fail: copies cannot be put back
     for action in unused:
-        remove_ghosts(scene, action)
         remove_unused(action)
     return record
 
@@ -115,7 +115,7 @@ def settle(scene: bpy.types.Scene, record: NsmTake) -> None:
 
 
 def reject(scene: bpy.types.Scene, record: NsmTake) -> None:
-    """Remove a take, its actions and its strips; where it was shown, the character and what it moved get
+    """Remove a take, its actions, strips and copies; where it was shown, the character and what it moved get
     their old actions and places back.
     """
     from ..animation.channels import remove_unused
@@ -134,6 +134,7 @@ def reject(scene: bpy.types.Scene, record: NsmTake) -> None:
         for row in _rows(record):
             _bypass(scene, row)
         _forget(scene, record)
+        remove_ghosts(scene, [action for _, action in rows])  # copies cannot be put back: the last to fail
     try:
         for target, action in rows:
             strips.pull(target, action)
@@ -141,7 +142,6 @@ def reject(scene: bpy.types.Scene, record: NsmTake) -> None:
             settings_of(scene).results.clear()
     finally:
         for _, action in rows:
-            remove_ghosts(scene, action)
             remove_unused(action)
 
 
