@@ -12,6 +12,7 @@ from motions import wandering_take
 from test_rig_skeleton import worst_angle
 
 import nsm_blender
+from nsm_blender.animation.channels import curves_in
 from nsm_blender.keys.keying import discard_take, key_take, read_back, switches_of
 from nsm_blender.keys.preview import Preview, SceneState
 from nsm_blender.rigs.armature import Placement, read_world_pose
@@ -120,7 +121,7 @@ def test_hands_and_feet_of_a_generated_rig_are_placed_by_their_ik_controls(rigif
         hips, local = wandering_take(4)
         placement = Placement.of(rig)
         take = key_take(rig, hips * placement.scale, local)
-        keyed = {curve.data_path.split('"')[1] for curve in take.action.fcurves}
+        keyed = {curve.data_path.split('"')[1] for curve in curves_in(take.action, take.slot)}
         assert {"hand_ik.L", "upper_arm_ik_target.R", "foot_ik.R", "thigh_ik_target.L"} <= keyed
         assert not {"thigh_fk.L", "foot_fk.L", "hand_fk.R"} & keyed
         meant = forward_kinematics(hips, local, placement.own_offsets.astype(float))[0] * placement.scale

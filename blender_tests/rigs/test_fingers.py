@@ -8,6 +8,7 @@ import pytest
 from foreign_rigs import MIXAMO, foreign_rig
 from motions import wandering_take
 
+from nsm_blender.animation.channels import curves_in
 from nsm_blender.keys.fingers import key_fingers
 from nsm_blender.keys.keying import discard_take, key_take
 from nsm_blender.rigs.armature import Placement
@@ -81,9 +82,9 @@ def test_fingers_close_while_a_handle_is_held_and_go_back(rig):
         bend[frame] = rig.pose.bones["LeftHandIndex1"].matrix_basis.to_quaternion().angle
     assert np.degrees(bend[30]) == pytest.approx(52, abs=1) and np.degrees(bend[5]) < 20
     assert bend[58] == pytest.approx(bend[5], abs=1e-3)
-    curves = [c for c in take.action.fcurves if "LeftHandIndex1" in c.data_path]
+    curves = [c for c in curves_in(take.action, take.slot) if "LeftHandIndex1" in c.data_path]
     assert all(len(c.keyframe_points) <= 5 for c in curves)
-    still = [c for c in take.action.fcurves if "RightHandIndex1" in c.data_path]
+    still = [c for c in curves_in(take.action, take.slot) if "RightHandIndex1" in c.data_path]
     assert still and all(len(c.keyframe_points) == 1 for c in still)
     discard_take(take)
     assert rig.pose.bones["LeftHandIndex1"].matrix_basis.to_quaternion().angle < 1e-6

@@ -23,4 +23,7 @@ def add_character(
         location = tuple(bpy.context.scene.cursor.location)
     armature = build_armature(name, location)
     build_mannequin(armature)
+    if hasattr(armature, "nsm_queue"):
+        # Before anyone links it: Blender 5.2 keeps the queue of an override where its source has one.
+        armature.nsm_queue.active_goal = 0
     return armature
