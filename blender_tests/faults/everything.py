@@ -17,6 +17,8 @@ import numpy as np
 
 # Of windows and of the program, and what is another number after every load.
 _NOT_THE_FILES = {
+    "all_ids",  # all others once more, from Blender 5.2 on
+
     "brushes", "cache_files", "fonts", "libraries", "palettes", "screens", "window_managers", "workspaces",
 }  # fmt: skip
 _LEFT_OUT = {
