@@ -10,6 +10,7 @@ import numpy as np
 
 from nsm_core.body.animated_body import AnimatedBody
 from nsm_core.body.capsules import Body, Figure
+from nsm_core.body.ik.body_track import SENSED
 from nsm_core.body.skeleton import forward_kinematics, root_of
 from nsm_core.conventions import FPS
 from nsm_core.errors import NsmError
@@ -28,7 +29,6 @@ from .solids import Solid
 _STEP = 3  # frames of the network between two looks at the scene
 _LONGEST = 90 * FPS  # frames that are looked at, at most
 _TAIL = 2 * FPS // _STEP  # looks, at the end of all, over which what has come to rest does not stir
-_EVERY = 2  # spheres of a body of which one is sensed: they lie closer together than they are wide
 _STIRS = 2e-3  # metres and radians by which what stands may seem to move
 
 
@@ -143,9 +143,9 @@ def characters(
         if _stirs(body.centres):
             parts = tuple(belonging_to(scene, [armature]))
             roots = np.column_stack((place, np.unwrap(heading)))
-            centres = body.centres[:, ::_EVERY] * placement.scale
+            centres = body.centres[:, SENSED] * placement.scale
             made.append(
-                MovingCharacter(armature, parts, centres, body.radii[0, ::_EVERY] * placement.scale, roots)
+                MovingCharacter(armature, parts, centres, body.radii[0, SENSED] * placement.scale, roots)
             )
     return made
 

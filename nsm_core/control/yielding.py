@@ -29,6 +29,7 @@ class Yielding:
         self.movers = movers
         self._waited = {0: 0}  # frames, by the number of the goal
         self._waits = False
+        self._meant: Command | None = None  # what was commanded before it waited
 
     def update(self, director: Director, moment: Moment, frame: int) -> None:
         """Stop the way, or go on with it, for a character in its ``frame``."""
@@ -51,8 +52,6 @@ class Yielding:
                 director.giving_way = Command(
                     "idle+carry" if held else "idle", here, float(moment.root[2]), thing=thing
                 )
-
-    _meant: Command | None = None
 
     @staticmethod
     def _way(command: Command | None, moment: Moment) -> Array:

@@ -10,6 +10,9 @@ from nsm_core.rotations import Array
 
 from .clearance import Obstacle
 
+# Spheres of a body that others sense: they lie closer together than they are wide.
+SENSED = slice(None, None, 2)
+
 
 def spheres_distance(points: Array, centres: Array, radii: Array, most: float) -> Array:
     """Distances (N,) float32, at most ``most``, of ``points`` (N, 3) to the nearest of spheres (S, 3)."""
@@ -61,4 +64,4 @@ class BodyTrack(Obstacle):
         return out
 
 
-__all__ = ["BodyTrack", "spheres_distance"]
+__all__ = ["SENSED", "BodyTrack", "spheres_distance"]

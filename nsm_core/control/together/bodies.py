@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from nsm_core.body.capsules import Body, Figure
-from nsm_core.body.ik.body_track import BodyTrack, spheres_distance
+from nsm_core.body.ik.body_track import SENSED, BodyTrack, spheres_distance
 from nsm_core.rotations import Array
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.props import Prop
 
 from .frames import Frame, Scaled
-
-_EVERY = 2  # spheres of a body of which one is sensed: they lie closer together than they are wide
 
 
 class OtherBody:
@@ -38,7 +36,7 @@ class OtherBody:
 def spheres_of(hips: Array, local: Array, figure: Figure) -> tuple[Array, Array]:
     """Spheres (S, 3), (S,) that stand for a body in one pose, own world: every second that fills it."""
     body = Body.of(np.asarray(hips)[None], np.asarray(local)[None], figure)
-    return body.centres[0, ::_EVERY], body.radii[0, ::_EVERY]
+    return body.centres[0, SENSED], body.radii[0, SENSED]
 
 
 class OtherProp:
