@@ -10,7 +10,8 @@ from scenes import box, empty, furnish
 import nsm_blender
 from nsm_blender.animation.channels import curves_in
 from nsm_blender.goals.spec import GoalSpec
-from nsm_blender.keys.keying import discard_take, read_back
+from nsm_blender.keys.keyed import discard_take
+from nsm_blender.keys.keying import read_back
 from nsm_blender.prepare import TakeSpec
 from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import Take, finish, generate

@@ -12,9 +12,9 @@ from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import ANKLE_HEIGHT, ARMS, FEET, INDEX, J, forward_kinematics
 from nsm_core.control.actions.hold import SeenBody
 from nsm_core.control.director import Director
+from nsm_core.control.goal_things import own_props
 from nsm_core.control.goals import Goal, Moment
 from nsm_core.control.post_process import PostProcess
-from nsm_core.control.take import own_props
 from nsm_core.conventions import CARRY, FOOT_CONTACTS, GOAL_ACTIONS, HAND_CONTACTS, IDLE, OPEN, STYLES, WALK
 from nsm_core.rotations import heading_quat, quat_from_rotvec, rotate_planar, wrap_angle
 from nsm_core.world.geometry.distance import Cuboids

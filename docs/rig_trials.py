@@ -14,7 +14,8 @@ from mathutils import Vector
 from nsm_blender.demo_scene import door_parts, room_props
 from nsm_blender.demo_scene.room import palette, place
 from nsm_blender.goals.spec import GoalSpec
-from nsm_blender.keys.keying import discard_take, key_take
+from nsm_blender.keys.keyed import discard_take
+from nsm_blender.keys.keying import key_take
 from nsm_blender.rigs.armature import Placement
 from nsm_blender.rigs.bone_map import BoneMap
 from nsm_blender.rigs.character import add_character

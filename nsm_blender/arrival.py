@@ -15,9 +15,9 @@ from nsm_core.errors import GoalError
 from nsm_core.world.scene.movers import Mover
 
 from .animation.kept import SceneState
+from .animation.rate import scene_fps
 from .goals.resolve import moved_by, place_after, resolve
 from .goals.spec import GoalSpec
-from .keys.keying import scene_fps
 from .prepare import TakeSpec, surroundings_of, timed
 from .progress import Progress
 from .rigs.mount import go_to

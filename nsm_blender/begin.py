@@ -18,9 +18,10 @@ from nsm_core.rotations import Array, direction_to_heading, heading_to_direction
 
 from .animation.channels import curves_in
 from .animation.kept import frame_kept
+from .animation.rate import scene_fps
 from .goals.finder import Place
 from .goals.loose_parts import seat_body
-from .keys.keying import KeyedTake, scene_fps
+from .keys.keyed import KeyedTake
 from .keys.layers import may_move
 from .progress import Progress, staged
 from .rigs.armature import Placement, read_world_pose

@@ -17,6 +17,7 @@ from nsm_core.errors import GoalError, NsmError, SkeletonError
 from nsm_core.rotations import Array
 
 from .animation.kept import SceneState
+from .animation.rate import scene_fps
 from .begin import (
     POSE,
     STAND,
@@ -29,7 +30,6 @@ from .begin import (
 )
 from .goals.resolve import make_goal_point, moved_by, place_after, require_possible, resolve, sought
 from .goals.spec import GoalSpec
-from .keys.keying import scene_fps
 from .keys.objects import MovedObject, require_movable, rides_along
 from .keys.style import HIPS, KeyStyle
 from .progress import Progress, staged, waited

@@ -27,7 +27,8 @@ from .arrival import goals_at_rest, goals_on_arrival
 from .begin import note_begin, others_of
 from .goals.resolve import require_room_for
 from .keys.fingers import key_fingers
-from .keys.keying import KeyedTake, end_things, forget_gone, key_take_steps, key_things
+from .keys.keyed import KeyedTake, forget_gone
+from .keys.keying import end_things, key_take_steps, key_things
 from .keys.layers import require_keyable
 from .keys.objects import MovedObject
 from .keys.report import build_report

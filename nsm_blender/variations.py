@@ -11,7 +11,7 @@ from nsm_core.model.inference import model as inference_model
 
 from .animation.kept import Kept, restored_on_failure
 from .goals.resolve import moved_by
-from .keys.keying import take_off
+from .keys.keyed import take_off
 from .prepare import TakeSpec
 from .progress import Progress
 from .takes import Take, generate

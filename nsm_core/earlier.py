@@ -33,7 +33,12 @@ MOVED: dict[str, tuple[str, ...]] = {
     "nsm_blender.colliders": ("nsm_blender.world.colliders", "nsm_blender.world.bvh_query"),
     "nsm_blender.doors": ("nsm_blender.goals.open",),
     "nsm_blender.house": ("nsm_blender.demo_scene.house",),
-    "nsm_blender.keying": ("nsm_blender.keys.keying",),
+    "nsm_blender.keying": (
+        "nsm_blender.keys.keying",
+        "nsm_blender.keys.keyed",
+        "nsm_blender.keys.pose_channels",
+        "nsm_blender.keys.switches",
+    ),
     "nsm_blender.outputs": ("nsm_blender.pictures.outputs",),
     "nsm_blender.render": ("nsm_blender.pictures.render",),
     "nsm_blender.report": ("nsm_blender.keys.report",),

@@ -11,7 +11,8 @@ from motions import blender_heads, wandering_take
 
 from nsm_blender.animation.channels import channels_of
 from nsm_blender.keys.edits import edited_keys
-from nsm_blender.keys.keying import KeyedTake, key_take
+from nsm_blender.keys.keyed import KeyedTake
+from nsm_blender.keys.keying import key_take
 from nsm_blender.keys.style import KeyStyle
 from nsm_blender.rigs.armature import build_armature
 from nsm_core.body.key_reduction import Bound

@@ -12,7 +12,9 @@ from mathutils import Matrix
 from motions import blender_heads, wandering_take
 
 from nsm_blender.animation.channels import GENERATED, channels_of
-from nsm_blender.keys.keying import discard_take, key_take, read_back, resample_take, scene_fps
+from nsm_blender.animation.rate import scene_fps
+from nsm_blender.keys.keyed import discard_take
+from nsm_blender.keys.keying import key_take, read_back, resample_take
 from nsm_blender.rigs.armature import build_armature, read_pose
 from nsm_core.body.skeleton import JOINTS, OFFSETS, J, forward_kinematics
 from nsm_core.errors import NsmError, SkeletonError

@@ -14,7 +14,8 @@ import nsm_blender
 from nsm_blender.animation.channels import channels_of
 from nsm_blender.animation.kept import SceneState
 from nsm_blender.goals.open import read_leaf
-from nsm_blender.keys.keying import discard_take, key_take, key_things
+from nsm_blender.keys.keyed import discard_take
+from nsm_blender.keys.keying import key_take, key_things
 from nsm_blender.keys.objects import MovedObject, moving_rows, resample_poses
 from nsm_blender.keys.preview import Preview
 from nsm_blender.rigs.armature import build_armature

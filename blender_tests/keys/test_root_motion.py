@@ -10,7 +10,8 @@ from motions import blender_heads, wandering_take
 from scenes import empty
 
 from nsm_blender.animation.channels import channels_of
-from nsm_blender.keys.keying import discard_take, key_take, key_take_steps
+from nsm_blender.keys.keyed import discard_take
+from nsm_blender.keys.keying import key_take, key_take_steps
 from nsm_blender.keys.style import KeyStyle
 from nsm_blender.rigs.armature import build_armature
 from nsm_blender.rigs.mount import last

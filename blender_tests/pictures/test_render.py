@@ -12,7 +12,8 @@ import pytest
 
 from nsm_blender.demo_scene.room import build_room
 from nsm_blender.demo_scene.room_props import box
-from nsm_blender.keys.keying import KeyedTake, key_take
+from nsm_blender.keys.keyed import KeyedTake
+from nsm_blender.keys.keying import key_take
 from nsm_blender.pictures import render
 from nsm_blender.pictures.camera import path_of
 from nsm_blender.pictures.labels import stamp

@@ -13,8 +13,10 @@ from test_rig_skeleton import worst_angle
 
 import nsm_blender
 from nsm_blender.animation.channels import curves_in
-from nsm_blender.keys.keying import discard_take, key_take, read_back, switches_of
+from nsm_blender.keys.keyed import discard_take
+from nsm_blender.keys.keying import key_take, read_back
 from nsm_blender.keys.preview import Preview, SceneState
+from nsm_blender.keys.switches import switches_of
 from nsm_blender.rigs.armature import Placement, read_world_pose
 from nsm_blender.rigs.bone_map import BoneMap, bone_map_of, store_map
 from nsm_core.body.skeleton import INDEX, forward_kinematics

@@ -10,7 +10,8 @@ from motions import wandering_take
 
 from nsm_blender.animation.channels import curves_in
 from nsm_blender.keys.fingers import key_fingers
-from nsm_blender.keys.keying import discard_take, key_take
+from nsm_blender.keys.keyed import discard_take
+from nsm_blender.keys.keying import key_take
 from nsm_blender.rigs.armature import Placement
 from nsm_blender.rigs.bone_map import BoneMap, bone_map_of
 from nsm_blender.rigs.fingers import FIST, FLAT, RELAXED, bent, fingers_of

@@ -10,7 +10,8 @@ import numpy as np
 from nsm_core.data.captures.bvh_writer import write_bvh
 
 from ..animation.kept import frame_kept
-from ..keys.keying import read_back, scene_fps
+from ..animation.rate import scene_fps
+from ..keys.keying import read_back
 from ..rigs.armature import Placement
 
 

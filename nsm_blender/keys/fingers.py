@@ -18,7 +18,7 @@ from ..animation.channels import ActionChannels, channels_of, curves_in
 from ..rigs.bone_map import bone_map_of
 from ..rigs.fingers import FIST, FLAT, RELAXED, bent, fingers_of, quaternions
 from .before import prepend
-from .keying import KeyedTake
+from .keyed import KeyedTake
 from .turns import continuous, rotation_channel, rotation_values
 
 _HELD, _SHORTEST, _APART = (

@@ -13,7 +13,8 @@ from nsm_core.rotations import Array, quat_normalize
 from ..animation.kept import SceneState
 from ..rigs.armature import Placement
 from ..rigs.bone_map import bone_map_of
-from .keying import bone_channels, mounts_of, set_switches, show_pose
+from .pose_channels import bone_channels, mounts_of, show_pose
+from .switches import set_switches
 
 __all__ = ["Preview", "SceneState"]
 

@@ -9,14 +9,15 @@ import numpy as np
 
 from nsm_core.body.skeleton import ARMS, forward_kinematics, root_of
 from nsm_core.control.goals import GoalResult
-from nsm_core.control.take import TakeRequest, TakeResult, goal_errors, line_errors
+from nsm_core.control.judging import goal_errors, line_errors
+from nsm_core.control.take import TakeRequest, TakeResult
 from nsm_core.evaluation.measures.motion import depth_report, travel_report
 from nsm_core.evaluation.measures.objects import all_depths
 from nsm_core.world.actions import BY_KEY
 from nsm_core.world.geometry.distance import Union
 from nsm_core.world.scene.props import Prop
 
-from .keying import KeyedTake
+from .keyed import KeyedTake
 from .shown import ShownTake
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")

@@ -27,7 +27,8 @@ from ..animation.kept import frame_kept
 from ..rigs.armature import Placement, read_world_pose
 from ..rigs.mount import go_to
 from ..world.frame import WorldFrame
-from .keying import KeyedTake, resample_take
+from .keyed import KeyedTake
+from .keying import resample_take
 from .objects import MovedObject, resample_poses
 
 SHARE = 0.1  # of the take's own time that looking at it may cost

@@ -17,7 +17,7 @@ from nsm_core.conventions import FPS
 from nsm_core.rotations import Array
 
 from ..animation.identity import identity
-from ..keys.keying import KeyedTake
+from ..keys.keyed import KeyedTake
 from ..world.frame import WorldFrame
 
 _MOST = 24  # takes; a minute of one is some 4 MB

@@ -12,7 +12,7 @@ import numpy as np
 
 from nsm_core.rotations import Array
 
-from ..keys.keying import KeyedTake
+from ..keys.keyed import KeyedTake
 from ..outlook import Outlook
 from ..pictures.camera import Shot, follow_camera
 from ..pictures.outputs import PICTURE, require_writable, scratch_folder

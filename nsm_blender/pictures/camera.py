@@ -12,7 +12,7 @@ from mathutils import Vector
 from nsm_core.rotations import Array
 
 from ..animation.channels import assign, new_action
-from ..keys.keying import KeyedTake
+from ..keys.keyed import KeyedTake
 from ..prepare import own_objects
 from ..rigs.bone_map import bone_map_of
 from ..world.frame import WorldFrame

@@ -12,7 +12,7 @@ import numpy as np
 from nsm_core.errors import OutputError
 from nsm_core.rotations import Array
 
-from ..keys.keying import KeyedTake
+from ..keys.keyed import KeyedTake
 from .camera import Shot, follow_camera
 from .labels import stamp
 from .outputs import FILM, PICTURE, mp4_is_whole, png_is_whole, require_writable, scratch_folder, written

@@ -13,7 +13,7 @@ from mathutils import Vector
 
 from nsm_core.rotations import Array
 
-from ..keys.keying import KeyedTake
+from ..keys.keyed import KeyedTake
 from ..prepare import own_objects
 from ..rigs.bone_map import bone_map_of
 

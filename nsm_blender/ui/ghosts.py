@@ -14,7 +14,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 if TYPE_CHECKING:
-    from ..keys.keying import KeyedTake
+    from ..keys.keyed import KeyedTake
 
 
 NAME = "NSM Variations"

@@ -17,6 +17,7 @@ from bpy.props import (
 from nsm_core.errors import GoalError
 from nsm_core.world.actions import ACTIONS, BY_KEY, Action, Aim
 
+from ..animation.rate import scene_fps
 from ..goals.icons import ICONS
 from ..goals.spec import GoalSpec
 from .queue import hand_over
@@ -68,17 +69,12 @@ def _is_goal(_self: bpy.types.PropertyGroup, candidate: bpy.types.Object) -> boo
     return candidate.type in GOAL_TYPES
 
 
-def _fps() -> float:
-    render = bpy.context.scene.render
-    return render.fps / render.fps_base
-
-
 def _held_frames(row: NsmGoal) -> int:
-    return round(row.hold * _fps())
+    return round(row.hold * scene_fps(bpy.context.scene))
 
 
 def _hold_frames(row: NsmGoal, frames: int) -> None:
-    row.hold = frames / _fps()
+    row.hold = frames / scene_fps(bpy.context.scene)
 
 
 def _goal_picked(_owner: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:

@@ -22,7 +22,7 @@ from .kept_takes import KeptTakes
 from .properties import NsmKeyed, NsmTake, settings_of
 
 if TYPE_CHECKING:
-    from ..keys.keying import KeyedTake
+    from ..keys.keyed import KeyedTake
     from ..keys.objects import KeyedThing
 
 
@@ -120,7 +120,7 @@ def reject(scene: bpy.types.Scene, record: NsmTake) -> None:
     """
     from ..animation.channels import remove_unused
     from ..keys import strips
-    from ..keys.keying import take_off
+    from ..keys.keyed import take_off
 
     shown, take = is_shown(record), keyed(record)
     free = shown or is_pushed(record) and _action_of(take.armature) is None
@@ -211,7 +211,7 @@ def _require_no_tweaking(record: NsmTake) -> None:
 
 def keyed(record: NsmTake) -> KeyedTake:
     """What a take of the list has keyed; objects and actions that are gone by now are passed over."""
-    from ..keys.keying import KeyedTake
+    from ..keys.keyed import KeyedTake
     from ..keys.objects import KeyedThing
 
     row = record.character
@@ -259,7 +259,7 @@ def _note(row: NsmKeyed, target: bpy.types.Object, made: KeyedTake | KeyedThing,
 def _note_before(row: NsmKeyed, action: bpy.types.Action | None) -> None:
     """Note what an object has now as what a take replaces."""
     from ..animation.channels import curves_in, transform_of
-    from ..keys.keying import pose_of
+    from ..keys.keyed import pose_of
 
     data = row.object.animation_data
     if row.object.type == "ARMATURE":

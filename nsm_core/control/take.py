@@ -7,104 +7,47 @@ Per frame: direct (goals), sense, feed, predict, read and blend; a take that is 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
-from copy import copy
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from nsm_core.body.animated_body import obstacle_of
-from nsm_core.body.capsules import BUNDLED, Figure
-from nsm_core.body.clip import smoothed_root
 from nsm_core.body.ik.clearance import Obstacle
-from nsm_core.body.skeleton import ARMS, HIPS, forward_kinematics, root_of
+from nsm_core.body.skeleton import ARMS, HIPS
 from nsm_core.conventions import CONTACTS, FOOT_CONTACTS, FPS
 from nsm_core.errors import GoalError
 from nsm_core.model.features.codec import SensorReading, build_inputs, no_object, read_outputs
 from nsm_core.model.features.layout import Inputs
-from nsm_core.model.features.rollout_step import Blending, advance
+from nsm_core.model.features.rollout_step import advance
 from nsm_core.model.inference.model import Model
 from nsm_core.model.networks.config import Memory
 from nsm_core.model.networks.protocol import Info
 from nsm_core.rotations import Array, wrap_angle
-from nsm_core.world.actions import BY_KEY
-from nsm_core.world.geometry.distance import DistanceQuery
-from nsm_core.world.planning.floor_plan import FloorPlan, resample_path
-from nsm_core.world.planning.track import off_line
-from nsm_core.world.scene.movers import Mover
-from nsm_core.world.scene.props import Box, Prop
+from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene.solids import Scene
-from nsm_core.world.scene.terrain import Terrain, around, merged
+from nsm_core.world.scene.terrain import merged
 from nsm_core.world.sensors.environment import DIAMETER, SPHERE_RADIUS, environment_sensor
 
 from .actions.registry import check_reachable
 from .batch import step_together
-from .director import Director, rotation_error
-from .goals import Goal, GoalResult, Moment
+from .director import Director
+from .goal_things import ground_of, own_props, places_of
+from .goals import Goal, Moment
 from .insight import Insight
+from .judging import judge_kept, judge_reached
 from .posing import pose_of, stance_of, standing_start
 from .post_process import PostProcess
 from .relief import Relief
-from .start import Start, trail_of
+from .request import TakeRequest, TakeResult
+from .start import trail_of
 from .yielding import Yielding
 
 STAGES = ("goals", "sensors", "network", "blending", "ik")
-_ROAMED = 200.0 * np.array(((-1.0, -1.0), (1.0, 1.0)))  # metres of floor about one who is steered
 _MARGIN = 4.0  # metres of floor planned on around start and goals
 _SENSOR_REACH = DIAMETER / 2 + SPHERE_RADIUS
 _WRISTS = [arm[2] for arm in ARMS]
-
-
-@dataclass
-class TakeRequest:
-    """What a take needs to know, world frame.
-
-    ``start_position`` (2,) metres and ``start_heading`` of the root; ``environment`` everything solid that
-    does not move (no floor, no character, none of the goals' props); ``ground`` the heights of what is walked
-    over, such as rugs and thresholds, and is no part of it; ``time_limit`` seconds without any progress after
-    which a goal is given up.  ``figure`` is the character's own body where it is another than the network's,
-    its hips as high, since it acts in a world of that scale.  ``start`` is the motion that the take goes on
-    from, on that body; None: it begins with a quiet stand.  ``movers`` are things that move by themselves.
-    """
-
-    start_position: Array
-    start_heading: float
-    goals: list[Goal]
-    environment: DistanceQuery
-    seed: int = 0
-    contact_ik: bool = True
-    time_limit: float = 20.0
-    blending: Blending = field(default_factory=Blending)
-    ground: Terrain = field(default_factory=Terrain)
-    figure: Figure = BUNDLED
-    start: Start | None = None
-    movers: Sequence[Mover] = ()
-
-
-@dataclass
-class TakeResult:
-    """A finished take of T frames at 30 Hz.
-
-    ``hips_position`` (T, 3) and ``local_rotations`` (T, 23, 4) as they are keyed, ``network_hips`` and
-    ``network_rotations`` the same before the take is solved; ``contacts`` (T, 5), ``root`` (T, 3), ``action``
-    labels (T, 7), ``experts`` (T, K) gating coefficients, K 0 for a network that blends none; ``stage_ms``
-    mean milliseconds per frame by stage; ``props`` poses (T, 4) of every prop of the goals by its name: x, y,
-    z and heading.
-    """
-
-    hips_position: Array
-    local_rotations: Array
-    network_hips: Array
-    network_rotations: Array
-    contacts: Array
-    root: Array
-    action: Array
-    experts: Array
-    goals: list[GoalResult]
-    stage_ms: dict[str, float]
-    props: dict[str, Array] = field(default_factory=dict)
-    insights: dict[int, Insight] = field(default_factory=dict)
 
 
 class TakeRunner:
@@ -205,7 +148,8 @@ class TakeRunner:
         if self._yielding is not None:
             self._yielding.update(self.director, moment, self.frames)
         position, heading, action, sensed = self.director.update(moment)
-        self._measure()
+        if judge_reached(self.director, self._frames[-1][2], float(state.root[0, 2])):
+            self._reached[self.director.index] = self.frames - 1
         relief = self.relief
         state.goal_position, state.goal_heading, state.goal_action = (
             relief.goals(position)[None],
@@ -382,49 +326,8 @@ class TakeRunner:
             )
         )
 
-    def _measure(self) -> None:
-        """Write the errors of a goal whose transition has just ended."""
-        d = self.director
-        result = d.results[d.index]
-        if d.index < 0 or result.seconds <= 0 or np.isfinite(result.position_error_cm):
-            return
-        network_hips = self._frames[-1][2]
-        result.place, result.facing, result.axes = d.stage.target()  # type: ignore[union-attr]
-        result.line, result.remarks = d.stage.line()  # type: ignore[union-attr]
-        if isinstance(d.goals[d.index].prop, Box):  # it was not set down where it should be
-            pose = d.goals[d.index].prop.pose  # type: ignore[union-attr]
-            result.axes = 3
-            result.position_error_cm, result.rotation_error_deg = goal_errors(
-                result, pose[:3], float(pose[3])
-            )
-            return
-        own = goal_errors(result, network_hips, float(self.state.root[0, 2]))
-        result.network_position_error_cm, result.network_rotation_error_deg = own
-        result.position_error_cm, result.rotation_error_deg = own  # until the take is solved
-        self._reached[d.index] = self.frames - 1
-
     def _measure_kept(self) -> None:
-        """Write the errors of the motion that is kept, of hips at the goals and of hands where they
-        have taken hold.
-        """
-        results = self.director.results
-        for index, frame in self._reached.items():
-            hips, rotations = self._frames[frame][:2]
-            heading = float(root_of(forward_kinematics(hips, rotations, self.request.figure.offsets)[0])[1])
-            errors = goal_errors(results[index], hips, heading)
-            results[index].position_error_cm, results[index].rotation_error_deg = errors
-        for result, goal in zip(results, self.director.goals, strict=True):
-            if result.line is not None:
-                frames = self._frames[result.start_frame : result.end_frame + 1]
-                hips, rotations = (np.stack([f[k] for f in frames]) for k in (0, 1))
-                joints = forward_kinematics(hips, rotations, self.request.figure.offsets)[0]
-                result.line_cm = line_errors(result.line, joints)
-            taken = result.taken
-            if taken is not None and 0 <= taken.frame < self.frames:
-                hips, rotations = self._frames[taken.frame][:2]
-                wrists = forward_kinematics(hips, rotations, self.request.figure.offsets)[0][_WRISTS]
-                pose = np.zeros(4) if goal.prop is None else self._poses[goal.prop.name][taken.frame]
-                result.hand_error_cm, result.hand_rotation_deg = taken.errors(wrists, pose)
+        judge_kept(self.director, self._reached, *self.motion(), self._poses, self.request.figure)
 
 
 def roll(
@@ -440,47 +343,4 @@ def roll(
     return runner.result()
 
 
-def own_props(goals: list[Goal]) -> tuple[list[Goal], dict[str, Prop]]:
-    """Copies of goals whose props may be moved, and those props by name; what bears one name is one thing."""
-    props: dict[str, Prop] = {}
-    for goal in goals:
-        if goal.prop is not None and goal.prop.name not in props:
-            props[goal.prop.name] = copy(goal.prop)
-            props[goal.prop.name].pose = goal.prop.pose.copy()
-    return [g if g.prop is None else replace(g, prop=props[g.prop.name]) for g in goals], props
-
-
-def places_of(goals: list[Goal], props: Iterable[Prop]) -> list[Array]:
-    """Floor places (N, 2) that goals and their props lead to, in pieces."""
-    ways = [g.way for g in goals if g.way is not None]
-    ways += [g.position[:2] + _ROAMED for g in goals if g.steering is not None]
-    return [*[g.position[None, :2] for g in goals], *[p.pose[None, :2] for p in props], *ways]
-
-
-def line_errors(line: Array, joints: Array) -> tuple[float, float]:
-    """Mean and largest centimetres from a line (N, 2) to the ground track of joints (T, 23, 3), from where it
-    comes to the line's start.
-    """
-    away = 100 * off_line(resample_path(line, 0.02), smoothed_root(joints)[0])
-    return float(away.mean()), float(away.max())
-
-
-def ground_of(goals: list[Goal], environment: DistanceQuery) -> Terrain:
-    """The ground that climbs of these goals lead onto, as given or felt in the scene."""
-    climbs = [g for g in goals if BY_KEY[g.action].raises]
-    return merged(
-        g.terrain or Terrain.probe(environment, g.interaction or around(g.position)) for g in climbs
-    )
-
-
-def goal_errors(result: GoalResult, position: Array, heading: float) -> tuple[float, float]:
-    """Centimetres and degrees between a place (3,) and heading and what a goal's errors are measured to; 0
-    where there is none.
-    """
-    if result.place is None:
-        return 0.0, 0.0
-    away = np.asarray(position)[: result.axes] - np.asarray(result.place)[: result.axes]
-    return 100 * float(np.linalg.norm(away)), rotation_error(heading, result.facing)
-
-
-__all__ = ["Goal", "GoalResult", "TakeRequest", "TakeResult", "TakeRunner", "goal_errors", "pose_of"]
+__all__ = ["STAGES", "TakeRequest", "TakeResult", "TakeRunner", "roll"]

@@ -19,7 +19,7 @@ from ..session import TakeSession
 from .modal import Modal
 
 if TYPE_CHECKING:
-    from ...keys.keying import KeyedTake
+    from ...keys.keyed import KeyedTake
     from ...prepare import TakeSpec
     from ...progress import Progress
     from ...takes import Take
@@ -88,7 +88,7 @@ class TakeMaker(Modal):
         return generate(spec, scene)
 
     def _keep(self, scene: bpy.types.Scene, take: Take) -> set[str]:
-        from ...keys.keying import discard_take
+        from ...keys.keyed import discard_take
         from ...keys.report import result_lines
 
         made = _copy_of(take)
@@ -177,7 +177,7 @@ class NSM_OT_variations(TakeMaker, bpy.types.Operator):
         return generate_variations(spec, scene)
 
     def _keep(self, scene: bpy.types.Scene, value: list[Take]) -> set[str]:
-        from ...keys.keying import discard_take
+        from ...keys.keyed import discard_take
         from ...keys.report import goal_line
 
         made, before = [_copy_of(take) for take in value], KeptTakes(scene)
