@@ -36,6 +36,8 @@ from .style import OBJECT, PLAIN, KeyStyle
 from .switches import key_switches, set_switches
 from .turns import continuous, rotation_values
 
+__all__ = ["key_take", "key_take_steps", "key_things", "read_back", "resample_take"]
+
 
 def resample_take(
     hips_position: Array, local_rotations: Array, fps_from: float, fps_to: float
