@@ -57,6 +57,12 @@ def main(arguments: list[str]) -> int:
         help="share of takes composed meanwhile and put on other objects (0 for none)",
     )
     parser.add_argument(
+        "--planted",
+        type=float,
+        default=defaults.planted,
+        help="weight of the slip of standing feet in the loss (0 for none)",
+    )
+    parser.add_argument(
         "--no-stitching", action="store_true", help="train on captured pieces by themselves, to compare"
     )
     parser.add_argument(
@@ -78,6 +84,7 @@ def main(arguments: list[str]) -> int:
         rollout=RolloutSettings(length=a.rollout, root_rate=a.root_rate),
         fresh=FreshSettings(share=a.fresh),
         stitched=not a.no_stitching,
+        planted=a.planted,
         device=a.device,
     )
     ranks = Ranks.joined(a.device)

@@ -24,6 +24,8 @@ from nsm_core.rotations import Array
 
 from .batches import Batches, RolloutSettings, loss_weights, statistics
 from .fresh_takes import FreshSettings, FreshTakes
+from .planted import planted_loss
+from .precision import half_precision_pays
 from .ranks import ALONE, Ranks
 from .schedule import cosine_restarts
 
@@ -48,6 +50,7 @@ class TrainingSettings:
     weight_decay: float = 2.5e-3
     noise: float = 0.05
     averaging: float = 0.999
+    planted: float = 0.0
     seed: int = 0
     data_minutes: float = 260.0
     rollout: RolloutSettings = RolloutSettings()
@@ -155,6 +158,7 @@ class Trainer:
             ring = fresh.ring.data
             self.sources.append((Batches(ring, divide(ring)[0], self.rng, second[1], *drawing), second[0]))
         self.device, module = device_of(settings.device), kind_of(config.network).module
+        self._half = half_precision_pays(self.device)
         self.net, self.average = module(config).to(self.device), module(config).to(self.device)
         self.optimiser = torch.optim.AdamW(
             self.net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay, fused=True
@@ -235,14 +239,20 @@ class Trainer:
         # Noise is drawn on the processor, and of all rows: alike on every device and in every process.
         noise = torch.randn(self.rows, width)[self._share].to(self.device)
         inputs.features[:n, :width] += self.settings.noise * noise
-        with torch.autocast(self.device.type, torch.bfloat16):
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self._half):
             begins = np.concatenate((begins, *(b.pool_age == 0 for b, _ in self.sources)))
             out, self._memory, _ = net(inputs, self._recalled(self._memory, begins))
         stepped, at = (out.detach()[n:] * net.output_std + net.output_mean).cpu().numpy(), 0
         for batches, _ in self.sources:
             batches.step_pool(stepped[at : at + len(batches.pool_frames)])
             at += len(batches.pool_frames)
-        return (((out - y) ** 2).clamp_max(100.0) * self.weights).mean(dim=1)
+        error = (((out - y) ** 2).clamp_max(100.0) * self.weights).mean(dim=1)
+        if self.settings.planted:
+            # Of roll-outs only: rows of the data show the network noise that its feet do not stand in.
+            placed, wanted = (v[n:].float() * net.output_std + net.output_mean for v in (out, y))
+            slip = planted_loss(self._tensor(x)[n:], placed, wanted)
+            error = torch.cat((error[:n], error[n:] + self.settings.planted * slip))
+        return error
 
     def _take_in(self) -> None:
         """Let a fresh take that has come in be drawn from."""
@@ -257,7 +267,7 @@ class Trainer:
         memory, errors = net.start(sources[0][1]), []
         for (frames,), begins in sequences(sources, self.window):
             inputs, y = self._normalised(*self.validation.from_data(frames))
-            with torch.autocast(self.device.type, torch.bfloat16):
+            with torch.autocast(self.device.type, torch.bfloat16, enabled=self._half):
                 out, memory, _ = net(inputs, self._recalled(memory, begins))
             errors.append(((out - y) ** 2).mean())
         return float(torch.stack(errors).mean())
