@@ -174,6 +174,11 @@ class Director:
         """Whether the present goal has been judged, and is held or gives way to the next one."""
         return self._hold >= 0
 
+    @property
+    def resuming(self) -> bool:
+        """Whether it goes on from the next frame on, and what is commanded is still how it gave way."""
+        return self._resumes
+
     def resume(self) -> None:
         """Do what the goal asks for again from the next frame on, by a way that is looked for anew."""
         self.giving_way, self._resumes = None, True

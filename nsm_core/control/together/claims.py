@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -35,13 +35,14 @@ LEFT = {
 @dataclass
 class Claim:
     """A thing that is used by one at a time: its ``name`` and ``place`` (2,), common metres, what is done
-    with it, and who has it now.
+    with it, who has it now, and who stands in line for it, the first one first.
     """
 
     name: str
     action: str
     place: Array
     holder: Player | None = None
+    line: list[Player] = field(default_factory=list)
 
 
 class Claims:
@@ -80,21 +81,30 @@ class Claims:
         """Give things away and free; who has to wait for one now, and how far it may go on, metres."""
         wants = [(m, self.of(m, m.goal)) for m in self.players]
         for claim in self._all:
+            asking = [m for m, wanted in wants if wanted is claim and self._asks(m, claim)]
+            joining = sorted((m for m in asking if m not in claim.line), key=lambda m: (_eta(m), m.order))
+            claim.line = [m for m in claim.line if self.of(m, m.goal) is claim] + joining
             if claim.holder is not None and self._left(claim):
                 claim.holder = None
-            if claim.holder is None:
-                asking = [m for m, wanted in wants if wanted is claim]
-                asking = [m for m in asking if m.at_work or m.ahead.times[-1] < SOON or self._near(m, claim)]
-                if asking:
-                    claim.holder = min(asking, key=lambda m: (not m.at_work, _eta(m), m.order))
-                    goal = claim.holder.goal
-                    assert goal is not None
-                    claim.place = place_of(claim.holder, goal)
+                for waiting in claim.line:  # the line has moved on: nobody waits in vain
+                    waiting.patience[waiting.runner.director.index] = 0
+            if claim.holder is None and claim.line:
+                claim.holder = min(claim.line, key=lambda m: not m.at_work)
+                goal = claim.holder.goal
+                assert goal is not None
+                claim.place = place_of(claim.holder, goal)
         return [
             (m, wanted, _room(m, wanted))
             for m, wanted in wants
             if wanted is not None and wanted.holder is not None and wanted.holder is not m and not m.at_work
         ]
+
+    def before(self, one: Player, other: Player) -> Player | None:
+        """Who of two that want one thing has it first; None where they do not, or neither is in line."""
+        claim = self.of(one, one.goal)
+        if claim is None or self.of(other, other.goal) is not claim:
+            return None
+        return next((m for m in (claim.holder, *claim.line) if m is one or m is other), None)
 
     def free_for(self, player: Player, goal: Goal) -> Claim | None:
         """The thing that another has, without which a goal cannot even be begun: a box; None where it can."""
@@ -110,10 +120,14 @@ class Claims:
             return False
         if BY_KEY[claim.action].needs_destination:
             return all(g.prop is None or g.prop.name != claim.name for g in holder.runner.director.grasps)
-        return float(np.linalg.norm(holder.place - claim.place)) > LEFT[claim.action]
+        # Who is to stand beside it to the end needs it no more, and will not come farther off.
+        off = 2 * holder.radius if holder.stays and not holder.at_work else LEFT[claim.action]
+        return float(np.linalg.norm(holder.place - claim.place)) > off
 
-    def _near(self, player: Player, claim: Claim) -> bool:
-        return float(np.linalg.norm(player.place - claim.place)) < LINES[claim.action] + 0.5
+    def _asks(self, player: Player, claim: Claim) -> bool:
+        """Whether who wants a thing is at it, or comes to it soon, and so stands in line for it."""
+        near = float(np.linalg.norm(player.place - claim.place)) < LINES[claim.action] + 0.5
+        return player.at_work or near or float(player.ahead.times[-1]) < SOON
 
 
 def place_of(player: Player, goal: Goal) -> Array:

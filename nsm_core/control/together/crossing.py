@@ -70,6 +70,14 @@ def first_of(one: Player, other: Player, met: Meeting) -> Player | None:
     return one if one.order < other.order else other
 
 
+def in_place_of(one: Player, other: Player) -> bool:
+    """Whether ``one`` is about to leave the place where the way of ``other`` ends."""
+    end = other.ahead.points[-1]
+    within = one.radius + other.radius
+    stands, stays = (float(np.linalg.norm(at - end)) < within for at in (one.place, one.ahead.points[-1]))
+    return stands and not stays
+
+
 def room_before(who: Player, other: Player) -> float:
     """Metres that ``who`` may go on without coming into the way of ``other``."""
     gap = _gaps(who.ahead.points, other.ahead.points).min(1)

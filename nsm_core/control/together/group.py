@@ -146,7 +146,8 @@ class GroupRunner:
                         if other is not player and not other.done and name in other.runner.props:
                             pose = other.frame.pose_from(player.frame, prop.pose)
                             other.runner.move_prop(name, pose)
-                            self._poses[other.order][name] = pose
+                            # A copy: who moves it next moves the pose of its own prop in place.
+                            self._poses[other.order][name] = pose.copy()
                     self._poses[player.order][name] = prop.pose.copy()
 
     # --- the whole takes

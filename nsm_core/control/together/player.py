@@ -113,8 +113,9 @@ class Player:
 
     @property
     def settled(self) -> bool:
-        """Whether it stands or sits still, so that ways lead around it."""
-        return self.still > 5 or self.done
+        """Whether it stands or sits still, or comes to stand to wait, so that ways lead around it."""
+        given = self.runner.director.giving_way
+        return self.still > 5 or self.done or (given is not None and given.course is None)
 
     @property
     def giving_way(self) -> bool:
@@ -176,7 +177,10 @@ class Player:
     def _wanted(self, here: Array) -> tuple[Course | None, float]:
         """The course that leads to what is wanted, own world, and its speed; None where one stays."""
         given, led = self.runner.director.giving_way, self.runner.director.command
-        command = led if given is None else given if self.veering else self.meant
+        if given is None:
+            command = self.meant if self.runner.director.resuming else led
+        else:
+            command = given if self.veering else self.meant
         if self.done or command is None or (self.goal is None and not self.giving_way):
             return None, _PACE
         if command.course is not None:
@@ -191,8 +195,7 @@ class Player:
     def halt(self, far: float) -> None:
         """Come to stand after ``far`` common metres of the way ahead at most, without leaving it."""
         d, here = self.runner.director, self.runner.state.root[0, :2].astype(np.float64)
-        if not self.giving_way:
-            self.meant = d.command
+        self._note_meant()
         self.veering = 0
         points = self.frame.to_own(self.ahead.points)
         slowing = 0.35 * self.speed / self.frame.scale
@@ -217,8 +220,7 @@ class Player:
     def step_aside(self, way: Array) -> None:
         """Go along ``way`` (N, 2), common metres, and wait at its end."""
         own = self.frame.to_own(way)
-        if not self.giving_way:
-            self.meant = self.runner.director.command
+        self._note_meant()
         course = Course(own, float(self.runner.state.root[0, 2]), _PACE)
         course.final_heading = float(course.heading_at(np.array(course.length)))
         self.runner.director.giving_way = Command(self._gait("walk"), course=course, thing=self._held())
@@ -227,7 +229,7 @@ class Player:
     def veer(self, way: Array, frames: int) -> None:
         """Go along ``way`` (N, 2), common metres, for so many frames instead of what was meant."""
         d = self.runner.director
-        self.meant = d.command
+        self._note_meant()
         assert self.meant is not None
         course, meant = Course(self.frame.to_own(way), self.meant.heading), self.meant.course
         if meant is not None:
@@ -235,6 +237,14 @@ class Player:
         action = self.meant.action if meant is not None else self._gait("walk")
         d.giving_way = Command(action, course=course, thing=self._held())
         self.veering = self.runner.frames + frames
+
+    def _note_meant(self) -> None:
+        """Keep what was commanded before it gave way: in the frame in which it goes on that is not yet told
+        again, and what is commanded is still how it gave way.
+        """
+        d = self.runner.director
+        if d.giving_way is None and not d.resuming:
+            self.meant = d.command
 
     def go_on(self) -> None:
         """Give way no longer."""

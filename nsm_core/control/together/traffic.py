@@ -13,13 +13,14 @@ from nsm_core.rotations import Array
 
 from .bodies import OtherBody, OtherProp
 from .claims import Claim, Claims
-from .crossing import PATIENCE, ROOM, Meeting, clear_of, first_of, meeting, room_before
+from .crossing import PATIENCE, ROOM, Meeting, clear_of, first_of, in_place_of, meeting, room_before
 from .player import STEP, Player
 
 EVERY = 3  # frames between two decisions
 KEPT = 9  # frames for which a decision about two ways is kept after they meet no longer
-_SIGHT, _END = 3.0, 0.5  # metres of a way on which somebody who stands in it is seen; at its end nobody is
-_TOUCH = 0.24  # metres from the middle of a way to a body that stands in it
+_SIGHT, _END = 3.0, 0.5  # metres of a way on which somebody who stands in it is seen; of its end
+# Metres from the middle of a way to a body that stands in it, and to one that stands at its end.
+_TOUCH, _TOUCH_END = 0.24, 0.12
 _NEARER = 0.03  # metres nearer than now
 _AGAIN = 24  # frames between two looks for another way
 _DETOUR = (1.25, 0.8)  # times as long, and metres more, that a way around somebody who comes may be
@@ -102,11 +103,7 @@ class Traffic:
         key, met = (one.order, other.order), meeting(one, other)
         kept = self._pairs.get(key)
         if met is not None:
-            first = kept[0] if kept is not None else first_of(one, other, met)
-            if one.order in other.waits_for:  # for a thing that the one has: it goes first on the way, too
-                first = one
-            elif other.order in one.waits_for:
-                first = other
+            first = self._first(one, other, met)
             if first is None:
                 return
             last = other if first is one else one
@@ -130,6 +127,17 @@ class Traffic:
         far = room_before(last, first)
         if far < np.inf or last.giving_way:
             stop(last, min(far, 20.0), first, self._where(last))  # type: ignore[operator]
+
+    def _first(self, one: Player, other: Player, met: Meeting) -> Player | None:
+        """Who of two goes first where their ways meet; None where neither can give way."""
+        for a, b in ((one, other), (other, one)):
+            if in_place_of(a, b) and not in_place_of(b, a):
+                return a
+        for a, b in ((one, other), (other, one)):
+            if a.order in b.waits_for:  # for a thing that the one has: it goes first on the way, too
+                return a
+        kept = self._pairs.get((one.order, other.order))
+        return self.claims.before(one, other) or (kept[0] if kept is not None else first_of(one, other, met))
 
     def _veer(self, player: Player, first: Player, met: Meeting) -> bool:
         """Go around ``first`` without stopping, where there is room for it; whether there is."""
@@ -180,16 +188,17 @@ class Traffic:
             return
         whom, index, where = found
         since = self._blocked.setdefault(player.order, self._frame)
-        if self._frame - self._looked.get(player.order, -_AGAIN) >= _AGAIN and not player.giving_way:
+        # Whoever stands there may leave another way by now.
+        looked = self._frame - self._looked.get(player.order, -2 * _AGAIN)
+        if looked >= 2 * _AGAIN and player.still > 5 if player.giving_way else looked >= _AGAIN:
             self._looked[player.order] = self._frame
             player.go_on()
             return
         if self._frame == since or whom.giving_way and not whom.settled:
             return
         stop(player, max(0.0, (index - 5) * STEP), whom, where)  # type: ignore[operator]
-        if self._frame - self._looked.get(player.order, 0) >= 2 * _AGAIN and player.still > 5:
-            self._looked[player.order] = self._frame
-            player.go_on()  # whoever stands there may leave another way by now
+        if player.still > 5:
+            self._make_room(whom)
         if whom.stays and self._frame - since > _STAYING and player.still > 5:
             self._give_up(
                 player,
@@ -199,10 +208,10 @@ class Traffic:
 
     def _in_way(self, player: Player) -> tuple[Player, int, str] | None:
         points = player.ahead.points
-        count = min(int(_SIGHT / STEP), len(points) - 1 - int(_END / STEP))
-        if count < 1:
-            return None
+        count = min(int(_SIGHT / STEP), len(points) - 1)
         points = points[1 : 1 + count]
+        end = np.arange(1, 1 + count) >= len(player.ahead.points) - int(_END / STEP)
+        touch = np.where(end, _TOUCH_END, _TOUCH) * player.frame.scale
         best: tuple[Player, int, str] | None = None
         for other in self.players:
             if other is player or not other.settled:
@@ -211,17 +220,24 @@ class Traffic:
             gap = (np.linalg.norm(points[:, None] - centres[:, :2], axis=-1) - radii).min(1)
             now = float((np.linalg.norm(player.place - centres[:, :2], axis=-1) - radii).min())
             # Who stands beside somebody may go away from there.
-            taken = np.flatnonzero(gap < min(_TOUCH * player.frame.scale, now - _NEARER))
+            taken = np.flatnonzero(gap < np.minimum(touch, now - _NEARER))
             if len(taken) and (best is None or taken[0] < best[1]):
                 best = other, int(taken[0]), self._where(player)
         for owner, thing in self._things[player.order]:
             if thing.held:
                 continue
             own = np.insert(player.frame.to_own(points), 2, 0.9, axis=1).astype(np.float32)
-            taken = np.flatnonzero(thing.signed_distance(own, 0.5) < 0.2)
+            taken = np.flatnonzero((thing.signed_distance(own, 0.5) < 0.2) & ~end)
             if len(taken) and (best is None or taken[0] < best[1]):
                 best = owner, int(taken[0]), thing.prop.name
         return best
+
+    def _make_room(self, player: Player) -> None:
+        """Have one who waits, and stands in somebody's way, wait beside it."""
+        if player.giving_way and player.settled and not player.aside and not player.at_work:
+            way = self._nook(player, [m for m in self.players if m is not player])
+            if way is not None:
+                player.step_aside(way)
 
     # --- what is decided
 
