@@ -90,3 +90,8 @@ class TurnBack(Stage):
     def grasp(self) -> object:
         """The hands that the stage that follows puts to work."""
         return getattr(self.stage, "grasp", None)
+
+    @property
+    def approach(self) -> object:
+        """How the stage that follows comes to its place, to be looked for anew."""
+        return getattr(self.stage, "approach", None)
