@@ -11,7 +11,7 @@ from nsm_core.world.scene import furniture
 
 from ..goals.spec import GoalSpec
 from . import door_parts, room_props
-from .room import DemoRoom, floor, palette, place
+from .room import DemoRoom, floor, ladder_chair, palette, place
 
 LEFT, RIGHT, HALF_DEPTH, HEIGHT = -4.3, 6.3, 2.6, 2.5  # metres; the wall with the door stands at x = 0
 WALL = 0.12  # its thickness
@@ -57,17 +57,7 @@ def build_house(seed: int = 7) -> House:
 def _living_room(rng: np.random.Generator) -> list[bpy.types.Object]:
     tones = palette()
     table = furniture.make("table", rng, width=1.25, depth=0.78, height=0.74, legs="posts")
-    chair = furniture.make(
-        "chair",
-        rng,
-        seat_height=0.45,
-        width=0.46,
-        depth=0.44,
-        back_height=0.46,
-        thickness=0.035,
-        legs="posts",
-        back_style="ladder",
-    )
+    chair = ladder_chair(rng)
     cabinet = furniture.make("cabinet", rng, width=1.3, depth=0.42, height=0.8)
     shelf = furniture.make("shelf", rng, width=0.9, depth=0.3, height=1.75)
     made = [

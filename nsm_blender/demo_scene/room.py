@@ -69,17 +69,7 @@ def build_room(seed: int = 7, second_seat: str = "armchair") -> DemoRoom:
     made = [floor(rng, (-HALF_WIDTH, -HALF_DEPTH), (HALF_WIDTH, HALF_DEPTH)), *_walls()]
     table = furniture.make("table", rng, width=1.35, depth=0.8, height=0.74, legs="posts")
     made.append(place(table, "Table", (0.1, -0.15), np.radians(8), "Oak", "Oak"))
-    chair = furniture.make(
-        "chair",
-        rng,
-        seat_height=0.45,
-        width=0.46,
-        depth=0.44,
-        back_height=0.46,
-        thickness=0.035,
-        legs="posts",
-        back_style="ladder",
-    )
+    chair = ladder_chair(rng)
     made.append(place(chair, "Chair", (-1.72, 0.62), np.radians(63), "Walnut", "Mustard"))
     made.append(
         place(_second_seat(second_seat, rng), room.seats[1], (1.75, 1.72), np.radians(-18), "Walnut", "Teal")
@@ -157,6 +147,21 @@ def _boxes(mins: Array, maxs: Array) -> tuple[Array, list[tuple[int, ...]]]:
     vertices = np.where(corners[None] == 1, maxs[:, None], mins[:, None]).reshape(-1, 3)
     quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     return vertices, [tuple(8 * k + i for i in quad) for k in range(len(mins)) for quad in quads]
+
+
+def ladder_chair(rng: np.random.Generator) -> furniture.Furniture:
+    """The chair at the tables of both scenes."""
+    return furniture.make(
+        "chair",
+        rng,
+        seat_height=0.45,
+        width=0.46,
+        depth=0.44,
+        back_height=0.46,
+        thickness=0.035,
+        legs="posts",
+        back_style="ladder",
+    )
 
 
 def floor(rng: np.random.Generator, low: tuple[float, float], high: tuple[float, float]) -> bpy.types.Object:

@@ -3,35 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import ClassVar
 
 import bpy
 from bpy.props import StringProperty
 
 from ..properties import settings_of
-from .reporting import sentences, while_idle
+from .reporting import WhileIdle, sentences
 
 
-class _OnBones(bpy.types.Operator):
+class _OnBones(WhileIdle, bpy.types.Operator):
     """Shared by the operators on the bones of the chosen character."""
 
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
-
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not while_idle(cls):
-            return False
+    def reason_not(cls, context: bpy.types.Context) -> str:
         character = settings_of(context.scene).character
         if character is None or character.type != "ARMATURE":
-            cls.poll_message_set("No character is chosen; choose its armature first.")
-            return False
+            return "No character is chosen; choose its armature first."
         if not character.data.is_editable:
-            cls.poll_message_set(
+            return (
                 f"The armature data {character.data.name} is linked from another file; make a library "
                 "override of it."
             )
-            return False
-        return True
+        return ""
 
 
 class NSM_OT_bones_detect(_OnBones):

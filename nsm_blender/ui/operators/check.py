@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import bpy
 
 from .. import lookout, running
 from ..queue import queue_of
-from .reporting import while_idle
+from .reporting import WhileIdle
 
 
-class NSM_OT_check_goals(bpy.types.Operator):
+class NSM_OT_check_goals(WhileIdle, bpy.types.Operator):
     bl_idname = "nsm.check_goals"
     bl_label = "Check Goals"
     bl_description = (
@@ -17,16 +19,14 @@ class NSM_OT_check_goals(bpy.types.Operator):
         "window stays free meanwhile; the answer holds until something changes"
     )
 
+    bl_options: ClassVar = {"REGISTER"}  # nothing of the file changes
+
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not while_idle(cls):
-            return False
+    def reason_not(cls, context: bpy.types.Context) -> str:
         reason = running.reason_no_character(context.scene)
         if not reason and not any(row.enabled for row in queue_of(context.scene).goals):
-            reason = "No goal is enabled; add one to the list, or tick one."
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
+            return "No goal is enabled; add one to the list, or tick one."
+        return reason
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene = context.scene

@@ -3,32 +3,22 @@
 from __future__ import annotations
 
 import contextlib
-from typing import ClassVar
 
 import bpy
 
 from ..properties import settings_of
 from ..queue import queue_of
-from .reporting import while_idle
+from .reporting import InObjectMode
 
 
-class NSM_OT_example(bpy.types.Operator):
+class NSM_OT_example(InObjectMode, bpy.types.Operator):
     bl_idname = "nsm.example"
     bl_label = "Example Scene"
     bl_description = (
         "Open a furnished house with a character and five goals in a new scene; your own scenes stay as they "
         "are, in the list at the top of the window"
     )
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not while_idle(cls):
-            return False
-        if context.mode != "OBJECT":
-            cls.poll_message_set("The example is built in Object Mode; leave the present mode with Tab.")
-            return False
-        return True
+    adds = "The example is built"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         from ...demo_scene.house import build_house

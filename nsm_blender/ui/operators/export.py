@@ -12,10 +12,10 @@ from bpy.props import StringProperty
 from ..properties import settings_of
 from ..queue import queue_of
 from ..reviews import is_shown, takes_of
-from .reporting import sentences, while_idle
+from .reporting import WhileIdle, sentences
 
 
-class _Export(bpy.types.Operator):
+class _Export(WhileIdle, bpy.types.Operator):
     """Shared by both: the browser opens with the name of the character's action."""
 
     bl_options: ClassVar = {"REGISTER"}
@@ -24,13 +24,9 @@ class _Export(bpy.types.Operator):
     ending = ""
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not while_idle(cls):
-            return False
-        if action_of_character(context.scene) is None:
-            cls.poll_message_set("The character has no action; generate a take first.")
-            return False
-        return True
+    def reason_not(cls, context: bpy.types.Context) -> str:
+        acts = action_of_character(context.scene) is not None
+        return "" if acts else "The character has no action; generate a take first."
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         if not self.filepath:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
@@ -17,6 +17,7 @@ from ..properties import queue_of, settings_of, show_results, spec_of_row
 from ..reviews import remember, show, takes_of
 from ..session import TakeSession
 from .modal import Modal
+from .reporting import Guarded
 
 if TYPE_CHECKING:
     from ...keys.keyed import KeyedTake
@@ -48,18 +49,14 @@ def spec_of(scene: bpy.types.Scene) -> TakeSpec:
     )
 
 
-class TakeMaker(Modal):
+class TakeMaker(Guarded, Modal):
     """What the operators share that make a take."""
 
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
     beside = False  # whether the take that is shown stays on the list beside the new one
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        reason = running.reason_not_ready(context)
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
+    def reason_off(cls, context: bpy.types.Context) -> str:
+        return running.reason_not_ready(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Generate in one go: scripts and background mode, where no timer runs."""

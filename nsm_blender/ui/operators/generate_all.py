@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import bpy
 
@@ -17,6 +17,7 @@ from ..reviews import remember
 from ..running import reason_no_cast
 from .generate import spec_of
 from .modal import Modal
+from .reporting import Guarded
 
 if TYPE_CHECKING:
     from ...takes import Take
@@ -41,7 +42,7 @@ def group_of(scene: bpy.types.Scene) -> GroupSpec:
     )
 
 
-class NSM_OT_generate_all(Modal, bpy.types.Operator):
+class NSM_OT_generate_all(Guarded, Modal, bpy.types.Operator):
     bl_idname = "nsm.generate_all"
     bl_label = "Generate All"
     bl_description = (
@@ -49,14 +50,10 @@ class NSM_OT_generate_all(Modal, bpy.types.Operator):
         "nearer to a seat, a door or a narrow place goes first, the others wait or go around. All are keyed, "
         "or none"
     )
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        reason = reason_no_cast(context)
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
+    def reason_off(cls, context: bpy.types.Context) -> str:
+        return reason_no_cast(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Generate in one go: scripts and background mode, where no timer runs."""

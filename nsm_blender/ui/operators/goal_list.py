@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import bpy
 from bpy.props import EnumProperty
@@ -14,14 +14,14 @@ from nsm_core.world.actions import ACTIONS, Aim
 from ..properties import GOAL_TYPES, NsmGoal, action_of, queue_of, settings_of, spec_of_row
 from ..session import TakeSession
 from .modal import Modal
-from .reporting import sentences, while_idle
+from .reporting import WhileIdle, sentences
 
 if TYPE_CHECKING:
     from ...prepare import TakeSpec
     from ...world.frame import WorldFrame
 
 
-class NSM_OT_goal_add(bpy.types.Operator):
+class NSM_OT_goal_add(WhileIdle, bpy.types.Operator):
     bl_idname = "nsm.goal_add"
     bl_label = "Add Goal"
     bl_description = (
@@ -29,11 +29,6 @@ class NSM_OT_goal_add(bpy.types.Operator):
         "door opened, a crate carried (onto the active object, when that is a table), a step climbed. With "
         "nothing selected, a place to walk to at the 3D cursor"
     )
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        return while_idle(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         from ...goals.guess import asked_of
@@ -59,19 +54,12 @@ class NSM_OT_goal_add(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class _OnGoal(bpy.types.Operator):
+class _OnGoal(WhileIdle, bpy.types.Operator):
     """Shared by the operators that need an active row."""
 
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
-
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not while_idle(cls):
-            return False
-        if not len(queue_of(context.scene).goals):
-            cls.poll_message_set("The list of goals is empty; add one first.")
-            return False
-        return True
+    def reason_not(cls, context: bpy.types.Context) -> str:
+        return "The list of goals is empty; add one first." if not len(queue_of(context.scene).goals) else ""
 
 
 class NSM_OT_goal_remove(_OnGoal):
@@ -111,23 +99,18 @@ class NSM_OT_goal_to_cursor(_OnGoal):
     bl_description = "Take the place of the 3D cursor for the chosen goal"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not super().poll(context):
-            return False
-        goal = _active_goal(context)
-        if goal is None or goal.object is not None or getattr(action_of(goal), "aim", None) is not Aim.PLACE:
-            cls.poll_message_set(
-                "The chosen goal has no place of its own; choose one to walk or run and clear its object."
-            )
-            return False
-        return True
+    def reason_not(cls, context: bpy.types.Context) -> str:
+        reason, goal = super().reason_not(context), _active_goal(context)
+        if not reason and (goal is None or goal.object is not None or not _is_place(goal)):
+            return "The chosen goal has no place of its own; choose one to walk or run and clear its object."
+        return reason
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         _active_goal(context).location = context.scene.cursor.location
         return {"FINISHED"}
 
 
-class NSM_OT_goal_points(Modal, bpy.types.Operator):
+class NSM_OT_goal_points(WhileIdle, Modal, bpy.types.Operator):
     bl_idname = "nsm.goal_points"
     bl_label = "Show Goal Points"
     bl_description = (
@@ -137,20 +120,14 @@ class NSM_OT_goal_points(Modal, bpy.types.Operator):
         "swings, and its handle. "
         "Takes use them as they stand; delete one to have its place found anew"
     )
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not while_idle(cls):
-            return False
-        settings = settings_of(context.scene)
-        if settings.character is None:
-            cls.poll_message_set("No character is chosen; choose its armature, or add the bundled character.")
-            return False
+    def reason_not(cls, context: bpy.types.Context) -> str:
+        if settings_of(context.scene).character is None:
+            return "No character is chosen; choose its armature, or add the bundled character."
         if not any(goal.enabled and goal.object for goal in queue_of(context.scene).goals):
-            cls.poll_message_set("No enabled goal has an object; add an object to the list first.")
-            return False
-        return True
+            return "No enabled goal has an object; add an object to the list first."
+        return ""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Show them in one go: scripts and background mode, where no timer runs."""
@@ -190,7 +167,7 @@ def _asked(scene: bpy.types.Scene) -> TakeSpec:
     return TakeSpec(settings.character, [spec_of_row(row, number) for number, row in rows])
 
 
-class NSM_OT_door_swing(bpy.types.Operator):
+class NSM_OT_door_swing(WhileIdle, bpy.types.Operator):
     bl_idname = "nsm.door_swing"
     bl_label = "Swing to the Other Side"
     bl_description = (
@@ -198,20 +175,16 @@ class NSM_OT_door_swing(bpy.types.Operator):
         "keeps the choice as "
         "the property nsm_swing: 1 turns the leaf counter-clockwise seen from above, -1 clockwise"
     )
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def reason_not(cls, context: bpy.types.Context) -> str:
         from ...goals.registry import FINDERS
 
-        if not while_idle(cls):
-            return False
         goal = _active_goal(context)
         action = action_of(goal) if goal is not None and goal.object is not None else None
         if action is None or not FINDERS[action.key].swings:
-            cls.poll_message_set("The chosen goal opens no door; choose one that does.")
-            return False
-        return True
+            return "The chosen goal opens no door; choose one that does."
+        return ""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         from ...goals.points import HINGE, SWING, goal_point_of
@@ -245,6 +218,10 @@ def _frame_of(character: bpy.types.Object | None, scene: bpy.types.Scene) -> Wor
 def _has_point(goal: NsmGoal) -> bool:
     """Whether a row asks for something at an object; one whose action is unknown is told when it is read."""
     return goal.enabled and goal.object is not None and getattr(action_of(goal), "aim", None) is not Aim.HERE
+
+
+def _is_place(goal: NsmGoal) -> bool:
+    return getattr(action_of(goal), "aim", None) is Aim.PLACE
 
 
 def _active_goal(context: bpy.types.Context) -> NsmGoal | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import Any, ClassVar
+from typing import Any
 
 import bpy
 from bpy.props import FloatVectorProperty
@@ -16,12 +16,12 @@ from nsm_core.world.actions import ACTIONS, Aim
 from .. import running
 from ..properties import NsmGoal, action_of, queue_of, settings_of
 from .modal import VIEW_EVENTS
-from .reporting import while_idle
+from .reporting import WhileIdle
 
 _TOLD = "Click where the character is to go.   Right click or ESC: leave it as it is"
 
 
-class NSM_OT_goal_pick(bpy.types.Operator):
+class NSM_OT_goal_pick(WhileIdle, bpy.types.Operator):
     bl_idname = "nsm.goal_pick"
     bl_label = "Pick a Place"
     bl_description = (
@@ -29,13 +29,8 @@ class NSM_OT_goal_pick(bpy.types.Operator):
         "climb; a click on a wall means the floor before it. The chosen goal takes that place if it has one "
         "of its own; else a goal to walk there is added"
     )
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     location: FloatVectorProperty(name="Place", subtype="TRANSLATION", size=3)
-
-    @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        return while_idle(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Set the place that was picked."""

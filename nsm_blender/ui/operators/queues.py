@@ -11,15 +11,12 @@ from nsm_core.errors import GoalError
 
 from .. import queue_files
 from ..queue import queue_of
-from .reporting import sentences, while_idle
+from .reporting import WhileIdle, sentences
 
 
-class _OnQueue(bpy.types.Operator):
+class _OnQueue(WhileIdle, bpy.types.Operator):
+    bl_options: ClassVar = {"REGISTER"}  # files, which undo does not reach
     name: StringProperty(name="Name", description="What the queue is called", options={"SKIP_SAVE"})
-
-    @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        return while_idle(cls)
 
 
 class NSM_OT_queue_save(_OnQueue):
@@ -28,13 +25,8 @@ class NSM_OT_queue_save(_OnQueue):
     bl_description = "Keep these goals under a name, for other scenes; objects are found again by their names"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not while_idle(cls):
-            return False
-        if not len(queue_of(context.scene).goals):
-            cls.poll_message_set("The list of goals is empty; add one first.")
-            return False
-        return True
+    def reason_not(cls, context: bpy.types.Context) -> str:
+        return "The list of goals is empty; add one first." if not len(queue_of(context.scene).goals) else ""
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         return context.window_manager.invoke_props_dialog(self)

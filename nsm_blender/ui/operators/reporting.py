@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import ClassVar
 
 import bpy
 
@@ -23,9 +24,44 @@ def sentences(operator: bpy.types.Operator) -> Iterator[list[str]]:
         operator.report({"ERROR"}, str(error))
 
 
-def while_idle(operator: type[bpy.types.Operator]) -> bool:
-    """Whether no take is under way; the button of an operator that may not run meanwhile then says so."""
-    reason = running.reason_busy()
-    if reason:
-        operator.poll_message_set(reason)
-    return not reason
+class Guarded:
+    """What an operator that changes the file shares: it can be undone, and its button says why it is off."""
+
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        reason = cls.reason_off(context)
+        if reason:
+            cls.poll_message_set(reason)  # type: ignore[attr-defined]
+        return not reason
+
+    @classmethod
+    def reason_off(cls, context: bpy.types.Context) -> str:
+        """Why it cannot run now, as a sentence with what to do; empty when it can."""
+        raise NotImplementedError
+
+
+class WhileIdle(Guarded):
+    """An operator that waits while a take is under way."""
+
+    @classmethod
+    def reason_off(cls, context: bpy.types.Context) -> str:
+        return running.reason_busy() or cls.reason_not(context)
+
+    @classmethod
+    def reason_not(cls, _context: bpy.types.Context) -> str:
+        """Why it cannot run though no take is under way; empty when it can."""
+        return ""
+
+
+class InObjectMode(WhileIdle):
+    """An operator that adds objects; ``adds`` says what it does, in a sentence's beginning."""
+
+    adds = ""
+
+    @classmethod
+    def reason_not(cls, context: bpy.types.Context) -> str:
+        if context.mode == "OBJECT":
+            return ""
+        return f"{cls.adds} in Object Mode; leave the present mode with Tab."

@@ -2,35 +2,26 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import bpy
 
 from .. import reviews
 from ..properties import NsmTake, settings_of
 from ..reviews import pending, remember
-from .reporting import sentences, while_idle
+from .reporting import WhileIdle, sentences
 
 __all__ = ["CLASSES", "pending", "remember"]
 
 _NONE = "There is no take on the list; generate one first."
-_UNDO: ClassVar = {"REGISTER", "UNDO"}
 
 
-class _OfTake(bpy.types.Operator):
+class _OfTake(WhileIdle, bpy.types.Operator):
     """An operator of one take: the one at ``index``, or where that is -1 the one marked in the list."""
 
-    bl_options = _UNDO
     index: bpy.props.IntProperty(default=-1, options={"HIDDEN", "SKIP_SAVE"})
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not while_idle(cls):
-            return False
-        if not reviews.takes_of(context.scene):
-            cls.poll_message_set(_NONE)
-            return False
-        return True
+    def reason_not(cls, context: bpy.types.Context) -> str:
+        return "" if reviews.takes_of(context.scene) else _NONE
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         takes = settings_of(context.scene).takes
@@ -48,19 +39,12 @@ class _OfTake(bpy.types.Operator):
         raise NotImplementedError
 
 
-class _Review(bpy.types.Operator):
-    bl_options: ClassVar = _UNDO
-
+class _Review(WhileIdle, bpy.types.Operator):
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not while_idle(cls):
-            return False
+    def reason_not(cls, context: bpy.types.Context) -> str:
         if pending(context.scene) is None:
-            cls.poll_message_set(
-                "There is no new take to review; generate one first, or show one of the list."
-            )
-            return False
-        return True
+            return "There is no new take to review; generate one first, or show one of the list."
+        return ""
 
 
 class NSM_OT_take_accept(_Review):
@@ -151,23 +135,18 @@ class NSM_OT_take_range(_OfTake):
         setattr(scene, f"{prefix}end", record.frame_end)
 
 
-class NSM_OT_takes_clear(bpy.types.Operator):
+class NSM_OT_takes_clear(WhileIdle, bpy.types.Operator):
     bl_idname = "nsm.takes_clear"
     bl_label = "Clear Unaccepted"
     bl_description = (
         "Remove all takes of this character that are not accepted, with their actions; where one of them is "
         "shown, the character gets back what it had before"
     )
-    bl_options: ClassVar = _UNDO
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not while_idle(cls):
-            return False
-        if all(record.accepted for record in reviews.takes_of(context.scene)):
-            cls.poll_message_set("Every take on the list is accepted.")
-            return False
-        return True
+    def reason_not(cls, context: bpy.types.Context) -> str:
+        accepted = all(record.accepted for record in reviews.takes_of(context.scene))
+        return "Every take on the list is accepted." if accepted else ""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         count = 0

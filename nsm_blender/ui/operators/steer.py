@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 import bpy
 from mathutils import Vector
@@ -25,16 +25,13 @@ class NSM_OT_steer(TakeMaker, bpy.types.Operator):
         "chosen one, and any key that leads takes over again. Space or Enter keys what was recorded, ESC "
         "puts everything back"
     )
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def reason_off(cls, context: bpy.types.Context) -> str:
         reason = running.reason_busy() or running.reason_no_character(context.scene)
         if bpy.app.background:
             reason = reason or "One steers in a window; from a script, drive nsm_blender.steering.steer."
-        if reason:
-            cls.poll_message_set(reason)
-        return not reason
+        return reason
 
     def _open(self, context: bpy.types.Context, ended: Callable[[], None]) -> TakeSession:
         from ...steering import Controls, steer

@@ -3,33 +3,25 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
 
 import bpy
 
 from ..properties import settings_of
 from ..reviews import pending
-from .reporting import while_idle
+from .reporting import WhileIdle
 
 
-class NSM_OT_fit_scene(bpy.types.Operator):
+class NSM_OT_fit_scene(WhileIdle, bpy.types.Operator):
     bl_idname = "nsm.fit_scene"
     bl_label = "Set Scene End to Take"
     bl_description = "Let the scene end with the last key of the character's take"
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not while_idle(cls):
-            return False
+    def reason_not(cls, context: bpy.types.Context) -> str:
         last = last_frame(context.scene)
         if last is None:
-            cls.poll_message_set("The character has no keys yet; generate a take first.")
-            return False
-        if last == context.scene.frame_end:
-            cls.poll_message_set("The scene ends with the take already.")
-            return False
-        return True
+            return "The character has no keys yet; generate a take first."
+        return "The scene ends with the take already." if last == context.scene.frame_end else ""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene, last = context.scene, last_frame(context.scene)

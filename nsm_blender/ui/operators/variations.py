@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import bpy
 
 from .. import reviews
 from ..ghosts import action_of, ghost_at, ghosts_of, remove_ghosts
 from ..properties import NsmTake, settings_of
-from .reporting import sentences, while_idle
+from .reporting import WhileIdle, sentences
 
 
-class _WithGhosts(bpy.types.Operator):
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
-
+class _WithGhosts(WhileIdle, bpy.types.Operator):
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not while_idle(cls):
-            return False
-        if not ghosts_of(context.scene):
-            cls.poll_message_set("No variations stand beside the character; press Variations first.")
-            return False
-        return True
+    def reason_not(cls, context: bpy.types.Context) -> str:
+        shown = ghosts_of(context.scene)
+        return "" if shown else "No variations stand beside the character; press Variations first."
 
 
 class NSM_OT_variation_pick(_WithGhosts):
