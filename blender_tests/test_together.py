@@ -14,7 +14,7 @@ from nsm_blender.animation.channels import transform_of
 from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.prepare import TakeSpec
 from nsm_blender.rigs.character import add_character
-from nsm_blender.ui import running
+from nsm_blender.ui import reviews, running
 from nsm_blender.ui.operators.generate_all import NSM_OT_generate_all
 from nsm_blender.ui.reviews import takes_of
 from nsm_core.errors import GoalError
@@ -96,6 +96,25 @@ def test_one_that_cannot_be_keyed_leaves_none_keyed(cast, monkeypatch):
     with pytest.raises(RuntimeError, match="Ben: The second one fails"):
         bpy.ops.nsm.generate_all()
     assert count == ["Anna", "Ben"] and as_it_is() == before
+
+
+def test_one_that_cannot_be_listed_leaves_none_keyed(cast, monkeypatch):
+    real = reviews.note
+
+    def fails_for_ben(row, target, *given):
+        if target.name == "Ben":
+            raise GoalError("The list is full.")
+        real(row, target, *given)
+
+    monkeypatch.setattr(reviews, "note", fails_for_ben)
+    for character in cast:
+        while len(character.nsm_queue.goals) > 1:
+            character.nsm_queue.goals.remove(1)
+        character.nsm_queue.goals[0].action = "idle"
+    before = as_it_is()
+    with pytest.raises(RuntimeError, match="The list is full"):
+        bpy.ops.nsm.generate_all()
+    assert as_it_is() == before and not len(bpy.context.scene.nsm.takes)
 
 
 def test_why_all_cannot_be_generated(cast):

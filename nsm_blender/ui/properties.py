@@ -210,7 +210,10 @@ class NsmKeyed(bpy.types.PropertyGroup):
 
 
 class NsmTake(bpy.types.PropertyGroup):
-    """A take of the list; kept in the scene, so that it is saved and undone with it."""
+    """A take of the list; kept in the scene, so that it is saved and undone with it.
+
+    ``group`` is the same number for the takes of several characters that were made together, 0 for others.
+    """
 
     character: PointerProperty(type=NsmKeyed)
     things: CollectionProperty(type=NsmKeyed)
@@ -220,6 +223,7 @@ class NsmTake(bpy.types.PropertyGroup):
     keys: StringProperty(description="Checksum of the keys as they were made")
     seed: IntProperty()
     accepted: BoolProperty()
+    group: IntProperty()
 
 
 def _edited(row: NsmBone, _context: bpy.types.Context) -> None:

@@ -7,19 +7,17 @@ plays is the one shown.
 
 from __future__ import annotations
 
-import json
-import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import bpy
-import numpy as np
-from mathutils import Matrix
 
 from .ghosts import remove_ghosts
 from .kept_takes import KeptTakes
 from .properties import NsmKeyed, NsmTake, settings_of
+from .shared_things import hand_over
+from .take_records import checksum, is_pushed, is_shown, keyed, note, note_before, playing, rows_of, slot_of
 
 if TYPE_CHECKING:
     from ..keys.keyed import KeyedTake
@@ -27,44 +25,66 @@ if TYPE_CHECKING:
 
 
 def remember(scene: bpy.types.Scene, take: KeyedTake, seed: int = 0, beside: bool = False) -> NsmTake:
-    """Put a take on the list.
+    """``remember_all`` of one take; its record."""
+    remember_all(scene, [(take, seed)], beside)
+    return settings_of(scene).takes[-1]
 
-    The one that it replaces, not accepted yet and as it was made, is removed: rejecting the new one then
+
+def remember_all(
+    scene: bpy.types.Scene,
+    made: Sequence[tuple[KeyedTake, int]],
+    beside: bool = False,
+    together: bool = False,
+) -> None:
+    """Put takes, each with its seed, on the list: all or none.
+
+    The one that each replaces, not accepted yet and as it was made, is removed: rejecting the new one then
     gives back what was before both.  One that the animator has edited, or from whose end the new one goes on,
     stays as if accepted.  ``beside``: one that it is another try of stays on the list as it is.
+    ``together``: their characters act together, so that what one has moved is the others' concern, too.
     """
     from ..animation.channels import remove_unused
 
     takes, unused = settings_of(scene).takes, list[bpy.types.Action]()
-    others = [row.object for record in takes for row in _rows(record)]
-    with _whole(scene, [take.armature, *(thing.object for thing in take.things), *others]):
-        for index in reversed(range(len(takes))):
-            record = takes[index]
-            if record.character.object is None or record.character.action is None:
-                takes.remove(index)
-            elif record.character.object == take.armature and record.character.action == take.previous_action:
-                old = keyed(record)
-                same = not record.accepted and record.frame_start == take.first
-                if same and beside:
-                    _inherit_all(take, old)
-                elif same and record.keys == _checksum(old):
-                    takes.remove(index)
-                    _supersede(old, take)
-                    unused += [made.action for made in (old, *old.things)]
-                else:
-                    record.accepted = True
-        record = takes.add()
-        record.frame_start, record.frame_end, record.fps = take.first, take.last, take.fps
-        record.seed = seed
-        _note(record.character, take.armature, take, take.previous_pose)
-        for thing in take.things:
-            _note(record.things.add(), thing.object, thing, thing.previous_transform)
-        record.keys = _checksum(take)
+    listed = [row.object for record in takes for row in rows_of(record)]
+    targets = [target for take, _ in made for target in (take.armature, *(t.object for t in take.things))]
+    group = 1 + max((record.group for record in takes), default=0) if together else 0
+    with _whole(scene, [*targets, *listed]):
+        for take, seed in made:
+            unused += _make_way(scene, take, beside)
+            record = takes.add()
+            record.frame_start, record.frame_end, record.fps = take.first, take.last, take.fps
+            record.seed, record.group = seed, group
+            note(record.character, take.armature, take, take.previous_pose)
+            for thing in take.things:
+                note(record.things.add(), thing.object, thing, thing.previous_transform)
+            record.keys = checksum(take)
         settings_of(scene).active_take = len(takes) - 1
         remove_ghosts(scene, unused)  # the last that may fail: copies cannot be put back
     for action in unused:
         remove_unused(action)
-    return record
+
+
+def _make_way(scene: bpy.types.Scene, take: KeyedTake, beside: bool) -> list[bpy.types.Action]:
+    """Settle the takes that ``take`` replaces; the actions of those that are removed by it."""
+    takes, unused = settings_of(scene).takes, list[bpy.types.Action]()
+    for index in reversed(range(len(takes))):
+        record = takes[index]
+        if record.character.object is None or record.character.action is None:
+            takes.remove(index)
+        elif record.character.object == take.armature and record.character.action == take.previous_action:
+            same = not record.accepted and record.frame_start == take.first
+            if same and beside:
+                _inherit_all(take, keyed(record))
+            elif same and record.keys == checksum(keyed(record)):
+                hand_over(scene, record, {thing.object for thing in take.things})
+                old = keyed(record)
+                takes.remove(index)
+                _supersede(old, take)
+                unused += [gone.action for gone in (old, *old.things)]
+            else:
+                record.accepted = True
+    return unused
 
 
 @contextmanager
@@ -94,19 +114,6 @@ def pending(scene: bpy.types.Scene) -> NsmTake | None:
     return None
 
 
-def is_shown(record: NsmTake) -> bool:
-    """Whether the character of a take plays it now as its action."""
-    row = record.character
-    return row.object is not None and row.action is not None and row.action == _action_of(row.object)
-
-
-def is_pushed(record: NsmTake) -> bool:
-    """Whether a take is a strip of the NLA."""
-    from ..keys import strips
-
-    return strips.strip_of(record.character.object, record.character.action) is not None
-
-
 def settle(scene: bpy.types.Scene, record: NsmTake) -> None:
     """Accept a take: it stays on the list and nothing asks about it any more."""
     record.accepted = True
@@ -114,24 +121,29 @@ def settle(scene: bpy.types.Scene, record: NsmTake) -> None:
         settings_of(scene).results.clear()
 
 
-def reject(scene: bpy.types.Scene, record: NsmTake) -> None:
+def reject(scene: bpy.types.Scene, record: NsmTake) -> str:
     """Remove a take, its actions, strips and copies; where it was shown, the character and what it moved get
     their old actions and places back.
+
+    What it has moved stays with the takes that were made together with it, as long as there is one; then a
+    sentence that says so, else an empty one.
     """
     from ..animation.channels import remove_unused
     from ..keys import strips
     from ..keys.keyed import take_off
 
     shown, take = is_shown(record), keyed(record)
-    free = shown or is_pushed(record) and _action_of(take.armature) is None
+    free = shown or is_pushed(record) and playing(take.armature) is None
     _require_no_tweaking(record)
-    rows = [(row.object, row.action) for row in _rows(record)]
-    with _whole(scene, [take.armature, *(thing.object for thing in take.things)]):
+    with _whole(scene, [row.object for row in rows_of(record)]):
+        told = hand_over(scene, record)
+        take = keyed(record)
+        rows = [(row.object, row.action) for row in rows_of(record)]
         if free:
             # Another action on an object is the animator's.
-            take.things = [t for t in take.things if _action_of(t.object) in (t.action, None)]
+            take.things = [t for t in take.things if playing(t.object) in (t.action, None)]
             take_off(take)
-        for row in _rows(record):
+        for row in rows_of(record):
             _bypass(scene, row)
         _forget(scene, record)
         remove_ghosts(scene, [action for _, action in rows])  # copies cannot be put back: the last to fail
@@ -143,6 +155,7 @@ def reject(scene: bpy.types.Scene, record: NsmTake) -> None:
     finally:
         for _, action in rows:
             remove_unused(action)
+    return told
 
 
 def show(scene: bpy.types.Scene, record: NsmTake) -> None:
@@ -156,17 +169,17 @@ def show(scene: bpy.types.Scene, record: NsmTake) -> None:
     before = next((t for t in takes_of(scene, armature) if is_shown(t)), None)
     moved = {row.object for row in record.things}
     old = [] if before is None or before == record else keyed(before).things
-    targets = [*(row.object for row in _rows(record)), *(thing.object for thing in old)]
+    targets = [*(row.object for row in rows_of(record)), *(thing.object for thing in old)]
     with _whole(scene, targets):
         for thing in old:
-            if thing.object not in moved and _action_of(thing.object) == thing.action:
+            if thing.object not in moved and playing(thing.object) == thing.action:
                 take_off_thing(thing)
-        ours = {row.action for take in settings_of(scene).takes for row in _rows(take)}
-        for row in _rows(record):
-            now = _action_of(row.object)
+        ours = {row.action for take in settings_of(scene).takes for row in rows_of(take)}
+        for row in rows_of(record):
+            now = playing(row.object)
             if now is not None and now not in ours:
-                _note_before(row, now)
-            assign(row.object, row.action, _slot(row.action, row.slot))
+                note_before(row, now)
+            assign(row.object, row.action, slot_of(row.action, row.slot))
             row.object.update_tag(refresh={"TIME"})
         bpy.context.view_layer.update()
 
@@ -177,11 +190,11 @@ def push(scene: bpy.types.Scene, record: NsmTake) -> None:
     from ..keys import strips
 
     _require_no_tweaking(record)
-    rows = list(_rows(record))
+    rows = list(rows_of(record))
     with restored_on_failure(Kept(scene, [row.object for row in rows])):
         try:
             for row in rows:
-                strips.push(row.object, row.action, _slot(row.action, row.slot))
+                strips.push(row.object, row.action, slot_of(row.action, row.slot))
         except BaseException:
             _pull(record)
             raise
@@ -198,81 +211,15 @@ def pull(scene: bpy.types.Scene, record: NsmTake) -> None:
 def _pull(record: NsmTake) -> None:
     from ..keys import strips
 
-    for row in _rows(record):
+    for row in rows_of(record):
         strips.pull(row.object, row.action)
 
 
 def _require_no_tweaking(record: NsmTake) -> None:
     from ..keys import strips
 
-    for row in _rows(record):
+    for row in rows_of(record):
         strips.require_no_tweaking(row.object)
-
-
-def keyed(record: NsmTake) -> KeyedTake:
-    """What a take of the list has keyed; objects and actions that are gone by now are passed over."""
-    from ..keys.keyed import KeyedTake
-    from ..keys.objects import KeyedThing
-
-    row = record.character
-    things = [
-        KeyedThing(
-            t.object,
-            t.action,
-            _slot(t.action, t.slot),
-            t.previous_action,
-            _slot(t.previous_action, t.previous_slot),
-            t.previous_fake_user,
-            _values(t.previous_values),
-        )
-        for t in record.things
-        if t.object is not None and t.action is not None
-    ]
-    return KeyedTake(
-        row.object,
-        row.action,
-        _slot(row.action, row.slot),
-        record.frame_start,
-        record.frame_end,
-        record.fps,
-        row.previous_action,
-        _slot(row.previous_action, row.previous_slot),
-        row.previous_fake_user,
-        _values(row.previous_values),
-        things,
-    )
-
-
-def _rows(record: NsmTake) -> Iterator[NsmKeyed]:
-    """What a take has keyed; objects and actions that are gone by now are passed over."""
-    rows = (record.character, *record.things)
-    return (row for row in rows if row.object is not None and row.action is not None)
-
-
-def _note(row: NsmKeyed, target: bpy.types.Object, made: KeyedTake | KeyedThing, values: Any) -> None:
-    row.object, row.action, row.slot = target, made.action, getattr(made.slot, "handle", 0)
-    row.previous_action, row.previous_slot = made.previous_action, getattr(made.previous_slot, "handle", 0)
-    row.previous_fake_user = made.previous_fake_user
-    row.previous_values = json.dumps(_plain(values))
-
-
-def _note_before(row: NsmKeyed, action: bpy.types.Action | None) -> None:
-    """Note what an object has now as what a take replaces."""
-    from ..animation.channels import curves_in, transform_of
-    from ..keys.keyed import pose_of
-
-    data = row.object.animation_data
-    if row.object.type == "ARMATURE":
-        curves = curves_in(row.action, _slot(row.action, row.slot))
-        values = pose_of(row.object, placed=any(curve.data_path == "location" for curve in curves))
-    else:
-        values = transform_of(row.object)
-    slot = getattr(data, "action_slot", None) if action is not None else None
-    row.previous_action, row.previous_slot = action, getattr(slot, "handle", 0)
-    row.previous_values = json.dumps(_plain(values))
-    row.previous_fake_user = bool(action and action.use_fake_user)
-    if action is not None:
-        action.use_fake_user = True  # or it would be lost with the file's next save
 
 
 def _forget(scene: bpy.types.Scene, record: NsmTake) -> None:
@@ -284,7 +231,7 @@ def _forget(scene: bpy.types.Scene, record: NsmTake) -> None:
 def _bypass(scene: bpy.types.Scene, gone: NsmKeyed) -> None:
     """Have takes that replaced an action which goes away give back what that one replaced."""
     for record in settings_of(scene).takes:
-        for row in _rows(record):
+        for row in rows_of(record):
             if row != gone and row.object == gone.object and row.previous_action == gone.action is not None:
                 row.previous_action, row.previous_slot = gone.previous_action, gone.previous_slot
                 row.previous_fake_user = gone.previous_fake_user
@@ -297,7 +244,7 @@ def _supersede(old: KeyedTake, new: KeyedTake) -> None:
 
     again = {thing.object for thing in new.things}
     for thing in old.things:
-        if thing.object not in again and _action_of(thing.object) == thing.action:
+        if thing.object not in again and playing(thing.object) == thing.action:
             take_off_thing(thing)
     _inherit_all(new, old)
 
@@ -321,52 +268,3 @@ def _inherit(new: KeyedTake | KeyedThing, old: KeyedTake | KeyedThing) -> None:
         old.previous_slot,
         old.previous_fake_user,
     )
-
-
-def _checksum(take: KeyedTake) -> str:
-    """Of all keys of a take, its things' included."""
-    from ..animation.channels import curves_in
-
-    total = 0
-    for made in (take, *take.things):
-        for curve in curves_in(made.action, made.slot):
-            places = np.empty(2 * len(curve.keyframe_points), np.float32)
-            curve.keyframe_points.foreach_get("co", places)
-            total = zlib.crc32(
-                f"{curve.data_path}[{curve.array_index}]".encode(), zlib.crc32(places.tobytes(), total)
-            )
-    return f"{total:08x}"
-
-
-def _action_of(target: bpy.types.Object) -> bpy.types.Action | None:
-    return target.animation_data.action if target.animation_data else None
-
-
-def _slot(action: bpy.types.Action | None, handle: int) -> Any | None:
-    return next((s for s in getattr(action, "slots", ()) if s.handle == handle), None)
-
-
-def _plain(values: Any) -> Any:
-    """Matrices, vectors and tuples as JSON can hold them."""
-    if isinstance(values, dict):
-        return {name: _plain(value) for name, value in values.items()}
-    if isinstance(values, (str, int, float)):
-        return values
-    kind = "matrix" if isinstance(values, Matrix) else "list"
-    plain = [list(row) for row in values] if kind == "matrix" else [_plain(value) for value in values]
-    return {kind: plain} if kind == "matrix" else plain
-
-
-def _values(text: str) -> Any:
-    """What ``_plain`` was given, tuples for lists."""
-    return _back(json.loads(text or "[]"))
-
-
-def _back(value: Any) -> Any:
-    if isinstance(value, dict):
-        return (
-            Matrix(value["matrix"])
-            if "matrix" in value
-            else {name: _back(part) for name, part in value.items()}
-        )
-    return tuple(_back(part) for part in value) if isinstance(value, list) else value

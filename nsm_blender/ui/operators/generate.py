@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +15,12 @@ from .. import running
 from ..ghosts import remove_ghosts, show_ghosts
 from ..kept_takes import KeptTakes
 from ..properties import queue_of, settings_of, show_results, spec_of_row
-from ..reviews import remember, show, takes_of
+from ..reviews import remember, remember_all, show, takes_of
 from ..session import TakeSession
 from .modal import Modal
 from .reporting import Guarded
 
 if TYPE_CHECKING:
-    from ...keys.keyed import KeyedTake
     from ...prepare import TakeSpec
     from ...progress import Progress
     from ...takes import Take
@@ -85,16 +85,11 @@ class TakeMaker(Guarded, Modal):
         return generate(spec, scene)
 
     def _keep(self, scene: bpy.types.Scene, take: Take) -> set[str]:
-        from ...keys.keyed import discard_take
         from ...keys.report import result_lines
 
-        made = _copy_of(take)
-        try:
+        with listed_or_discarded(scene, [take]):
             lines = result_lines(take.report, take.keyed.frame_start, scene.frame_end)
             remember(scene, take.keyed, self._spec.seed, self.beside)
-        except BaseException:  # a take that nobody could reject
-            discard_take(made)
-            raise
         settings_of(scene).seed = self._spec.seed
         show_results(settings_of(scene), lines)
         for goal, (text, good) in zip(take.report["goals"], lines, strict=False):
@@ -102,9 +97,22 @@ class TakeMaker(Guarded, Modal):
         return {"FINISHED"}
 
 
-def _copy_of(take: Take) -> KeyedTake:
-    """What a take has keyed and replaced, as it is now."""
-    return replace(take.keyed, things=[replace(thing) for thing in take.keyed.things])
+@contextmanager
+def listed_or_discarded(scene: bpy.types.Scene, takes: Sequence[Take]) -> Iterator[None]:
+    """Put takes on the list inside; where that fails, the list is as before and they are discarded, since
+    nobody could reject them.
+    """
+    from ...keys.keyed import discard_take
+
+    made = [replace(t.keyed, things=[replace(thing) for thing in t.keyed.things]) for t in takes]
+    before = KeptTakes(scene)
+    try:
+        yield
+    except BaseException:
+        before.restore()
+        for take in reversed(made):
+            discard_take(take)
+        raise
 
 
 def next_seed(scene: bpy.types.Scene) -> int:
@@ -174,27 +182,23 @@ class NSM_OT_variations(TakeMaker, bpy.types.Operator):
         return generate_variations(spec, scene)
 
     def _keep(self, scene: bpy.types.Scene, value: list[Take]) -> set[str]:
-        from ...keys.keyed import discard_take
         from ...keys.report import goal_line
 
-        made, before = [_copy_of(take) for take in value], KeptTakes(scene)
         labels = [f"Variation {number}" for number in range(1, len(value) + 1)]
         lines = [
             (f"{label}: {goal_line(goal)}", bool(goal["reached"]))
             for label, take in zip(labels, value, strict=True)
             for goal in take.report["goals"]
         ]
-        try:
-            for number, take in enumerate(value):
-                remember(scene, take.keyed, self._spec.seed + number, self.beside)
+        with listed_or_discarded(scene, value):
+            made = [(take.keyed, self._spec.seed + number) for number, take in enumerate(value)]
+            remember_all(scene, made, self.beside)
             show(scene, next(t for t in takes_of(scene) if t.character.action == value[0].keyed.action))
-            show_ghosts(scene, [take.keyed for take in value[1:]], labels[1:])
-        except BaseException:
-            remove_ghosts(scene)
-            before.restore()
-            for take in made:
-                discard_take(take)
-            raise
+            try:
+                show_ghosts(scene, [take.keyed for take in value[1:]], labels[1:])
+            except BaseException:
+                remove_ghosts(scene)
+                raise
         settings_of(scene).seed = self._spec.seed
         show_results(settings_of(scene), lines)
         return {"FINISHED"}

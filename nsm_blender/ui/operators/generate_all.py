@@ -13,9 +13,9 @@ from nsm_core.errors import NsmError
 from ..group_session import GroupSession
 from ..properties import settings_of, show_results, spec_of_row
 from ..queue import cast_of
-from ..reviews import remember
+from ..reviews import remember_all
 from ..running import reason_no_cast
-from .generate import spec_of
+from .generate import listed_or_discarded, spec_of
 from .modal import Modal
 from .reporting import Guarded
 
@@ -76,12 +76,14 @@ class NSM_OT_generate_all(Guarded, Modal, bpy.types.Operator):
         from ...keys.report import result_lines
 
         lines: list[tuple[str, bool]] = []
-        for take, spec in zip(takes, self._group.takes, strict=True):
+        with listed_or_discarded(scene, takes):
+            made = [(take.keyed, spec.seed) for take, spec in zip(takes, self._group.takes, strict=True)]
+            remember_all(scene, made, together=True)
+        for take in takes:
             name = take.keyed.armature.name
             told = result_lines(take.report, take.keyed.frame_start, scene.frame_end)
             lines += [(f"{name}: {text}", good) for text, good in told]
             lines += [(f"{name} {wait}", True) for wait in take.report["waits"]]
-            remember(scene, take.keyed, spec.seed)
             for goal, (text, good) in zip(take.report["goals"], told, strict=False):
                 self.report({"INFO" if goal["reached"] and good else "WARNING"}, f"{name}: {text}")
         show_results(settings_of(scene), lines)

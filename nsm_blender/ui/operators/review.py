@@ -47,6 +47,11 @@ class _Review(WhileIdle, bpy.types.Operator):
         return ""
 
 
+def _tell(operator: bpy.types.Operator, sentence: str) -> None:
+    if sentence:
+        operator.report({"INFO"}, sentence)
+
+
 class NSM_OT_take_accept(_Review):
     bl_idname = "nsm.take_accept"
     bl_label = "Accept"
@@ -67,7 +72,7 @@ class NSM_OT_take_reject(_Review):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with sentences(self):
-            reviews.reject(context.scene, pending(context.scene))
+            _tell(self, reviews.reject(context.scene, pending(context.scene)))
             return {"FINISHED"}
         return {"CANCELLED"}
 
@@ -99,7 +104,7 @@ class NSM_OT_take_remove(_OfTake):
     )
 
     def do(self, scene: bpy.types.Scene, record: NsmTake) -> None:
-        reviews.reject(scene, record)
+        _tell(self, reviews.reject(scene, record))
 
 
 class NSM_OT_take_push(_OfTake):
@@ -152,7 +157,7 @@ class NSM_OT_takes_clear(WhileIdle, bpy.types.Operator):
         count = 0
         with sentences(self):
             while rest := [t for t in reviews.takes_of(context.scene) if not t.accepted]:
-                reviews.reject(context.scene, rest[-1])
+                _tell(self, reviews.reject(context.scene, rest[-1]))
                 count += 1
         self.report({"INFO"}, f"{count} {'take was' if count == 1 else 'takes were'} removed.")
         return {"FINISHED"}
