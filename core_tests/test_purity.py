@@ -24,6 +24,7 @@ TORCH_ROOMS = ("model/networks/", "training/", "evaluation/", "commands/train.py
 STEPPING_ROOMS = ("world", "body", "model", "control", "data/captures", "evaluation/measures")
 ASIDE = (
     "world/assets/", "model/networks/nsm.py", "model/networks/trainable.py", "model/networks/allocator.py",
+    *(f"model/networks/{module}.py" for module in ("encoded", "mlp", "lstm", "gated")),
     "evaluation/measures/data_baseline.py", "__main__.py",
 )  # fmt: skip
 # Floors of the house from below; a file directly in nsm_core belongs to the ground.  Rooms of one floor do

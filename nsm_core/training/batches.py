@@ -16,7 +16,7 @@ from nsm_core.conventions import DT, FOOT_CONTACTS, INTERACTIONS
 from nsm_core.data.storage import Dataset
 from nsm_core.model.features.codec import build_inputs, build_targets, read_outputs
 from nsm_core.model.features.layout import FRAME, INPUT, OUTPUT
-from nsm_core.model.features.rollout_step import advance
+from nsm_core.model.features.rollout_step import Blending, advance
 from nsm_core.model.features.state import FUTURE, KEY_STEP, State
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 
@@ -36,6 +36,13 @@ class RolloutSettings:
     planted_rate: float = 0.02  # the same for feet that stand: they are put right in their next swing
     furthest: float = 0.6  # metres of root drift, or of mean joint error times four, that end a roll-out
     turned: float = 0.9  # radians of heading drift that end it
+    teacher: float = 0.0  # share of its frames at which a roll-out is put back onto the data, by chance
+    blending: Blending = Blending()  # of the bi-directional scheme, as takes of the network are stepped
+
+    @classmethod
+    def one_step(cls) -> RolloutSettings:
+        """The paper's training: none of its own frames comes back to the network."""
+        return cls(length=1)
 
 
 def _rigid(state: State, shift: Array, turn: Array, decay: Array) -> State:
@@ -196,7 +203,7 @@ class Batches:
         start anew.
         """
         s = self.settings
-        state = advance(self.pool_state, read_outputs(outputs, self.pool_state))
+        state = advance(self.pool_state, read_outputs(outputs, self.pool_state), s.blending)
         self.pool_frames = self.pool_frames + 1
         self.pool_age += 1
         self.drift = 0.98 * self.drift + 0.02 * np.array((self._shift.mean(), self._error.mean()))
@@ -206,6 +213,10 @@ class Batches:
         rows = np.flatnonzero(over)
         if len(rows):
             self._restart(rows, state)
+        if s.teacher > 0:  # what it remembers goes on
+            told = np.flatnonzero(~over & (self._own.random(len(over)) < s.teacher))
+            if len(told):
+                state.assign(told, self.data.state(self.pool_frames[told]))
         self._give_goals(state)
         self.pool_state = state
 

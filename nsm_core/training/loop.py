@@ -15,17 +15,20 @@ def run_training(trainer: Trainer, checkpoint: Path, log: Log) -> None:
     """Train to the last step; the first of several processes writes ``checkpoint``, weights and ``log``."""
     from tqdm import tqdm
 
-    s, first = trainer.settings, trainer.ranks.first
-    started, saved = time.time(), time.time()
+    first = trainer.ranks.first
+    started, saved, begun = time.time(), time.time(), time.monotonic()
     sums, count = np.zeros(2), 0
-    bar = tqdm(total=s.steps, initial=trainer.step, unit="step", mininterval=5, disable=not first)
-    while trainer.step < s.steps:
+    bar = tqdm(total=trainer.total, initial=trainer.step, unit="step", mininterval=5, disable=not first)
+    while trainer.step < trainer.total:
         sums += trainer.train_step()
         count += 1
+        now = time.monotonic()
+        trainer.spend(now - begun)
+        begun, bar.total = now, trainer.total
         bar.update()
         if not first:
             continue
-        if trainer.step % 200 == 0 or trainer.step == s.steps:
+        if trainer.step % 200 == 0 or trainer.step == trainer.total:
             data, rollout = sums / count
             drift, pose = trainer.batches.drift
             row = (
@@ -42,7 +45,7 @@ def run_training(trainer: Trainer, checkpoint: Path, log: Log) -> None:
                 f"data {data:.4f} roll-out {rollout:.4f} drift {drift * 100:.1f} cm pose {pose * 100:.1f} cm"
             )
             sums, count = np.zeros(2), 0
-        if time.time() - saved > 120 or trainer.step == s.steps:
+        if time.time() - saved > 120 or trainer.step == trainer.total:
             trainer.save(checkpoint)
             trainer.export(checkpoint.with_name("nsm.npz"))
             log.plot()

@@ -78,11 +78,15 @@ def velocities(clip: Clip) -> Array:
     goes.
     """
     positions, _ = clip.world()
-    root, heading = smoothed_root(positions)
+    return local_velocities(positions, *smoothed_root(positions))
+
+
+def local_velocities(positions: Array, root: Array, heading: Array) -> Array:
+    """As ``velocities``, of world joints (T, J, 3) whose roots are (T, 2) and (T,)."""
     local = positions.copy()
     local[..., :2] -= root[:, None]
     local = rotate_planar(local, -heading[:, None])
-    return gaussian_smooth(np.gradient(local, axis=0) * FPS, 1.0).reshape(len(clip), -1).astype(np.float32)
+    return gaussian_smooth(np.gradient(local, axis=0) * FPS, 1.0).reshape(len(local), -1).astype(np.float32)
 
 
 def train(

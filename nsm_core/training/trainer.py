@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,7 @@ class TrainingSettings:
     """
 
     steps: int = 40000
+    minutes: float = 0.0  # of training after which it ends instead, whatever its steps; 0 for none
     data_batch: int = 192
     pool: int = 320
     window: int = 8
@@ -57,6 +58,8 @@ class TrainingSettings:
     fresh: FreshSettings = FreshSettings()
     stitched: bool = True
     device: str = "cpu"
+    without: tuple[str, ...] = ()  # parts of its input that the network never reads
+    phase: str = "labels"  # where the data's phase is from: "labels", or "pae" for what was measured of it
 
 
 def read_checkpoint(path: str | Path) -> dict[str, Any]:
@@ -139,7 +142,8 @@ class Trainer:
         self.settings, self.config, self.ranks = settings, config, ranks
         torch.manual_seed(settings.seed)
         self.rng = np.random.default_rng((settings.seed, seed_offset))
-        drawing = (settings.rollout, ranks.share, ranks.draws(self.rng, settings.seed, seed_offset))
+        rollout = replace(settings.rollout, teacher=max(settings.rollout.teacher, config.teacher))
+        drawing = (rollout, ranks.share, ranks.draws(self.rng, settings.seed, seed_offset))
         mine, kept = divide(data)
         if not len(kept):  # few clips, none of them kept by its name: whole takes are
             takes = data.arrays["start"][mine]
@@ -160,6 +164,7 @@ class Trainer:
         self.device, module = device_of(settings.device), kind_of(config.network).module
         self._half = half_precision_pays(self.device)
         self.net, self.average = module(config).to(self.device), module(config).to(self.device)
+        self.blind()
         self.optimiser = torch.optim.AdamW(
             self.net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay, fused=True
         )
@@ -170,7 +175,8 @@ class Trainer:
         self._all = self.window * (self.rows + pool)  # rows of a step, of all processes
         held = len(self._share) + sum(len(b.pool_frames) for b, _ in self.sources)
         self._memory = self.net.start(held)  # of the last frame's rows, the data's first
-        self.step = 0
+        self.step, self.total = 0, settings.steps
+        self.spent = 0.0  # seconds of training, those before it was resumed too
         self.stance: dict[str, object] | None = None
         self.meaning: Meaning | None = None  # of the data, if they tell it
         self.origin: dict[str, str] = {}  # what the data and the first weights were, for the metadata
@@ -183,6 +189,11 @@ class Trainer:
         stats = statistics(self.batches)
         self.net.set_statistics(floor=1e-4, **stats)
         self.average.refresh(self.net)
+
+    def blind(self) -> None:
+        """Take what the settings say from the network's sight."""
+        for part in self.settings.without:
+            self.net.blind(part)
 
     def _tensor(self, values: Array) -> torch.Tensor:
         return torch.from_numpy(values).to(self.device)
@@ -207,7 +218,7 @@ class Trainer:
         """
         s, n = self.settings, len(self._share)
         for group in self.optimiser.param_groups:
-            factor = cosine_restarts(self.step, s.steps)
+            factor = cosine_restarts(self.step, self.total)
             group["lr"], group["weight_decay"] = s.learning_rate * factor, s.weight_decay * factor
         self._take_in()
         # Roll-outs go on with what they remember, but gradients end where the step begins.
@@ -279,6 +290,7 @@ class Trainer:
             "average": self.average.state_dict(),
             "optimiser": self.optimiser.state_dict(),
             "step": self.step,
+            "spent": self.spent,
         }
         with output(path, "The checkpoint") as temporary:
             try:
@@ -300,6 +312,16 @@ class Trainer:
         for group in self.optimiser.param_groups:
             group["fused"] = True
         self.step = state["step"]
+        self.spend(float(state.get("spent", 0.0)))
+
+    def spend(self, seconds: float) -> None:
+        """Tell that training took ``seconds`` more; where minutes end it, they say how many steps there will
+        be.
+        """
+        self.spent += seconds
+        if (limit := 60 * self.settings.minutes) > 0:
+            used = self.spent / limit
+            self.total = self.step if used >= 1 else max(self.step + 1, round(self.step / max(used, 1e-3)))
 
     def export(self, path: Path) -> Path:
         """Write the averaged network as a weights file with its settings and the credits of its data."""

@@ -29,6 +29,14 @@ class Blending:
     future_pose: bool = True  # velocities led by the pose seen from one second ahead (second part)
 
 
+BLENDINGS = {
+    "both": Blending(),
+    "trajectory": Blending(future_pose=False),
+    "pose": Blending(goal_centric=False),
+    "none": Blending(False, False),
+}
+
+
 def goal_centric_weights(distance: Array) -> Array:
     """Weights (B, 6) of the goal-centric keys at ``distance`` (B, 6), metres, from their goals.
 

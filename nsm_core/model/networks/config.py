@@ -24,6 +24,8 @@ class NetworkConfig:
     """
 
     network: ClassVar[str]  # its name in the registry and in weights files
+    # Share of a roll-out's frames in training at which it is put back onto the data (teacher forcing).
+    teacher: ClassVar[float] = 0.0
 
     frame: int = INPUT.width("frame")
     goal: int = INPUT.width("goal")

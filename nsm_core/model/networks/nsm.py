@@ -14,13 +14,12 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from nsm_core.model.features.layout import Inputs
+from nsm_core.rotations import Array
 
+from .encoded import Encoded, dense, fold_in
+from .gate_features import GATE_PARTS, modulated_columns
 from .nsm_config import NsmConfig
-from .trainable import Tensors, Trainable
-
-# A feature whose deviation grows by more than this was not alive in the old data; its weights mean nothing
-# and are kept as drawn.
-_UNKNOWN = 4.0
+from .trainable import Tensors
 
 
 class _MixExperts(torch.autograd.Function):
@@ -79,97 +78,80 @@ class ExpertLinear(nn.Module):
         return _MixExperts.apply(x, coefficients, self.weight) + coefficients.to(self.bias.dtype) @ self.bias
 
 
-class Encoder(nn.Module):
-    """Two dense layers, ELU after both."""
-
-    def __init__(self, inputs: int, outputs: int, dropout: float) -> None:
-        super().__init__()
-        self.layers = nn.ModuleList((_dense(inputs, outputs), _dense(outputs, outputs)))
-        self.dropout = dropout
-
-    def forward(self, x: Tensor) -> Tensor:
-        """Encode (B, in) into (B, out)."""
-        for layer in self.layers:
-            x = F.elu(layer(F.dropout(x, self.dropout, self.training)))
-        return x
-
-
-class NSM(Trainable):
-    """Neural State Machine: encoders, gating network and blended prediction network."""
+class Blended(Encoded):
+    """Encoders and a prediction network whose weights are blended; a subclass says by which coefficients."""
 
     config: NsmConfig
 
-    def __init__(self, config: NsmConfig | None = None) -> None:
-        c = config or NsmConfig()
-        super().__init__(c)
-        self.encoders = nn.ModuleList(
-            Encoder(i, o, c.dropout) for i, o in zip(c.parts, c.encoded, strict=True)
-        )
-        widths = (c.gating, c.gating_hidden, c.gating_hidden, c.experts)
-        self.gating = nn.ModuleList(_dense(i, o) for i, o in zip(widths[:-1], widths[1:], strict=True))
-        # A small last layer lets all experts learn from the first step, instead of those that the draw
-        # favours.
-        self.gating[-1].weight.data.mul_(0.1)
+    def __init__(self, config: NsmConfig) -> None:
+        super().__init__(config)
+        self.build_gate()
+        c = config
         widths = (sum(c.encoded), c.hidden, c.hidden, c.outputs)
         self.experts = nn.ModuleList(
             ExpertLinear(c.experts, i, o) for i, o in zip(widths[:-1], widths[1:], strict=True)
         )
 
-    def coefficients(self, gating: Tensor) -> Tensor:
-        """Blending coefficients (B, K), float32, of normalised gating features (B, gating)."""
-        h = F.dropout(gating, self.config.dropout, self.training)
-        for layer in self.gating[:-1]:
-            h = F.dropout(F.elu(layer(h)), self.config.dropout, self.training)
-        return torch.softmax(self.gating[-1](h).float(), dim=-1)
+    def build_gate(self) -> None:
+        """Make what the coefficients are computed with, if that has parameters."""
+
+    def coefficients(self, inputs: Inputs[Tensor]) -> Tensor:
+        """Blending coefficients (B, K), float32, of normalised inputs."""
+        raise NotImplementedError
 
     def forward(self, inputs: Inputs[Tensor], memory: Tensors) -> tuple[Tensor, Tensors, Tensors]:
         """As ``Trainable.forward``; there is no memory, and the info "experts" are the coefficients
         (B, K).
         """
-        coefficients = self.coefficients(inputs.gating)
-        parts = inputs.features.split(self.config.parts, dim=-1)
-        h = torch.cat([encoder(part) for encoder, part in zip(self.encoders, parts, strict=True)], dim=-1)
+        coefficients = self.coefficients(inputs)
+        h = self.encode(inputs)
         for i, layer in enumerate(self.experts):
             h = layer(F.dropout(h, self.config.dropout, self.training), coefficients)
             h = F.elu(h) if i < len(self.experts) - 1 else h
         return h.float(), {}, {"experts": coefficients}
 
-    @torch.no_grad()
-    def renormalise(self, old: dict[str, Tensor]) -> None:
-        """First and last layers take up the change of means and deviations; features that the old data did
-        not have start as drawn.
-        """
-        ratio, shift = self._change(old, "input")
-        at = 0
-        for encoder, width in zip(self.encoders, self.config.parts, strict=True):
-            _into(
-                encoder.layers[0].weight,
-                encoder.layers[0].bias,
-                ratio[at : at + width],
-                shift[at : at + width],
-            )
-            at += width
-        _into(self.gating[0].weight, self.gating[0].bias, *self._change(old, "gating"))
-        last, scale = self.experts[-1], old["output_std"] / self.output_std
-        last.weight.mul_(scale[None, :, None])
-        last.bias.mul_(scale).add_((old["output_mean"] - self.output_mean) / self.output_std)
-
-    def _change(self, old: dict[str, Tensor], name: str) -> tuple[Tensor, Tensor]:
-        """Old normalised value = new one times ratio plus shift, (size,) each."""
-        ratio = getattr(self, f"{name}_std") / old[f"{name}_std"]
-        shift = (getattr(self, f"{name}_mean") - old[f"{name}_mean"]) / old[f"{name}_std"]
-        unknown = ratio > _UNKNOWN
-        return torch.where(unknown, 1.0, ratio), torch.where(unknown, 0.0, shift)
+    @property
+    def last(self) -> Any:
+        """The layer that gives the outputs."""
+        return self.experts[-1]
 
 
-def _into(weight: Tensor, bias: Tensor, ratio: Tensor, shift: Tensor) -> None:
-    bias.add_(weight @ shift)
-    weight.mul_(ratio)
+class NSM(Blended):
+    """Neural State Machine: encoders, gating network and blended prediction network."""
 
+    def __init__(self, config: NsmConfig | None = None) -> None:
+        super().__init__(config or NsmConfig())
 
-def _dense(inputs: int, outputs: int) -> nn.Linear:
-    """Dense layer with Glorot-normal weights and zero bias, as the release's encoders."""
-    layer = nn.Linear(inputs, outputs)
-    nn.init.xavier_normal_(layer.weight)
-    nn.init.zeros_(layer.bias)
-    return layer
+    def build_gate(self) -> None:
+        """Three dense layers."""
+        c = self.config
+        widths = (c.gates, c.gating_hidden, c.gating_hidden, c.experts)
+        self.gating = nn.ModuleList(dense(i, o) for i, o in zip(widths[:-1], widths[1:], strict=True))
+        # A small last layer lets all experts learn from the first step, instead of those that the draw
+        # favours.
+        self.gating[-1].weight.data.mul_(0.1)
+
+    def gate_features(self, inputs: Inputs[Tensor]) -> Tensor:
+        """What the gating network is fed (B, gates), of normalised inputs."""
+        return inputs.gating
+
+    def coefficients(self, inputs: Inputs[Tensor]) -> Tensor:
+        """As ``Blended.coefficients``, by the gating network."""
+        h = F.dropout(self.gate_features(inputs), self.config.dropout, self.training)
+        for layer in self.gating[:-1]:
+            h = F.dropout(F.elu(layer(h)), self.config.dropout, self.training)
+        return torch.softmax(self.gating[-1](h).float(), dim=-1)
+
+    def reader(self, part: str) -> tuple[Tensor, Any]:
+        """As ``Encoded.reader``, and of what gates, parts of ``GATE_PARTS``."""
+        if part not in GATE_PARTS:
+            return super().reader(part)
+        return self.gating[0].weight, self.gate_columns(part)
+
+    def gate_columns(self, part: str) -> Array:
+        """Columns of what the gating network is fed that a part of ``GATE_PARTS`` fills."""
+        return modulated_columns(part)
+
+    def refit_gate(self, old: dict[str, Tensor]) -> None:
+        """As ``Encoded.refit_gate``."""
+        fold_in(self.gating[0].weight, self.gating[0].bias, *self.change(old, "gating"))

@@ -9,6 +9,7 @@ from nsm_core.rotations import Array
 from nsm_core.threads import one_thread
 
 from .config import Memory
+from .layers_numpy import dense, elu, softmax
 from .nsm_config import NsmConfig
 from .protocol import Info, Weights
 
@@ -32,7 +33,9 @@ class NumpyNsm:
             [(p[f"encoders.{e}.layers.{i}.weight"], p[f"encoders.{e}.layers.{i}.bias"]) for i in range(2)]
             for e in range(4)
         ]
-        self._gating = [(p[f"gating.{i}.weight"], p[f"gating.{i}.bias"]) for i in range(3)]
+        self._gating = [
+            (p[f"gating.{i}.weight"], p[f"gating.{i}.bias"]) for i in range(3) if f"gating.{i}.weight" in p
+        ]
         self._experts = [(p[f"experts.{i}.weight"], p[f"experts.{i}.bias"]) for i in range(3)]
         self._bounds = np.cumsum(self.config.parts)[:-1]
 
@@ -52,23 +55,38 @@ class NumpyNsm:
 
     def _predict(self, x: Array, gating: Array) -> tuple[Array, Array]:
         s = self._statistics
-        coefficients = self.gate((gating - s["gating_mean"]) / s["gating_std"])
-        h = self.mix(self.encode((x - s["input_mean"]) / s["input_std"]), coefficients)
+        normalised = Inputs(
+            (x - s["input_mean"]) / s["input_std"], (gating - s["gating_mean"]) / s["gating_std"]
+        )
+        coefficients = self.coefficients(normalised)
+        h = self.mix(self.encode(normalised.features), coefficients)
         return h * s["output_std"] + s["output_mean"], coefficients
 
+    def coefficients(self, inputs: Inputs[Array]) -> Array:
+        """Coefficients (B, K) by which normalised inputs blend the experts."""
+        return self.gate(inputs.gating)
+
+    def physical(self, inputs: Inputs[Array]) -> Inputs[Array]:
+        """Normalised inputs in physical units again."""
+        s = self._statistics
+        return Inputs(
+            inputs.features * s["input_std"] + s["input_mean"],
+            inputs.gating * s["gating_std"] + s["gating_mean"],
+        )
+
     def gate(self, gating: Array) -> Array:
-        """Coefficients (B, K) of normalised gating features (B, gating); papers/000 section 3.2."""
+        """Coefficients (B, K) of what the gating network is fed, (B, gates); papers/000 section 3.2."""
         h = gating
         for weight, bias in self._gating[:-1]:
-            h = _elu(_dense(weight, bias, h))
-        return _softmax(_dense(*self._gating[-1], h))
+            h = elu(dense(weight, bias, h))
+        return softmax(dense(*self._gating[-1], h))
 
     def encode(self, x: Array) -> Array:
         """Four encodings side by side, (B, sum of encoders), of normalised inputs (B, inputs)."""
         encodings = []
         for layers, h in zip(self._encoders, np.split(x, self._bounds, axis=1), strict=True):
             for weight, bias in layers:
-                h = _elu(_dense(weight, bias, h))
+                h = elu(dense(weight, bias, h))
             encodings.append(h)
         return np.concatenate(encodings, axis=1)
 
@@ -77,27 +95,14 @@ class NumpyNsm:
         h, blend = encoded, _mix_one if len(encoded) == 1 else _mix_many
         for i, (weight, bias) in enumerate(self._experts):
             h = blend(weight, h, coefficients) + coefficients @ bias
-            h = _elu(h) if i < len(self._experts) - 1 else h
+            h = elu(h) if i < len(self._experts) - 1 else h
         return h
-
-
-def _dense(weight: Array, bias: Array, h: Array) -> Array:
-    return h @ weight.T + bias
-
-
-def _elu(x: Array) -> Array:
-    return np.where(x > 0, x, np.expm1(np.minimum(x, 0)))
-
-
-def _softmax(x: Array) -> Array:
-    e = np.exp(x - x.max(axis=1, keepdims=True))
-    return e / e.sum(axis=1, keepdims=True)
 
 
 def _mix_one(weight: Array, h: Array, coefficients: Array) -> Array:
     """Blend the experts' products (K, out, in) for one character: only experts that count are read."""
     c, v = coefficients[0], h[0]
-    active = np.flatnonzero(c > NEGLIGIBLE)
+    active = np.flatnonzero(np.abs(c) > NEGLIGIBLE)
     # None counts where the coefficients are not numbers: let that show in the result.
     if len(active) in (0, len(c)):
         products = (weight.reshape(-1, weight.shape[2]) @ v).reshape(len(c), -1)

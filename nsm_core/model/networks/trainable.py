@@ -44,6 +44,10 @@ class Trainable(nn.Module):
         """
         raise NotImplementedError
 
+    def blind(self, part: str) -> None:
+        """Let the network never learn to read a part of what it is given, by its name."""
+        raise NotImplementedError
+
     def start(self, batch: int) -> Tensors:
         """Memory of ``batch`` characters before their first frame, where the parameters are."""
         return {
@@ -55,6 +59,11 @@ class Trainable(nn.Module):
         """Inputs in physical units as ``forward`` takes them."""
         x, gating = inputs
         return Inputs((x - self.input_mean) / self.input_std, (gating - self.gating_mean) / self.gating_std)
+
+    def physical(self, inputs: Inputs[Tensor]) -> Inputs[Tensor]:
+        """Normalised inputs in physical units again."""
+        x, gating = inputs
+        return Inputs(x * self.input_std + self.input_mean, gating * self.gating_std + self.gating_mean)
 
     def step(self, inputs: Inputs[Tensor], memory: Tensors) -> tuple[Tensor, Tensors, Tensors]:
         """Predict in physical units: as ``forward``, with normalisation before and after."""
