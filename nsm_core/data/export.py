@@ -15,11 +15,11 @@ from nsm_core.conventions import INTERACTIONS
 from nsm_core.distances import BOX_READS, SEAT_MEMORY
 from nsm_core.errors import CaptureError
 from nsm_core.files import output
-from nsm_core.model.features.layout import CELLS
+from nsm_core.model.features.layout import CELLS, ENVIRONMENT
 from nsm_core.model.features.meaning import meaning
 from nsm_core.rotations import Array
 from nsm_core.world.assets.pool import Pool
-from nsm_core.world.scene.furniture import cuboids
+from nsm_core.world.scene.furniture import Furniture, cuboids
 from nsm_core.world.sensors.environment import environment_sensor_many
 from nsm_core.world.sensors.interaction import interaction_sensor
 
@@ -30,6 +30,7 @@ from .scenarios.registry import drawn
 from .scenarios.take import Annotated, ComposedTake, Piece, annotate, goal_tables
 from .storage import FIELDS, OBJECT_FIELDS
 
+_LEVEL = 0.01  # metres of the floor's height that are read at once
 HELD_BACK_CLIPS = 20  # one clip in so many is kept for validation
 
 
@@ -90,16 +91,49 @@ def _environment(take: ComposedTake, root: Array) -> Array:
     """Environment sensor (T, 1408) at roots (T, 3): what stands, and what moves where it is in each frame."""
     still = [(p.furniture, p.position, p.heading) for p in take.obstacles]
     still += [(t.furniture, t.poses[:3], float(t.poses[3])) for t in take.things if not t.moves]
-    values = environment_sensor_many(cuboids(still), root[:, :2], root[:, 2])
+    if take.level is None:
+        values = environment_sensor_many(cuboids(still), root[:, :2], root[:, 2])
+    else:
+        values = _on_levels(take, take.level, still, root)
     for thing in take.things:
         if not thing.moves:
             continue
         change = np.flatnonzero(np.abs(np.diff(thing.poses, axis=0)).max(axis=1) > 1e-5) + 1
         for a, b in zip([0, *change], [*change, len(take)], strict=True):
             there = cuboids([(thing.furniture, thing.poses[a, :3], float(thing.poses[a, 3]))])
+            near = slice(a, b) if take.level is None else _on_level_of(take.level, a, b)
             np.maximum(
-                values[a:b], environment_sensor_many(there, root[a:b, :2], root[a:b, 2]), out=values[a:b]
+                values[near], environment_sensor_many(there, root[near, :2], root[near, 2]), out=values[near]
             )
+    return values
+
+
+def _on_level_of(level: Array, first: int, end: int) -> slice:
+    """Of the frames ``first`` to ``end`` those about their middle in which the floor stays as high."""
+    middle = (first + end - 1) // 2
+    off = np.flatnonzero(np.abs(level[first:end] - level[middle]) > 0.01) + first
+    before, after = off[off < middle], off[off > middle]
+    return slice(int(before[-1]) + 1 if len(before) else first, int(after[0]) if len(after) else end)
+
+
+def _on_levels(
+    take: ComposedTake, level: Array, still: list[tuple[Furniture, Array, float]], root: Array
+) -> Array:
+    """Environment sensor (T, 1408) of one whose floor rises and sinks, among pieces that stand on the floor
+    of who comes nearest to them, and flights.
+    """
+    settled = np.flatnonzero(~take.rises())
+    settled = settled if len(settled) else np.arange(len(take))
+    solids = [(p.furniture, np.asarray(p.position), p.heading) for p in take.flights]
+    for piece, position, heading in still:
+        away = np.linalg.norm(root[settled, :2] - position[:2], axis=1)
+        solids.append((piece, np.append(position[:2], level[settled[away.argmin()]]), heading))
+    values = np.empty((len(take), ENVIRONMENT), np.float32)
+    changes = np.flatnonzero(np.diff(np.round(level / _LEVEL))) + 1
+    for a, b in zip([0, *changes], [*changes, len(take)], strict=True):
+        down = np.array((0.0, 0.0, float(level[a:b].mean())))
+        there = cuboids([(piece, place - down, heading) for piece, place, heading in solids])
+        values[a:b] = environment_sensor_many(there, root[a:b, :2], root[a:b, 2])
     return values
 
 

@@ -89,6 +89,32 @@ class Tape:
         """
         self.hold(int(self.frames[-1]), int(seconds * FPS), 1, seam=False)
 
+    def stretch(self, first: int, rate: Array) -> Array:
+        """Play frames from ``first`` on at ``rate`` (n,), shares of their pace; returns when (n,) each of
+        them is shown now, frames counted from ``first``.
+        """
+        count = len(self) - first
+        when = np.concatenate(([0.0], np.cumsum(1 / rate[:-1])))
+        y = np.interp(np.arange(int(when[-1]) + 1), when, np.arange(count))
+        i = np.minimum(y.astype(int), count - 1)
+        w = y - i
+        frames = np.array(self.frames[first:])
+        roots, headings = np.array(self.roots[first:]), np.array(self.headings[first:])
+        seams = np.array([s - first for s in self.seams if s >= first], dtype=int)
+        j = np.minimum(i + 1, count - 1)
+        step = np.where(np.isin(j, seams), 1.0, frames[j] - frames[i])
+        step[frames[i] + 2 > self.lib.end[frames[i].astype(int)]] = 0.0
+        self.trim(first)
+        moved = tuple(int(np.searchsorted(y, s)) for s in seams)
+        self.lay(
+            frames[i] + w * step,
+            roots[i] + w[:, None] * (roots[j] - roots[i]),
+            headings[i] + w * (headings[j] - headings[i]),
+            seams=moved,
+            seam=False,
+        )
+        return when
+
     def trim(self, length: int) -> None:
         """Drop frames from ``length`` on; commands stay."""
         del self.frames[length:], self.roots[length:], self.headings[length:]

@@ -40,6 +40,7 @@ from .furnishing import furnish, keep_clear
 from .motion import Motion
 from .registry import SCENARIOS
 from .session import Session
+from .stairs.episode import StairEpisode
 from .take import ComposedTake, Piece, TimedCommand
 
 SHORTEST = 90  # frames of a take
@@ -144,8 +145,12 @@ def _finish(session: Session, shortest: int) -> ComposedTake | None:
         episode.finish(motion)
         if not np.isfinite(motion.hips).all():  # spoilt by this one: nothing for the others to fit
             return None
+    flights = [episode.placed(motion) for episode in session.episodes if isinstance(episode, StairEpisode)]
     motion.contacts[:, FOOT_CONTACTS] = motion.feet & _slow(motion)
     if not (np.isfinite(motion.hips).all() and np.isfinite(motion.rotations).all()):
+        return None
+    standing = [flight for flight in flights if flight is not None]
+    if len(standing) < len(flights):
         return None
     take = ComposedTake(
         motion.hips.astype(np.float32),
@@ -158,6 +163,8 @@ def _finish(session: Session, shortest: int) -> ComposedTake | None:
         motion.phase_keys,
         _provenance(session, frames),
         _told_phase(session),
+        motion.level if flights else None,
+        standing,
     )
     fixed = len(take.obstacles)
     furnish(take, motion.roots, session, rng)
@@ -183,6 +190,7 @@ def _slow(motion: Motion) -> Array:
     sliding.
     """
     toes = forward_kinematics(motion.hips, motion.rotations)[0][:, [leg[3] for leg in FEET]]
+    toes[..., 2] += motion.level[:, None]
     speed = np.linalg.norm(np.gradient(toes, axis=0), axis=-1) * FPS
     return speed < RESTING
 

@@ -73,7 +73,7 @@ def _wall_with_a_hole(
     wall.
     """
     step = roots[10:] - roots[:-10]
-    moving = np.flatnonzero(np.linalg.norm(step, axis=1) > 0.25)
+    moving = np.flatnonzero((np.linalg.norm(step, axis=1) > 0.25) & ~take.rises()[10:])
     for _ in range(FURNISHINGS.tries_of_hole):
         if not len(moving):
             return

@@ -24,7 +24,8 @@ class Motion:
     it was laid on; ``feet`` (T, 2) bool, right and left foot stand; ``contacts`` (T, 5) and ``labels`` (T, 7)
     as in ``Take`` (feet are copied into the contacts at the end); ``commands`` of the session, to be
     completed in place; ``things``, ``obstacles`` that belong to an episode (a wall about a door, a table
-    under a box) and ``phase_keys`` to be added to.
+    under a box) and ``phase_keys`` to be added to.  ``level`` (T,) metres by which the floor that all is told
+    over lies over that of the world: stairs raise it.
     """
 
     hips: Array
@@ -39,10 +40,12 @@ class Motion:
     things: list[Thing] = field(default_factory=list)
     obstacles: list[Placed] = field(default_factory=list)
     phase_keys: list[int] = field(default_factory=list)
+    level: Array = field(init=False)
 
     def __post_init__(self) -> None:
         self.contacts = np.zeros((len(self), len(CONTACTS)), np.float32)
         self.labels = np.zeros((len(self), len(STYLES)), np.float32)
+        self.level = np.zeros(len(self))
 
     def __len__(self) -> int:
         return len(self.hips)

@@ -1,7 +1,7 @@
 """How each action is composed, by its key (see ``nsm_core.world.actions``), in the order of the draws of a
 seed.
 
-Standing is part of every take, and so has none of its own.
+Standing is part of every take, and so has none of its own; stairs are no action, but on the way of a walk.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from .open.draws import OPENS
 from .scenario import Scenario, episode
 from .sit import episode as sit
 from .sit.draws import SITS
+from .stairs import episode as stairs
+from .stairs.draws import STAIRS
 from .walk import ways
 from .walk.draws import RUNS, WALKS
 
@@ -32,6 +34,7 @@ SCENARIOS: dict[str, Scenario] = {
     "climb": Scenario(0.14, episode(climb.lay), None, climb.segments, 2, CLIMBS),
     "walk": Scenario(0.1, ways.walk, single_clips.walk_clip, draws=WALKS),
     "run": Scenario(0.07, ways.run, single_clips.run_clip, draws=RUNS),
+    "stairs": Scenario(0.16, episode(stairs.lay), None, draws=STAIRS),
 }
 
 

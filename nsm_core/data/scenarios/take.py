@@ -40,7 +40,9 @@ class TimedCommand:
 
 @dataclass(frozen=True)
 class Placed:
-    """A piece of furniture in the world: ``position`` (2,), metres, and ``heading``."""
+    """A piece of furniture in the world: ``position`` (2,), or (3,) where it does not stand on the floor of
+    the walker beside it, metres, and ``heading``.
+    """
 
     furniture: Furniture
     position: Array
@@ -103,6 +105,8 @@ class ComposedTake:
     actions with an object (``conventions.INTERACTIONS``), the other columns are filled by rule; ``things``
     are sensed, ``obstacles`` only in the way.
     ``phase`` (T,), cycles, where the captures' sidecars say it, NaN where it goes by rule; None: nowhere.
+    Everything is told over the floor of the walker, which lies ``level`` (T,) metres over that of the world:
+    it rises along ``flights`` of stairs, whose places (3,) are in the world.  None: it is level.
     """
 
     hips: Array
@@ -115,9 +119,18 @@ class ComposedTake:
     phase_keys: list[int] = field(default_factory=list)
     provenance: list[Piece] = field(default_factory=list)
     phase: Array | None = None
+    level: Array | None = None
+    flights: list[Placed] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.hips)
+
+    def rises(self) -> Array:
+        """Frames (T,) within a second of which the floor of the walker rises or sinks."""
+        if self.level is None:
+            return np.zeros(len(self), bool)
+        changes = np.abs(np.gradient(self.level)) > 1e-4
+        return np.convolve(changes, np.ones(2 * FPS + 1), mode="same") > 0.5
 
 
 _SHORTEST_CYCLE = 10  # frames

@@ -61,7 +61,7 @@ def lay(session: Session) -> ClimbEpisode | None:
     straight = min(rng.uniform(*CLIMBS.straight_end), 0.8 * float(np.linalg.norm(way)))
     if not session.go(place, heading, straight_end=straight, speed=float(rng.uniform(*CLIMBS.speed))):
         return None
-    holds = _holds(session, start)
+    holds = holds_of(session, start)
     # One climbs the way one comes over the last step or two.
     roots = np.array(tape.roots[start:])
     far = np.flatnonzero(np.linalg.norm(roots - roots[-1], axis=1) > 0.7)
@@ -122,7 +122,7 @@ def _way_down(session: Session, climb: ClimbEpisode, before: int) -> Crossing | 
     """The crossing that leaves the top in the way laid since ``before``; None where feet cannot keep off the
     edges.
     """
-    holds = _holds(session, climb.start)
+    holds = holds_of(session, climb.start)
     block = climb.block
     new = [k for k, h in enumerate(holds) if h.first >= before]
     if not new:
@@ -145,7 +145,7 @@ def _way_down(session: Session, climb: ClimbEpisode, before: int) -> Crossing | 
     return down if down.follows - down.landing <= np.interp(block.height, (0.2, 0.35), (9, 4)) else None
 
 
-def _holds(session: Session, start: int) -> list[Foothold]:
+def holds_of(session: Session, start: int) -> list[Foothold]:
     """Footholds of the tape from the hold that lasts at frame ``start`` on."""
     lib, tape = session.lib, session.tape
     first = max(start - 20, 0)
@@ -214,33 +214,14 @@ def _put(
 
 def _slow(session: Session, c: Crossing, height: float, first: int, up: bool = True) -> Crossing:
     """Stretch the tape's frames from ``first`` on in time about a crossing, more for higher steps."""
-    rng, tape, lib = session.rng, session.tape, session.lib
+    rng, tape = session.rng, session.tape
     count = len(tape) - first
     slowest = float(np.interp(height, (0.15, 0.35, 0.6), (0.8, 0.62, 0.45)) * rng.uniform(*CLIMBS.slowness))
     rise = (c.both - c.landing + 6 if up else 0.8 * (c.landing - c.lift) + 4) / FPS
     slowest = float(np.clip(min(slowest, rise * TOP_SPEED / max(height, 0.05)), 0.3, 0.95))
     t = np.arange(first, first + count)
     rate = np.where((t > c.lift - 4) & (t < c.both + 3), slowest, 1.0)
-    rate = gaussian_smooth(rate, 3.0).clip(0.25, 1)
-    when = np.concatenate(([0.0], np.cumsum(1 / rate[:-1])))  # new time of each old frame, from ``first``
-    y = np.interp(np.arange(int(when[-1]) + 1), when, np.arange(count))
-    i = np.minimum(y.astype(int), count - 1)
-    w = y - i
-    frames = np.array(tape.frames[first:])
-    roots, headings = np.array(tape.roots[first:]), np.array(tape.headings[first:])
-    seams = np.array([s - first for s in tape.seams if s >= first], dtype=int)
-    j = np.minimum(i + 1, count - 1)
-    step = np.where(np.isin(j, seams), 1.0, frames[j] - frames[i])
-    step[frames[i] + 2 > lib.end[frames[i].astype(int)]] = 0.0
-    tape.trim(first)
-    moved = tuple(int(np.searchsorted(y, s)) for s in seams)
-    tape.lay(
-        frames[i] + w * step,
-        roots[i] + w[:, None] * (roots[j] - roots[i]),
-        headings[i] + w * (headings[j] - headings[i]),
-        seams=moved,
-        seam=False,
-    )
+    when = tape.stretch(first, gaussian_smooth(rate, 3.0).clip(0.25, 1))
     new = [
         first + int(np.ceil(when[min(max(f - first, 0), count - 1)]))
         for f in (c.lift, c.landing, c.follows, c.both)

@@ -79,7 +79,7 @@ def climb(
     shifts = np.where(within[:, None], shifts, 0)
     first = min((h.first for h, w in zip(holds, within, strict=True) if w), default=span[0])
     last = span[1]
-    rotations = _leaned(rotations, lean)
+    rotations = leaned(rotations, lean)
     positions, world = forward_kinematics(hips.astype(np.float64), rotations.astype(np.float64))
     feet, toes = world[:, ANKLES], positions[:, TOES].copy()
     moved, gaps = np.zeros_like(toes), []
@@ -127,7 +127,7 @@ def climb(
             result[changed] = place_limbs(
                 stood[changed], result[changed], LEGS, targets[changed], feet[changed]
             )
-            up = _heels_up(result[changed])
+            up = heels_up(result[changed])
             feet[changed] = quat_mul(feet[changed], up)
             # Toes stay flat where the heel comes up.
             result[changed, TOES[0] : TOES[0] + 1] = quat_mul(
@@ -169,11 +169,11 @@ def _shrink_back(hips: Array, rotations: Array, block: Block) -> Array:
             )
             need = np.where(np.abs(out) > np.abs(need), out, need)
     return rotate_planar(
-        _smooth(_widest(need.clip(0), 6) - _widest((-need).clip(0), 6), 8), np.full(len(need), block.heading)
+        _smooth(widest(need.clip(0), 6) - widest((-need).clip(0), 6), 8), np.full(len(need), block.heading)
     )
 
 
-def _widest(values: Array, half: int) -> Array:
+def widest(values: Array, half: int) -> Array:
     """Greatest of (T, n) within ``half`` frames to each side."""
     return np.lib.stride_tricks.sliding_window_view(
         np.pad(values, ((half, half), (0, 0)), mode="edge"), 2 * half + 1, axis=0
@@ -252,10 +252,10 @@ def _lowering(hips: Array, before: Array, targets: Array, on: Array) -> Array:
     need = np.clip(np.where(on > 0.5, down, 0), 0, None).max(-1)
     if not need.any():
         return need
-    return _smooth(_widest(need[:, None], 5), 5)[:, 0]
+    return _smooth(widest(need[:, None], 5), 5)[:, 0]
 
 
-def _heels_up(rotations: Array) -> Array:
+def heels_up(rotations: Array) -> Array:
     """Turns (T, 2, 4) of the feet, in their frames, that raise heels where a shin leans further over its foot
     than ankles bend.
     """
@@ -276,7 +276,7 @@ def _smooth(values: Array, half: int) -> Array:
     )
 
 
-def _leaned(rotations: Array, lean: Array) -> Array:
+def leaned(rotations: Array, lean: Array) -> Array:
     """Bend the spine forward by ``lean`` (T,) radians, spread over its joints; the head takes half of it
     back.
     """

@@ -1,0 +1,1 @@
+"""Flights of stairs that are walked up and down."""
