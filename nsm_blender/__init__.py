@@ -75,6 +75,17 @@ def __dir__() -> list[str]:
 
 def register() -> None:
     """Add operators, panel and scene settings to Blender; a second call changes nothing."""
+    from .collecting import PutOff
+
+    with PutOff():
+        _register()
+    # The wheel complains of leaks, and can hang, when a program ends with classes registered.
+    if bpy.app.module:
+        atexit.unregister(unregister)
+        atexit.register(unregister)
+
+
+def _register() -> None:
     from .ui import operators, overlays, panels, preferences, properties, watch
 
     for cls in (
@@ -97,10 +108,6 @@ def register() -> None:
     operators.help.install()
     overlays.install()
     watch.install()
-    # The wheel complains of leaks, and can hang, when a program ends with classes registered.
-    if bpy.app.module:
-        atexit.unregister(unregister)
-        atexit.register(unregister)
 
 
 def unregister() -> None:

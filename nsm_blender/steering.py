@@ -20,9 +20,10 @@ from nsm_core.model.inference import model as inference_model
 from nsm_core.world.actions import Aim, require_action, require_learned
 
 from .keys.layers import require_keyable
+from .network import load_network, shipped_model
 from .prepare import TakeSpec, prepare, require_character
 from .progress import Progress, waited
-from .takes import Take, key_and_check, loading_model, shipped_model
+from .takes import Take, key_and_check
 
 _SIDES = {  # what keys add to where one goes: ahead of the camera, to its right
     "W": (1, 0), "UP_ARROW": (1, 0), "S": (-1, 0), "DOWN_ARROW": (-1, 0),
@@ -124,7 +125,7 @@ def steer(
     """
     require_character(spec.character, scene)
     require_keyable(spec.character)
-    loading = loading_model() if model is None else None
+    loading = load_network() if model is None else None
     request, frame, things = yield from prepare(spec, scene, needs_goals=False)
     if loading is not None:
         model = yield from waited("Loading the network", lambda _: loading.join() or shipped_model())

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Generator
-from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import bpy
@@ -16,7 +13,7 @@ import bpy
 from nsm_core.control.take import TakeRequest, TakeResult, TakeRunner
 from nsm_core.control.timing import played_in_time, retimed, rounds
 from nsm_core.conventions import FPS
-from nsm_core.errors import GoalError, NsmError
+from nsm_core.errors import GoalError
 from nsm_core.model.features.meaning import remark
 from nsm_core.model.inference import model as inference_model
 from nsm_core.rotations import Array
@@ -34,6 +31,7 @@ from .keys.objects import MovedObject
 from .keys.report import build_report
 from .keys.root_motion import require_root
 from .keys.shown import look_at
+from .network import load_network, shipped_model
 from .overlays.kept import remember_take
 from .prepare import TakeSpec, prepare, require_character
 from .progress import Progress, finish, staged, waited
@@ -62,26 +60,6 @@ class Take:
     frame: WorldFrame
 
 
-@lru_cache(maxsize=2)
-def shipped_model(path: str | None = None) -> inference_model.Model:
-    """Load the bundled network, once per session; WeightsError says what to do when it is missing."""
-    return inference_model.load_model(path)
-
-
-def loading_model() -> threading.Thread:
-    """Have the bundled network loaded while the scene is read; what goes wrong is told where the network is
-    needed.
-    """
-
-    def load() -> None:
-        with suppress(NsmError):
-            shipped_model()
-
-    thread = threading.Thread(target=load, daemon=True)
-    thread.start()
-    return thread
-
-
 def generate(
     spec: TakeSpec, scene: bpy.types.Scene, model: inference_model.Model | None = None
 ) -> Generator[Progress, None, Take]:
@@ -93,7 +71,7 @@ def generate(
     require_character(spec.character, scene)
     require_keyable(spec.character)
     require_root(spec.character, spec.root_motion)
-    loading = loading_model() if model is None else None
+    loading = load_network() if model is None else None
     request, frame, things = yield from prepare(spec, scene)
     for goal in request.goals:
         require_room_for(goal, request.environment)

@@ -11,8 +11,8 @@ ROOT = Path(__file__).resolve().parents[2]
 # What menus and panels are made of.
 SMALL = {
     "nsm_blender", "nsm_blender.animation", "nsm_blender.animation.identity",
-    "nsm_blender.animation.rate", "nsm_blender.goals", "nsm_blender.goals.icons",
-    "nsm_blender.goals.spec", "nsm_blender.overlays", "nsm_blender.overlays.layers",
+    "nsm_blender.animation.rate", "nsm_blender.collecting", "nsm_blender.goals", "nsm_blender.goals.icons",
+    "nsm_blender.goals.spec", "nsm_blender.overlays", "nsm_blender.overlays.layers", "nsm_blender.warm_up",
     "nsm_core", "nsm_core.earlier", "nsm_core.errors", "nsm_core.world", "nsm_core.world.actions",
 }  # fmt: skip
 CODE = """

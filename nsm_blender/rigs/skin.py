@@ -157,31 +157,44 @@ def _sampled(
     rows = rng.choice(len(corners), _POINTS, p=area / area.sum())
     share = rng.dirichlet((1.0, 1.0, 1.0), _POINTS)
     points = (share[..., None] * places[corners[rows]]).sum(1)
-    main = corners[rows, share.argmax(1)]
-    groups = [bones.get(group.name) for group in skin.vertex_groups]
-    held = {vertex: _held(mesh.vertices[vertex], groups) for vertex in set(main.tolist())}
-    kept = [row for row, vertex in enumerate(main.tolist()) if held[vertex] is not None]
-    if not kept:
+    main, each = np.unique(corners[rows, share.argmax(1)], return_inverse=True)
+    joints, moves, held = _held(mesh, main, [bones.get(group.name) for group in skin.vertex_groups])
+    kept = held[each.reshape(-1)]
+    if not kept.any():
         return None
-    joints, moved = zip(*(held[vertex] for vertex in main[kept].tolist()), strict=True)
-    moves = np.array(moved)
+    each = each.reshape(-1)[kept]
+    joints, moves = joints[each], moves[each]
     moves[np.abs(np.linalg.det(moves)) < 1e-9] = np.eye(4)
     back = np.linalg.inv(moves)
     points = np.einsum("nij,nj->ni", back[:, :3, :3], points[kept]) + back[:, :3, 3]
-    return points, np.array(joints), float(area.sum())
+    return points, joints, float(area.sum())
 
 
-def _held(vertex: bpy.types.MeshVertex, groups: list[tuple[int, Array] | None]) -> tuple[int, Array] | None:
-    """The joint that carries a vertex most, and by what (4, 4) its bones have moved it from the rest pose."""
-    weights = [(g.weight, groups[g.group]) for g in vertex.groups if g.group < len(groups)]
-    held = [(weight, *bone) for weight, bone in weights if bone is not None and weight > 0]
-    if not held:
-        return None
-    carried: dict[int, float] = {}
-    for weight, joint, _ in held:
-        carried[joint] = carried.get(joint, 0.0) + weight
-    moved = sum(weight * move for weight, _, move in held) / sum(weight for weight, *_ in held)
-    return max(carried, key=lambda joint: carried[joint]), moved
+def _held(
+    mesh: bpy.types.Mesh, vertices: Array, groups: list[tuple[int, Array] | None]
+) -> tuple[Array, Array, Array]:
+    """The joints (N,) that carry vertices (N,) most, by what (N, 4, 4) their bones have moved them from the
+    rest pose, and whether any bone does (N,).
+    """
+    places = mesh.vertices
+    told = [(i, g.group, g.weight) for i, v in enumerate(vertices.tolist()) for g in places[v].groups]
+    row, group, weight = (np.array(c) for c in zip(*told, strict=True)) if told else np.zeros((3, 0), int)
+    bone = np.array([-1 if moved is None else moved[0] for moved in groups] or [-1])
+    used = (weight > 0) & (group < len(groups)) & (bone[np.minimum(group, len(bone) - 1)] >= 0)
+    row, group, weight = row[used], group[used], weight[used].astype(np.float64)
+    joint, move = bone[group], np.array([np.eye(4) if moved is None else moved[1] for moved in groups])
+    shape = len(vertices), len(JOINTS)
+    share, first = np.zeros(shape), np.full(shape, len(row))
+    sums, moves = np.zeros(shape[0]), np.zeros((shape[0], 4, 4))
+    np.add.at(share, (row, joint), weight)
+    np.minimum.at(first, (row, joint), np.arange(len(row)))
+    if len(row):
+        np.add.at(sums, row, weight)
+        np.add.at(moves, row, weight[:, None, None] * move[group])
+    held = sums > 0
+    moves[held] /= sums[held, None, None]
+    most = np.where(share == share.max(1, keepdims=True), first, len(row) + 1).argmin(1)
+    return most, moves, held  # of joints that carry as much, the first
 
 
 def _in_t_pose(points: Array, joints: Array, armature: bpy.types.Object, placement: Placement) -> Array:

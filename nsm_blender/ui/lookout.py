@@ -4,7 +4,6 @@ changes.
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Callable, Generator
 from contextlib import nullcontext, suppress
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     from ..prepare import TakeSpec
     from ..progress import Progress
 
-_log = logging.getLogger(__name__)
 _BUDGET, _TICK = 0.02, 0.02  # seconds of work at a time, and between two
 _REST = 0.4  # seconds without a change after which one looks again
 _BUSY = 0.5  # seconds until one asks again whether playback, or a take, has ended
@@ -131,7 +129,13 @@ def _close(look: _Look) -> None:
     try:
         steps.close()
     except Exception:  # what a generator does on its way out may meet what is gone
-        _log.debug("A look did not close", exc_info=True)
+        _log("A look did not close")
+
+
+def _log(what: str) -> None:
+    import logging  # which costs what half of the sidebar does
+
+    logging.getLogger(__name__).debug(what, exc_info=True)
 
 
 def _begin(scene: bpy.types.Scene) -> None:
@@ -181,7 +185,7 @@ def _step() -> bool:
     except NsmError as error:
         look.steps, look.seen, look.shapes, look.problem = None, None, {}, str(error)
     except Exception:  # something that is read was deleted meanwhile: the change is heard, too
-        _log.debug("A look was broken off", exc_info=True)
+        _log("A look was broken off")
         look.steps, look.seen, look.shapes, look.problem = None, None, {}, ""
         note_change()
     _tell()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import bpy
 
+from .. import warm_up
 from . import running
 from .bones_panel import NSM_PT_bones
 from .character_panel import NSM_PT_character
@@ -17,6 +18,7 @@ from .goals_panel import NSM_MT_queues, NSM_PT_goals, NSM_UL_goals
 from .keys_panel import NSM_PT_keys
 from .overlays_panel import NSM_PT_overlays
 from .properties import settings_of
+from .queue import queue_of
 from .takes_panel import NSM_PT_takes, NSM_UL_takes
 
 
@@ -30,11 +32,13 @@ class NSM_PT_motion(Sidebar, bpy.types.Panel):
         self.layout.operator("nsm.help", text="", icon="HELP", emboss=False)
 
     def draw(self, context: bpy.types.Context) -> None:
+        character = settings_of(context.scene).character
+        warm_up.begin(network=character is not None and len(queue_of(context.scene).goals) > 0)
         state = running.current()
         if state is not None:
             self.layout.progress(factor=state.fraction, text=state.text)
             self.layout.label(text="ESC cancels and puts everything back", icon="INFO")
-        elif settings_of(context.scene).character is None:
+        elif character is None:
             self.layout.operator("nsm.example", icon="HOME")
 
 

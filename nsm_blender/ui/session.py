@@ -4,7 +4,6 @@ trace.
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Callable, Generator
 from contextlib import suppress
@@ -14,6 +13,7 @@ import bpy
 
 from nsm_core.errors import NsmError
 
+from ..collecting import PutOff
 from . import running
 from .watch import Watch, install
 
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from ..prepare import TakeSpec
     from ..progress import Progress
 
-_log = logging.getLogger(__name__)
 _NOT_KEYED = "Generate stopped and nothing was keyed"  # in the sentences of ``watch``, too
 _FORGETTING = 0.9  # a step, from which the length of the longest to come is guessed
 
@@ -65,6 +64,7 @@ class TakeSession:
         self._preview: Preview | None = None
         self._shown, self._longest = False, 0.0
         install()
+        self._collecting = PutOff()
         running.begin_take(scene, spec.character, self._stop, self._put_back)
 
     def _watching(self, spec: TakeSpec, scene: bpy.types.Scene) -> tuple[Watch, SceneState]:
@@ -155,12 +155,15 @@ class TakeSession:
         try:
             self._steps.close()
         except Exception:  # what a generator does on its way out may meet what is gone, too
-            _log.debug("The take's steps did not close", exc_info=True)
+            import logging
+
+            logging.getLogger(__name__).debug("The take's steps did not close", exc_info=True)
         self._state.restore()
         self._close()
 
     def _close(self) -> None:
         self.over = True
+        self._collecting.end()
         running.end_take()
         if self._ended is not None:
             with suppress(ReferenceError):
@@ -178,7 +181,9 @@ class TakeSession:
                 "nothing was keyed; try again."
             )
         else:
-            _log.error("Generate met an error that it does not know", exc_info=error)
+            import logging
+
+            logging.getLogger(__name__).error("Generate met an error that it does not know", exc_info=error)
             what = f"{type(error).__name__}: {error}".rstrip(": ")
             why = f"{_NOT_KEYED}, because of an error in the add-on ({what}); the console tells more."
         return self._worded(why)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
 from nsm_core.rotations import Array
@@ -81,33 +82,35 @@ def bring_nearer(
     owner of all of it.
     """
     find, sides = chunk.tree.find_nearest, chunk.sides
-    asked = zip(
-        rows.tolist(),
-        points.tolist(),
-        (distance[rows] / size).tolist(),
-        on_surface[rows].tolist(),
-        strict=True,
-    )
-    for i, point, limit, touching in asked:
-        place, normal, face, d = find(point, limit)
-        if d is None:
-            continue
-        distance[i] = d * size
-        if touching:
+    limits = (distance[rows] / size).tolist()
+    found = [find(point, limit) for point, limit in zip(points.tolist(), limits, strict=True)]
+    near = [k for k, hit in enumerate(found) if hit[3] is not None]
+    if not near:
+        return
+    hits = rows[near]
+    distance[hits] = np.array([found[k][3] for k in near]) * size
+    judged = on_surface[hits] if owners is None else np.ones(len(hits), bool)
+    for n in np.flatnonzero(judged).tolist():
+        k, i = near[n], hits[n]
+        if on_surface[i]:
+            place, normal, face, d = found[k]
+            point = points[k].tolist()
             height = sides[face] * _height(normal, point, place)
             if height < 0 or abs(height) < _SQUARE * d:
                 height = _judged(chunk, point, place, d)
             inside[i] = height < 0
         if owners is not None and (owners[i] < 0 or not inside[i]):
-            owners[i] = chunk.owners[face] if only is None else only
+            owners[i] = chunk.owners[found[k][2]] if only is None else only
 
 
-def _height(normal: Sequence[float], point: Sequence[float], place: Sequence[float]) -> float:
+def _height(normal: Vector, point: Sequence[float], place: Vector) -> float:
     """How far a point is over a face that looks along ``normal`` through ``place``."""
-    return sum(n * (a - b) for n, a, b in zip(normal, point, place, strict=True))
+    nx, ny, nz = normal
+    x, y, z = place
+    return nx * (point[0] - x) + ny * (point[1] - y) + nz * (point[2] - z)
 
 
-def _judged(chunk: Chunk, point: Sequence[float], place: Sequence[float], distance: float) -> float:
+def _judged(chunk: Chunk, point: Sequence[float], place: Vector, distance: float) -> float:
     """How far a point is over the face, of those that meet in ``place``, that says most: negative inside a
     closed part.
 

@@ -20,6 +20,7 @@ from nsm_core.rotations import Array, quat_to_matrix
 from nsm_core.world.geometry.distance import DistanceQuery
 
 from .contacts import Sole
+from .near_spheres import near_spheres
 from .skeleton import INDEX, MIRROR, OFFSETS, PARENTS, forward_kinematics
 from .tree import HUMAN, Tree
 
@@ -93,6 +94,7 @@ LEFT = (
     ),
 )
 CAPSULES = (*MIDDLE, *LEFT, *map(mirrored, LEFT))
+_ROUGH = 0.03  # metres by which ground, which is right to a cell, may tell of a sphere falsely
 _SAMPLE = 0.05  # metres between the spheres that stand for a capsule
 # How level thighs are (the height of the knee under the hip, as a share of their length) where a seat begins
 # to press them, and where it has pressed them in full.
@@ -263,9 +265,14 @@ def penetration_depths(
     hips_position: Array, local_rotations: Array, query: DistanceQuery, figure: Figure = BUNDLED
 ) -> Array:
     """Depth (T,) in metres of the deepest point of the body in each frame, 0 where it touches nothing."""
-    body = Body.of(hips_position, local_rotations, figure)
-    reach = float(body.radii.max(initial=0.0)) + 0.02
-    distance = query.signed_distance(body.centres.reshape(-1, 3).astype(np.float32), reach).reshape(
-        body.radii.shape
-    )
-    return np.maximum(0, body.radii - distance).max(axis=1)
+    body, depth = Body.of(hips_position, local_rotations, figure), np.zeros(len(hips_position))
+
+    def distance(_: Array, points: Array, reach: float) -> Array:
+        return query.signed_distance(points.astype(np.float32), reach)
+
+    frames, index = near_spheres(distance, body.centres, body.radii, figure.spheres, _ROUGH)
+    if len(frames):
+        radii = body.radii[frames, index]
+        away = distance(frames, body.centres[frames, index], float(radii.max()) + 0.02)
+        np.maximum.at(depth, frames, radii - away)
+    return depth

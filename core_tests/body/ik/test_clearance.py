@@ -6,10 +6,11 @@ import numpy as np
 
 from core_tests.body.ik.test_solver import T, pinned, standing
 from nsm_core.body.capsules import SPHERES, Body, penetration_depths
-from nsm_core.body.ik.clearance import Clearance, Obstacle, near_spheres
+from nsm_core.body.ik.clearance import Clearance, Obstacle
 from nsm_core.body.ik.foot_clearance import FOOT_SPHERES
 from nsm_core.body.ik.solver import solved
 from nsm_core.body.ik.stiffness import stiffness
+from nsm_core.body.near_spheres import near_spheres
 from nsm_core.world.geometry.distance import Cuboids
 
 
@@ -75,7 +76,7 @@ def test_nobody_leaves_a_wall_through_the_floor():
 def test_coarse_to_fine_finds_the_spheres_that_are_near():
     pose = standing(5)
     centres, radii = SPHERES.of(pose.positions, pose.world)
-    frames, spheres = near_spheres(Obstacle(BOARD), centres, radii, SPHERES, 0.05)
+    frames, spheres = near_spheres(Obstacle(BOARD).distance, centres, radii, SPHERES, 0.05)
     distance = BOARD.signed_distance(centres.reshape(-1, 3).astype(np.float32), 1.0).reshape(radii.shape)
     expected = set(zip(*np.nonzero(distance < radii + 0.05), strict=True))
     assert expected and set(zip(frames.tolist(), spheres.tolist(), strict=True)) == expected

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from nsm_core.body.capsules import SPHERES, Spheres
+from nsm_core.body.near_spheres import near_spheres
 from nsm_core.rotations import Array, rotate_planar
 from nsm_core.world.geometry.distance import DistanceQuery
 
@@ -18,7 +19,6 @@ NEAR = 0.07  # metres off the flesh up to which spheres are looked at again in e
 DEVIATION = 0.004
 MOST_ROWS = 10  # of a frame: its deepest spheres
 LOWEST, _DOWN = 0.35, -0.5  # metres over the floor under which no way leads down; the slope of such a way
-_REACH = 1.25  # metres about the hips within which a body lies
 _STEP = 0.004  # metres by which points are moved to see which way distances grow
 
 
@@ -59,39 +59,6 @@ class Obstacle:
         return np.where(size > 0.3, way / np.maximum(size, 1e-9), 0.0)
 
 
-def near_spheres(
-    solid: Obstacle, centres: Array, radii: Array, spheres: Spheres, margin: float
-) -> tuple[Array, Array]:
-    """Frames (N,) and spheres (N,) that are less than ``margin`` metres off a solid, coarse to fine.
-
-    ``centres`` (T, S, 3) world and ``radii`` (T, S).
-    """
-    middle = centres[:, spheres.middle]
-    all_frames = np.arange(len(centres))
-    reach = _REACH + margin
-    frames = all_frames[solid.distance(all_frames, middle, reach) < reach - 1e-3]
-    if not len(frames):
-        return frames, frames
-    found_frames, found = [], []
-    for group in spheres.groups:
-        own, size = centres[np.ix_(frames, group)], radii[np.ix_(frames, group)]
-        centre = own.mean(1)
-        around = (np.linalg.norm(own - centre[:, None], axis=2) + size).max(1)
-        far = solid.distance(frames, centre, float(around.max()) + margin + 0.01)
-        rows = np.flatnonzero(far < around + margin)
-        if not len(rows):
-            continue
-        t = np.repeat(frames[rows], len(group))
-        s = np.tile(group, len(rows))
-        distance = solid.distance(t, centres[t, s], float(size.max()) + margin + 0.01)
-        near = distance < radii[t, s] + margin
-        found_frames.append(t[near])
-        found.append(s[near])
-    if not found:
-        return frames[:0], frames[:0]
-    return np.concatenate(found_frames), np.concatenate(found)
-
-
 @dataclass
 class Clearance:
     """Keep the spheres of a body out of ``solids``; ``left_out`` (S,) are not looked at."""
@@ -114,7 +81,7 @@ class Clearance:
         if anew:
             self._near[first] = []
             for solid in solids:
-                t, s = near_spheres(solid, centres, radii, self.spheres, NEAR)
+                t, s = near_spheres(solid.distance, centres, radii, self.spheres, NEAR)
                 seen = ~self.left_out[s]
                 self._near[first].append((t[seen], s[seen]))
         parts = []
@@ -160,4 +127,4 @@ class Clearance:
         return Rows(error, deviation, jacobian)
 
 
-__all__ = ["Clearance", "Obstacle", "near_spheres"]
+__all__ = ["Clearance", "Obstacle"]

@@ -8,10 +8,11 @@ import numpy as np
 
 from nsm_core.body.capsules import SPHERES, Spheres
 from nsm_core.body.contacts import ANKLES, TOES
+from nsm_core.body.near_spheres import near_spheres
 from nsm_core.rotations import Array, quat_mul, quat_rotate
 from nsm_core.signals import gaussian_smooth, smooth_step
 
-from .clearance import Obstacle, near_spheres
+from .clearance import Obstacle
 from .footsteps import Footsteps
 from .solver import Pose
 
@@ -65,7 +66,7 @@ def _near(
     feet: Footsteps, pose: Pose, solids: Sequence[Obstacle], moved: Array, own: Spheres
 ) -> list[tuple[Array, Array]]:
     centres, radii = _centres(feet, pose, moved, own)
-    return [near_spheres(solid, centres, radii, own, _NEAR) for solid in solids]
+    return [near_spheres(solid.distance, centres, radii, own, _NEAR) for solid in solids]
 
 
 def _pushes(
