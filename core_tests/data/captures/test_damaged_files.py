@@ -171,7 +171,7 @@ def test_no_edit_of_a_goal_passes_without_a_word(tmp_path, line, wrong):
         ("frames = 60\nproposal = {goals = 3}", "'goals' is 3; it must be a text"),
         ("frames = 60\nclip = 3", "clip is 3; it must be a text"),
         ("frames = 60\nuse = {walk = 3}", r"\[use\]: walk is 3; it must be a list"),
-        ("frames = 60\nuse = {hop = []}", "'hop' is not known; use walk, run, sit, stand"),
+        ("frames = 60\nuse = {hop = []}", "'hop' is not known; use walk, run, sit, bend, stand"),
         ("frames = 60\nuse = {run = [3]}", r"3 is no stretch; write it as \[first, last\]"),
         ("frames = 60\nuse = {run = [[0, 60]]}", "a frame is 60; it must be a whole number from 0 to 59"),
         ("frames = 60\nuse = {sit = [[30, 10]]}", r"\[30, 10\] is shorter than 20 frames"),

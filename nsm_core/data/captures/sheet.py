@@ -31,14 +31,15 @@ class GoalKey:
 class Use:
     """What a person wants a clip used for, whatever its labels and measures say.
 
-    Stretches to ``walk`` and to ``run`` by, and in which one ``sit``s down as the label says, whatever the
-    feet do; None where labels and measures decide, () for none of it.  ``stand`` is a frame of a quiet stand
-    with hanging arms.
+    Stretches to ``walk`` and to ``run`` by, in which one ``sit``s down as the label says, whatever the feet
+    do, and in each of which one ``bend``s, whatever the hands do; None where labels and measures decide, ()
+    for none of it.  ``stand`` is a frame of a quiet stand with hanging arms.
     """
 
     walk: tuple[Stretch, ...] | None = None
     run: tuple[Stretch, ...] | None = None
     sit: tuple[Stretch, ...] | None = None
+    bend: tuple[Stretch, ...] | None = None
     stand: int | None = None
 
 
@@ -85,7 +86,7 @@ class Sheet:
 
 
 LABELS = (*STYLES, "other")  # of [actions]
-USES = ("walk", "run", "sit")  # of [use], those that name stretches
+USES = ("walk", "run", "sit", "bend")  # of [use], those that name stretches
 SECTIONS = (
     *(f"actions.{s}" for s in LABELS),
     *(f"contacts.{c}" for c in CONTACTS),

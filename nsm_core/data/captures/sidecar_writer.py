@@ -37,9 +37,10 @@ _HEADER = """\
 #           its `frame`: from when on one is asked to rise.  Other actions' goals are drawn with the objects
 #           and ways that takes are composed of.
 # use       yours alone, never proposed: what training data takes of the clip as it is, whatever its labels
-#           and feet do.  `walk`, `run` and `sit` are lists of stretches [first, last], for example
-#           `walk = [[0, 120]]`, and [] for nothing of it; the sit label tells when the seat is reached and
-#           left in a stretch of `sit`.  `stand` is a frame of a quiet stand with hanging arms: takes start
+#           and feet do.  `walk`, `run`, `sit` and `bend` are lists of stretches [first, last], for
+#           example `walk = [[0, 120]]`, and [] for nothing of it; the sit label tells when the seat is
+#           reached and left in a stretch of `sit`; in one of `bend`, a squat say, one goes down and up
+#           again once.  `stand` is a frame of a quiet stand with hanging arms: takes start
 #           from it, and its arms are given to those who sit down and bend.
 """
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from nsm_core.body.clip import Clip, smoothed_root
 from nsm_core.body.contacts import TOES
-from nsm_core.body.skeleton import HIPS
+from nsm_core.body.skeleton import HIPS, INDEX
 from nsm_core.conventions import CONTACTS, FOOT_CONTACTS, FPS, HAND_CONTACTS
 from nsm_core.data.annotation.phases import phase_of_keys
 from nsm_core.data.annotation.proposal import steps, straight_lines
@@ -31,6 +31,7 @@ LEVEL = (
 )
 AWAY = 0.3  # metres that a goal written by hand may lie from the hips that sit there
 SHUFFLE = 0.15  # metres that a foot moves at most during a sit
+CHEST = INDEX["Chest4"]  # whose height tells a bend
 _OTHERS = ("carry", "open", "sit", "climb", "other")
 
 
@@ -185,7 +186,13 @@ def _sits(clip: Clip, down: int, up: int) -> bool:
 
 
 def grasps(labelled: Labelled) -> list[int]:
-    """Frames at which both hands take or leave something while the carry label is on."""
+    """Frames at which both hands take or leave something while the carry label is on; where the sidecar says
+    what it is to be bent by, the lowest of each such stretch.
+    """
+    told = labelled.sheet.use.bend
+    if told is not None:
+        chest = labelled.clip.world()[0][:, CHEST, 2]
+        return [a + int(chest[a : b + 1].argmin()) for a, b in told]
     frames, out = np.arange(labelled.sheet.frames), _left_out(labelled)
     held = lines(labelled, "carry") > 0.5
     for hand in HAND_CONTACTS:

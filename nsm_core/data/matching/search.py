@@ -41,6 +41,24 @@ class FoundCourse:
     seams: tuple[int, ...]
 
 
+@dataclass(frozen=True)
+class Arrival:
+    """When a course has been walked: so ``near`` its end, metres, and ``turned``, radians, while hips and
+    ankles move slower than ``hips`` and ``ankles``, m/s, for so many ``frames`` on end.
+    """
+
+    near: float
+    turned: float
+    hips: float
+    ankles: float
+    frames: int
+
+
+AT_REST = Arrival(0.25, 0.35, 0.12, 0.25, 5)
+# What is done there begins amid the last step, and the object is put where that leads.
+ON_THE_MOVE = Arrival(0.35, 0.6, 0.4, 0.5, 1)
+
+
 class Matcher:
     """Search structure over one library."""
 
@@ -99,6 +117,7 @@ class Matcher:
         root: Array,
         heading: float,
         rng: np.random.Generator,
+        arrival: Arrival = AT_REST,
         period: int = 10,
         limit: int = 450,
     ) -> FoundCourse | None:
@@ -140,15 +159,15 @@ class Matcher:
             roots.append(root.copy())
             headings.append(heading)
             still = (
-                np.linalg.norm(lib.velocity[f, HIPS, :2]) < 0.12
-                and np.linalg.norm(lib.velocity[f, list(_POSE_JOINTS)], axis=1).max() < 0.25
+                np.linalg.norm(lib.velocity[f, HIPS, :2]) < arrival.hips
+                and np.linalg.norm(lib.velocity[f, list(_POSE_JOINTS)], axis=1).max() < arrival.ankles
             )
             near = (
-                course.length - course.progress < 0.25
-                and abs(wrap_angle(course.final_heading - heading)) < 0.35
+                course.length - course.progress < arrival.near
+                and abs(wrap_angle(course.final_heading - heading)) < arrival.turned
             )
             resting = resting + 1 if still and near else 0
-            if resting > 4:
+            if resting >= arrival.frames:
                 return FoundCourse(np.array(frames), np.array(roots), np.array(headings), tuple(seams))
         return None
 

@@ -16,7 +16,7 @@ from nsm_core.errors import CaptureError
 from nsm_core.rotations import Array, quat_normalize, rotate_planar
 from nsm_core.signals import align_quaternions, gaussian_smooth, intervals
 
-from .labelled import as_told, grasps, sit_downs, walks_and_runs
+from .labelled import CHEST, as_told, grasps, sit_downs, walks_and_runs
 from .segment import Segment, SitDown
 
 # m/s of any joint in a quiet stand; metres between hips and hanging wrists, in height.
@@ -113,7 +113,6 @@ def load_sits(folder: CaptureFolder) -> list[SitDown]:
 
 # Metres: upright again, least drop of the chest, most drift of a standing foot.
 _LEVEL, _LEAST, _DRIFT = 0.02, 0.25, 0.07
-_CHEST = INDEX["Chest4"]
 
 
 def load_bends(folder: CaptureFolder) -> list[Segment]:
@@ -127,7 +126,7 @@ def load_bends(folder: CaptureFolder) -> list[Segment]:
         return []
     arms = neutral(folder)
     for clip, grasp in found:
-        height = gaussian_smooth(clip.world()[0][:, _CHEST, 2], 2.0)
+        height = gaussian_smooth(clip.world()[0][:, CHEST, 2], 2.0)
         near = max(grasp - FPS, 0)
         low = near + int(height[near : grasp + FPS].argmin())
         upright = float(np.percentile(height, 97)) - _LEVEL

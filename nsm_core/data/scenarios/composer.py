@@ -37,6 +37,7 @@ from nsm_core.world.scene.terrain import Terrain
 from . import single_clips
 from .draws import PERFORMANCES
 from .furnishing import furnish, keep_clear
+from .gaze import look_ahead
 from .motion import Motion
 from .registry import SCENARIOS
 from .session import Session
@@ -140,6 +141,7 @@ def _finish(session: Session, shortest: int) -> ComposedTake | None:
     )
     for episode in session.episodes:
         episode.fit(motion)
+    look_ahead(motion)
     _plant(motion)
     for episode in session.episodes:
         episode.finish(motion)

@@ -6,6 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
+from nsm_core.body.skeleton import FEET
+from nsm_core.data.matching.search import AT_REST, Arrival
 from nsm_core.data.matching.segment import LaidSegment
 from nsm_core.data.matching.source import Source
 from nsm_core.data.matching.timeline import Tape
@@ -18,6 +20,8 @@ from nsm_core.world.scene.furniture import Furniture
 from .draws import PERFORMANCES, WAYS
 from .motion import Motion
 from .take import TimedCommand
+
+_LEGS = [joint for leg in FEET for joint in leg]
 
 
 class Episode(Protocol):
@@ -187,11 +191,11 @@ class Session:
             deceleration=rng.uniform(*WAYS.deceleration),
         )
 
-    def follow(self, course: Course, runs: bool = False) -> bool:
+    def follow(self, course: Course, runs: bool = False, arrival: Arrival = AT_REST) -> bool:
         """Walk a course to its end with captured frames; False where that failed (nothing is laid then)."""
         matcher = self.source.runner if runs else self.source.walker
         last = int(round(self.tape.frames[-1]))
-        passage = matcher.follow(course, last, self.tape.roots[-1], self.tape.headings[-1], self.rng)
+        passage = matcher.follow(course, last, self.tape.roots[-1], self.tape.headings[-1], self.rng, arrival)
         if passage is None:
             return False
         self.tape.lay(
@@ -204,19 +208,25 @@ class Session:
         return True
 
     def go(
-        self, target: Array, heading: float, around: tuple[float, float] | None = None, **kw: float
+        self,
+        target: Array,
+        heading: float,
+        around: tuple[float, float] | None = None,
+        arrival: Arrival = AT_REST,
+        **kw: float,
     ) -> bool:
-        """Walk to ``target`` (2,) and stand there at ``heading``; see ``course``."""
-        return self.follow(self.course(target, heading, around, **kw))
+        """Walk to ``target`` (2,) and stand there at ``heading``; see ``course`` and ``search.Arrival``."""
+        return self.follow(self.course(target, heading, around, **kw), arrival=arrival)
 
-    def nearest_segment(self, name: str, spread: float = 1.0) -> LaidSegment:
-        """The segment whose first pose is most like the tape's last one, give or take chance of size
+    def nearest_segment(self, name: str, spread: float = 0.3) -> LaidSegment:
+        """The segment whose legs are at first most like the tape's last ones, give or take chance of size
         ``spread``.
         """
-        pose = self.lib.pose[int(round(self.tape.frames[-1]))]
+        pose = self.lib.pose[int(round(self.tape.frames[-1]))][_LEGS]
         pieces = self.source.segments[name]
         costs = [
-            float(np.linalg.norm(self.lib.pose[s.first] - pose, axis=-1).sum()) + self.rng.exponential(spread)
+            float(np.linalg.norm(self.lib.pose[s.first][_LEGS] - pose, axis=-1).sum())
+            + self.rng.exponential(spread)
             for s in pieces
         ]
         return pieces[int(np.argmin(costs))]

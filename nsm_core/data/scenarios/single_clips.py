@@ -25,6 +25,7 @@ from .session import Session
 from .sit import episode as sit_episode
 from .sit.draws import SITS
 from .sit.episode import SitEpisode
+from .sit.manner import draw_manner
 from .take import TimedCommand, styles_of
 
 SHORTEST, LONGEST = 60, 12 * FPS  # frames of a level piece; of longer ones a stretch is drawn
@@ -151,7 +152,8 @@ def _sit_on(session: Session, piece: Furniture, pieces: list[LaidSegment]) -> Si
     mark = session.command("sit")
     _begin(session, segment.first)
     tape.hold(segment.first, session.lead(), 1, seam=False)
-    episode = SitEpisode(piece, tape.roots[-1], mark)
+    manner = draw_manner(rng, piece, False)
+    episode = SitEpisode(piece, tape.roots[-1], mark, manner)
     sit_episode.play(session, episode, segment, seam=False)
     episode.estimate(tape.roots[episode.leaving - 1], tape.headings[episode.leaving - 1])
     # Room to stand in before the seat, which nobody walks to here.
@@ -159,7 +161,7 @@ def _sit_on(session: Session, piece: Furniture, pieces: list[LaidSegment]) -> Si
     episode.places.append((tape.roots[episode.leaving - 1] + 0.5 * ahead, 1.0))
     lead = session.lead() + episode.rise - episode.leaving
     rising = session.command("idle", sit_episode.rise_asked(segment, lead))
-    tape.run_on(np.arange(up, segment.last - 1, 1 / rng.uniform(*SITS.up_rate)), seam=False)
+    tape.run_on(np.linspace(up, segment.last - 2, round(manner.rises * FPS)), seam=False)
     episode.risen = len(tape)
     _stand(session, rising, segment.last - 2)
     return episode

@@ -7,6 +7,8 @@ import numpy as np
 from nsm_core.rotations import Array, rotate_planar
 from nsm_core.world.scene import furniture
 
+ASIDE = 0.45  # metres from the middle of the seat beyond which an arm would float rather than rest
+
 
 def arm_rests(piece: furniture.Furniture) -> list[Array | None]:
     """Where the right and left wrist rest on a seat's arms, (3,) in the object frame; None on a side without
@@ -24,7 +26,7 @@ def arm_rests(piece: furniture.Furniture) -> list[Array | None]:
             k
             for k in range(len(piece.mins))
             if 0.1 < piece.maxs[k, 2] - seat.height < 0.4
-            and 0.15 < sign * across[k]
+            and 0.15 < sign * across[k] < ASIDE
             and np.ptp((piece.mins[k, 1], piece.maxs[k, 1])) > 0.12
         ]
         if tops:

@@ -46,10 +46,10 @@ class CarryDraws:
     bring_asked: tuple[float, float] = (1.5, 2.2)  # metres from the end at which the place is then asked for
     redirected: float = 0.2  # share that is sent elsewhere on the way, of ways so long:
     first_way: tuple[float, float] = (1.6, 4.0)
-    pauses: float = 0.4  # share that stands before it puts the box down
-    pauses_for: tuple[float, float] = (0.1, 0.6)
-    stands: float = 0.55  # share that is asked to stand at the end; the others are asked to go on
-    stands_for: tuple[float, float] = (0.2, 1.0)
+    pauses: float = 0.3  # share that stands before it puts the box down
+    pauses_for: tuple[float, float] = (0.1, 0.4)
+    stands: float = 0.4  # share that is asked to stand at the end; the others are asked to go on
+    stands_for: tuple[float, float] = (0.1, 0.8)
 
 
 CARRIES = CarryDraws()

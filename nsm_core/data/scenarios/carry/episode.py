@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nsm_core.data.captures.folder import CaptureFolder
+from nsm_core.data.matching.search import ON_THE_MOVE
 from nsm_core.data.matching.segment import Segment
 from nsm_core.data.matching.selection import load_bends
 from nsm_core.data.scenarios.session import Session
@@ -128,7 +129,8 @@ def _walk(
             avoid.support.radius if avoid.support else 0
         ):
             continue
-        return session.follow(_way(session, target, heading, support, box_ahead, speed))
+        course = _way(session, target, heading, support, box_ahead, speed)
+        return session.follow(course, arrival=ON_THE_MOVE)
     return False
 
 

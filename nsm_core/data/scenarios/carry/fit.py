@@ -44,7 +44,7 @@ def label(carry: CarryEpisode, motion: Motion) -> None:
     motion.ramp(CARRY, t.start, t.touch, p.touch, min(p.touch + _OFF, p.end))
     motion.contacts[t.touch : p.touch, HAND_CONTACTS] = 1
     for bend in (t, p):
-        motion.feet[bend.start : bend.end] = True
+        motion.land(bend.start, bend.touch, bend.end)
         motion.phase_keys += [bend.start, bend.touch, bend.end]
     carry.thing = len(motion.things)
     held = np.zeros(len(motion), bool)

@@ -31,8 +31,42 @@ class SitDraws:
     # Metres ahead of where the captured hips come down that they are put.
     further_on: tuple[float, float] = (-0.06, 0.05)
     off_place: float = 0.01  # spread of the seat about where the hips are, each way
-    down_rate: tuple[float, float] = (0.85, 1.25)  # how fast captured frames are played
-    up_rate: tuple[float, float] = (0.85, 1.2)
+    # Paces: share, seconds of the way down and of that up, and speed of the way there, m/s.
+    brisk: float = 0.3
+    brisk_down: tuple[float, float] = (0.6, 0.8)
+    brisk_up: tuple[float, float] = (0.55, 0.7)
+    brisk_way: tuple[float, float] = (1.15, 1.4)
+    slow: float = 0.25
+    slow_down: tuple[float, float] = (1.1, 1.6)
+    slow_up: tuple[float, float] = (1.0, 1.4)
+    slow_way: tuple[float, float] = (0.8, 0.95)
+    usual_down: tuple[float, float] = (0.8, 1.1)
+    usual_up: tuple[float, float] = (0.7, 1.0)
+    usual_way: tuple[float, float] = (0.95, 1.25)
+    # Hands: share of the seats with arm rests on which they lie, where these are no lower or higher, metres
+    # over the seat, than suits an arm; of the seats without that they lie on beside the hips; else on the
+    # thighs, so far along from hip to knee, or, this share of those, in the lap.
+    on_rests: float = 0.85
+    rests_over_seat: tuple[float, float] = (0.16, 0.34)
+    beside: float = 0.25
+    beside_bench: float = 0.55  # the same where there is no back rest
+    lap: float = 0.2
+    along_thigh: tuple[float, float] = (0.38, 0.78)
+    off_thigh: tuple[float, float] = (-0.02, 0.05)  # metres to the inside of its middle
+    beside_hips: tuple[float, float] = (0.23, 0.29)  # metres to the side, and
+    ahead_of_hips: tuple[float, float] = (-0.08, 0.1)
+    # Seatedness, 0 to 1, at which hands begin to come to where they lie, and arrive; leaning on one's hands
+    # they come early and leave late.
+    lean_on_hands: float = 0.45
+    early: tuple[float, float] = (0.0, 0.55)
+    late: tuple[float, float] = (0.45, 1.0)
+    swing: tuple[float, float] = (0.0, 0.2)  # metres that free arms swing ahead on the way
+    # Lean of the trunk, radians ahead: seated, seated against a back rest (this share of the seats with one),
+    # and more on the way down and up.
+    seated_lean: tuple[float, float] = (np.radians(-2), np.radians(10))
+    against_back: float = 0.4
+    back_lean: tuple[float, float] = (np.radians(-14), np.radians(-5))
+    way_lean: tuple[float, float] = (0.0, np.radians(10))
     rests: tuple[float, float] = (0.6, 3.0)  # seconds on the seat
     rests_longer_at_table: float = 3.4
     turn: tuple[float, float] = (np.radians(75), np.radians(100))  # to a table, to either side
@@ -42,9 +76,13 @@ class SitDraws:
     table_depth: tuple[float, float] = (0.6, 0.8)
     rise_lead: tuple[int, int] = (3, 9)  # frames by which the command to rise precedes it
     stands: float = (
-        0.5  # share that is asked to stand before the seat; the others are asked to go on while they rise
+        0.4  # share that is asked to stand before the seat; the others are asked to go on while they rise
     )
-    stands_for: tuple[float, float] = (0.2, 1.2)
+    sets_off: tuple[float, float] = (
+        0.0,
+        0.7,
+    )  # share of the last of the way up that is left out by who goes on
+    stands_for: tuple[float, float] = (0.1, 1.0)
 
 
 SITS = SitDraws()

@@ -14,9 +14,9 @@ from nsm_core.body.skeleton import FEET, HIP_OVER_SEAT, HIPS, INDEX, forward_kin
 from nsm_core.body.thin_capsules import thin_depths
 from nsm_core.conventions import FPS, HIP_CONTACT, SIT
 from nsm_core.data.captures.folder import CaptureFolder
+from nsm_core.data.matching.search import ON_THE_MOVE
 from nsm_core.data.matching.segment import LaidSegment, Segment
 from nsm_core.data.matching.selection import load_sits
-from nsm_core.data.scenarios.hands import hands_on_arm_rests
 from nsm_core.data.scenarios.motion import Motion
 from nsm_core.data.scenarios.session import Session
 from nsm_core.data.scenarios.take import Placed, Thing, TimedCommand
@@ -29,6 +29,7 @@ from nsm_core.world.scene.furniture import Furniture
 
 from .draws import SITS
 from .fit import bring_to_rest, keep_off
+from .manner import Manner, act_out, draw_manner
 from .turn import swivel, turn_about_hips
 
 NAME = "sit"
@@ -36,6 +37,7 @@ TUCKS = (0.0, 0.12, 0.24)  # shares by which feet may be drawn in while one turn
 SLIDES = (0.0, 0.05, 0.09)  # metres by which one may slide back on the seat in that turn
 # Metres that the body may go into the table; of leg joints to the seat's surface.
 IN_TABLE, BRUSH = 0.028, -0.012
+ALL_BUT_UP = 0.97  # share of the standing height from which on one may set off
 _WALKERS = [
     INDEX[side + name] for side in ("Right", "Left") for name in ("Hip", "Knee", "Ankle", "Toe", "Wrist")
 ]
@@ -61,6 +63,7 @@ class SitEpisode:
     piece: Furniture
     stand: Array  # (2,) where one stands before it
     mark: int
+    manner: Manner
     start: int = 0
     reached: int = 0
     leaving: int = 0
@@ -118,7 +121,7 @@ class SitEpisode:
         """
         motion.ramp(SIT, self.start, self.reached, self.rise, self.risen)
         motion.contacts[self.reached : self.rise, HIP_CONTACT] = 1
-        motion.feet[self.start : self.risen] = True
+        motion.land(self.start, self.reached, self.risen)
         motion.phase_keys += [self.start, self.reached, self.rise, self.risen]
         weight = self._fit_height(motion)
         bring_to_rest(motion, self.reached, slice(self.still, self.leaving), self.rise)
@@ -138,11 +141,8 @@ class SitEpisode:
             heading,
             furniture.cuboids([(self.piece, thing.poses[:3], float(thing.poses[3]))]),
         )
-        if self.piece.require_seat().arms:
-            span = slice(self.start, self.risen)
-            motion.rotations = hands_on_arm_rests(
-                motion.hips, motion.rotations, weight, span, self.piece, goal, heading
-            )
+        span = slice(self.start, self.risen)
+        act_out(motion, span, self.still - self.start, weight, self.manner, self.piece, goal, heading)
 
     def finish(self, motion: Motion) -> None:
         """Keep the body out of the seat, and push the table as far over it as the motion lets it."""
@@ -302,8 +302,10 @@ def _lay(session: Session, piece: Furniture, sideways: bool) -> SitEpisode | Non
     elif chance < SITS.from_behind:
         heading = float(np.arctan2(away[0], -away[1]) + rng.uniform(-SITS.off_the_back, SITS.off_the_back))
     target = hips + STAND_AHEAD * heading_to_direction(np.array(heading))
-    sit = SitEpisode(piece, target, session.command("sit", session.lead()), places=[(target, 1.5)])
-    if not session.go(target, heading, (float(size[0]), float(size[1]))):
+    manner = draw_manner(rng, piece, sideways)
+    sit = SitEpisode(piece, target, session.command("sit", session.lead()), manner, places=[(target, 1.5)])
+    around = (float(size[0]), float(size[1]))
+    if not session.go(target, heading, around, speed=manner.speed, arrival=ON_THE_MOVE):
         return None
     segment = session.nearest_segment(NAME)
     play(session, sit, segment, seam=True, longer=SITS.rests_longer_at_table if sideways else 0.0)
@@ -336,7 +338,7 @@ def play(session: Session, sit: SitEpisode, segment: LaidSegment, seam: bool, lo
     down, up = segment.marks["down"], segment.marks["up"]
     sit.aim = np.zeros(4) if segment.goal is None else segment.goal
     sit.start = len(tape)
-    tape.run_on(np.arange(segment.first, down, 1 / rng.uniform(*SITS.down_rate)), seam=seam)
+    tape.run_on(np.linspace(segment.first, down, round(sit.manner.sinks * FPS), endpoint=False), seam=seam)
     sit.reached = len(tape)
     middle = down + int(np.argmin(np.linalg.norm(lib.velocity[down:up, HIPS], axis=1)))
     tape.run_on(np.linspace(down, middle, max(2, abs(middle - down))), seam=False)
@@ -359,9 +361,17 @@ def _rise(session: Session, sit: SitEpisode, segment: LaidSegment) -> None:
         sit.rise - sit.leaving + sit.back if sit.back else 0
     )
     mark = session.command("idle", lead)
-    tape.run_on(np.arange(segment.marks["up"], segment.last - 1, 1 / rng.uniform(*SITS.up_rate)), seam=False)
+    up = segment.marks["up"]
+    stands = rng.random() < SITS.stands
+    end = segment.last - 1
+    rate = (end - up) / (sit.manner.rises * FPS)
+    if not stands:  # who goes on sets off while the last of the way up is still to come
+        height = session.lib.hips[up : segment.last, 2]
+        nearly = up + int((height > ALL_BUT_UP * height.max()).argmax())
+        end -= int(rng.uniform(*SITS.sets_off) * max(end - nearly, 0))
+    tape.run_on(np.arange(up, end, rate), seam=False)
     sit.risen = len(tape)
-    if rng.random() < SITS.stands:
+    if stands:
         session.stand_here(mark)
         tape.stand(rng.uniform(*SITS.stands_for))
     else:
