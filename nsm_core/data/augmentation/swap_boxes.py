@@ -142,7 +142,9 @@ def _with(
     ends = take.things[index].poses[[0, -1]]
     for n, c in enumerate(commands):
         if c.thing == index and c.position is not None:
-            heading = ends[np.linalg.norm(ends[:, :3] - c.position, axis=1).argmin(), 3]
+            heading = ends[
+                0 if c.action == "carry" else 1, 3
+            ]  # one put back lies where it lay, turned a little
             commands[n] = replace(
                 c, position=(c.position + rotate_planar(offset, np.float64(heading))).astype(np.float32)
             )
