@@ -103,7 +103,7 @@ def source(studio):
 
 def test_takes_of_captures_under_any_name_and_hierarchy(source):
     composer = Composer(source, {"sit": 0.7, "walk": 0.3})
-    takes = [t for t in map(composer.compose, range(4)) if t is not None]
+    takes = [t for t in map(composer.compose, range(8)) if t is not None]
     actions = {c.action for t in takes for c in t.commands}
     assert {"sit", "walk", "idle"} <= actions
     used = {name.rstrip("~").split("@")[0] for t in takes for name, *_ in t.provenance}
