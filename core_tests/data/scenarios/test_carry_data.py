@@ -8,6 +8,7 @@ import captures
 import numpy as np
 import pytest
 
+from nsm_core.body.inertialization import BLEND_FRAMES
 from nsm_core.body.skeleton import ARMS, FEET, forward_kinematics
 from nsm_core.conventions import CARRY, HAND_CONTACTS
 from nsm_core.data.captures.folder import CaptureFolder
@@ -121,8 +122,9 @@ def test_bodies_bend_as_bodies_do(carried):
         arms[:, legs] = (1, 0, 0, 0)  # walks have their own tests
         assert jumps(take.hips[span], arms[span])["turn_per_frame_deg"] < 30
         for bend in (e.taken.bend, e.put.bend):
+            landed = bend.start + BLEND_FRAMES + 1  # the last step may end amid the first of the bend
             feet = forward_kinematics(take.hips, take.rotations)[0][
-                bend.start + 8 : bend.end - 8, [leg[3] for leg in FEET], :2
+                landed : bend.end - 8, [leg[3] for leg in FEET], :2
             ]
             assert np.ptp(feet, axis=0).max() < 0.02
         assert take.labels[e.taken.bend.touch : e.put.bend.touch, CARRY].min() > 0.99
