@@ -24,6 +24,7 @@ _TOUCH, _TOUCH_END = 0.24, 0.12
 _NEARER = 0.03  # metres nearer than now
 _AGAIN = 24  # frames between two looks for another way
 _DETOUR = (1.25, 0.8)  # times as long, and metres more, that a way around somebody who comes may be
+_STANDS = 5  # frames of standing after which who waits has come to rest
 _STUCK, _HOPELESS = 24, 150  # frames of standing after which two are parted, and after which they are not
 _STAYING = 75  # frames that one waits for somebody who will not move any more
 _RINGS, _TURNS, _TRIES = np.arange(0.7, 7.0, 0.35), 20, 10
@@ -112,6 +113,8 @@ class Traffic:
                     return
                 first, last = last, first
             self._pairs[key] = first, self._frame
+            if first.still > _STANDS and any(order != last.order for order in first.waits_for):
+                return  # who stands and waits for a third keeps nobody waiting: one goes by, or around it
         elif kept is not None and self._frame - kept[1] > KEPT:
             del self._pairs[key]
             return
@@ -190,16 +193,16 @@ class Traffic:
         since = self._blocked.setdefault(player.order, self._frame)
         # Whoever stands there may leave another way by now.
         looked = self._frame - self._looked.get(player.order, -2 * _AGAIN)
-        if looked >= 2 * _AGAIN and player.still > 5 if player.giving_way else looked >= _AGAIN:
+        if looked >= 2 * _AGAIN and player.still > _STANDS if player.giving_way else looked >= _AGAIN:
             self._looked[player.order] = self._frame
             player.go_on()
             return
         if self._frame == since or whom.giving_way and not whom.settled:
             return
         stop(player, max(0.0, (index - 5) * STEP), whom, where)  # type: ignore[operator]
-        if player.still > 5:
+        if player.still > _STANDS:
             self._make_room(whom)
-        if whom.stays and self._frame - since > _STAYING and player.still > 5:
+        if whom.stays and self._frame - since > _STAYING and player.still > _STANDS:
             self._give_up(
                 player,
                 f"{whom.name} stands in the only way to it and has nothing more to do; give {whom.name} "
@@ -256,7 +259,7 @@ class Traffic:
             player.halt(far)
         d = player.runner.director
         whom = self.players[next(iter(player.waits_for))]
-        if whom.stays and player.still > 5:
+        if whom.stays and player.still > _STANDS:
             claim = self.claims.of(player, player.goal)
             if claim is not None and claim.holder is whom:
                 self._give_up(
