@@ -92,13 +92,20 @@ def depths_between(one: BodyTrack, other: BodyTrack) -> Array:
     """
     count = max(len(one.centres), len(other.centres))
     out = np.zeros(count)
-    for t in range(count):
-        a, b = (min(t, len(track.centres) - 1) for track in (one, other))
+    rows = [np.minimum(np.arange(count), len(track.centres) - 1) for track in (one, other)]
+    (low_a, high_a), (low_b, high_b) = (
+        (box[0][at], box[1][at]) for box, at in zip(map(_boxes, (one, other)), rows, strict=True)
+    )
+    for t in np.flatnonzero(((low_a < high_b) & (low_b < high_a)).all(1)):
+        a, b = (int(at[t]) for at in rows)
         radii = one.radii[a]
-        apart = np.abs(one.centres[a].mean(0) - other.centres[b].mean(0)).max()
-        if apart > 2.5:
-            continue
         most = float(radii.max()) + 0.01
         free = spheres_distance(one.centres[a], other.centres[b], other.radii[b], most)
         out[t] = max(0.0, float((radii - free).max()))
     return out
+
+
+def _boxes(track: BodyTrack) -> tuple[Array, Array]:
+    """The least and largest coordinates (T, 3) of a body in each frame."""
+    size = track.radii[..., None]
+    return (track.centres - size).min(1), (track.centres + size).max(1)
