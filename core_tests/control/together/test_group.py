@@ -78,6 +78,18 @@ def test_a_seat_that_is_never_left_is_told_in_one_sentence(model):
     assert max(group.depths.values()) < DEEPEST
 
 
+def test_who_comes_to_a_place_where_another_stands_waits_until_it_has_left(model):
+    group = run(
+        model,
+        Cuboids(),
+        ("Anna", (0.0, 0.9), 0.0, [walk(0.0, 0.0, hold=0.8), walk(1.8, 0.6, np.pi / 2)]),
+        ("Ben", (-2.2, 0.1), np.pi / 2, [walk(0.12, 0.1, np.pi / 2)]),
+    )
+    assert all(goal.reached for goal in goals_of(group)), [g.reason for g in goals_of(group)]
+    assert max(group.depths.values()) < DEEPEST
+    assert group.waits()[1][0].whom == "Anna"
+
+
 def test_who_cannot_do_a_goal_is_named(model):
     walls = Cuboids([((2, 0, 0), 0.0, [(-0.6, -0.6, 0)] * 1, [(0.6, 0.6, 2)])])
     with pytest.raises(GoalError, match=r"^Ben: 'place' cannot be reached"):
