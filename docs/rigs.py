@@ -1,9 +1,10 @@
 """Try the add-on on a folder of rigs and on the bundled character at several sizes, and write docs/rigs.md.
 
-    python docs/rigs.py FOLDER [NAME ...] [--sheets FOLDER]
+    python docs/rigs.py FOLDER [NAME ...] [--only ACTION ...] [--sheets FOLDER]
 
 FOLDER holds .glb, .vrm and .blend files; with names only the files whose name holds one of them are tried,
-and nothing is written.  With --sheets every take is rendered from the side and from the front.
+with --only those actions, and their lines take the place of the old ones.  With --sheets every take is
+rendered from the side and from the front.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from nsm_blender.leaving import leave
 from nsm_blender.pictures import render
 from nsm_blender.rigs.armature import Placement
 from nsm_blender.rigs.bone_map import require_map
+from nsm_blender.rigs.skin import skins
 from nsm_core.body.skeleton import J
 from nsm_core.errors import NsmError
 
@@ -104,9 +106,10 @@ def characters(
 
 
 def _only(rigs: list[bpy.types.Object], number: int) -> bpy.types.Object:
-    """One of a file's armatures; the others are removed."""
+    """One of a file's armatures; the others are removed, and what they wear."""
     for other in rigs[:number] + rigs[number + 1 :]:
-        bpy.data.objects.remove(other)
+        for thing in [*skins(other), other]:
+            bpy.data.objects.remove(thing)
     return rigs[number]
 
 
@@ -144,7 +147,7 @@ def _told(o: Outcome) -> str:
     return " | ".join([*cells, f"{o.feet:.1f}", f"{o.under:.1f}", f"{o.solids:.1f}"])
 
 
-def main(folder: str, names: list[str], sheets: str | None) -> None:
+def main(folder: str, names: list[str], sheets: str | None, only: list[str]) -> None:
     """Try every character and write the tables."""
     nsm_blender.register()
     first, second = [], []
@@ -152,12 +155,28 @@ def main(folder: str, names: list[str], sheets: str | None) -> None:
         for name, make in characters(Path(folder), names, Path(scratch)):
             first.append(found(name, make()))
             print(first[-1], flush=True)
-            for action in STAGES:
+            for action in only or STAGES:
                 second.append(acted(name, make, action, Path(sheets) if sheets else None))
                 print(second[-1], flush=True)
-    if not names:
+    path = HERE / "rigs.md"
+    if names or only:
+        text = renewed(path.read_text(encoding="utf-8"), [*first, *second])
+    else:
         text = HEAD + "\n".join(first) + "\n" + ACTIONS + "\n".join(second) + "\n"
-        (HERE / "rigs.md").write_text(text, encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
+
+
+def renewed(text: str, lines: list[str]) -> str:
+    """The page with these lines in the place of those that begin alike; others have no place."""
+    out = text.split("\n")
+    for line in lines:
+        cells = line.split(" | ")
+        same = [row.split(" | ") for row in out]
+        alike = 2 if cells[1] in STAGES else 1
+        for number, row in enumerate(same):
+            if row[:alike] == cells[:alike] and (alike == 2 or row[1:2] and row[1] not in STAGES):
+                out[number] = line
+    return "\n".join(out)
 
 
 if __name__ == "__main__":
@@ -167,7 +186,8 @@ if __name__ == "__main__":
     parser.add_argument("folder")
     parser.add_argument("names", nargs="*")
     parser.add_argument("--sheets")
+    parser.add_argument("--only", nargs="+", choices=STAGES, default=[], metavar="ACTION")
     options = parser.parse_args()
-    main(options.folder, options.names, options.sheets)
+    main(options.folder, options.names, options.sheets, options.only)
     sys.stdout.flush()
     leave(0)

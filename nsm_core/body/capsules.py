@@ -217,17 +217,53 @@ class Figure:
     @cached_property
     def hand(self) -> float:
         """Metres from the wrist to the farthest sphere of the hand."""
-        rest = rest_joints(self.offsets)
+        left = self._resting[self.spheres.hand == 1]
+        return float(np.linalg.norm(left - rest_joints(self.offsets)[INDEX["LeftWrist"]], axis=1).max())
+
+    @cached_property
+    def width(self) -> float:
+        """Metres from side to side of head, trunk and pelvis."""
+        middle = np.array([n.startswith(("Hips", "Chest", "Neck", "Head")) for n in self.spheres.names])
+        middle &= ~np.array(["Shoulder" in n for n in self.spheres.names])
+        return 2 * float((self.spheres.radii + self._resting[:, 0])[middle].max())
+
+    @cached_property
+    def front(self) -> float:
+        """Metres that trunk and pelvis reach ahead of the hip joints."""
+        centres = self._resting - rest_joints(self.offsets)[INDEX["LeftHip"]]
+        trunk = np.array([n.startswith(("Hips", "Chest")) for n in self.spheres.names])
+        return float((self.spheres.radii - centres[:, 1])[trunk].max())
+
+    @cached_property
+    def palm(self) -> float:
+        """Metres that a hand reaches from the wrist towards what lies before its palm."""
+        centres = self._resting - rest_joints(self.offsets)[INDEX["LeftWrist"]]
+        return float((self.spheres.radii - centres[:, 2])[self.spheres.hand == 1].max())
+
+    @cached_property
+    def little_finger(self) -> float:
+        """Metres that a hand reaches from the wrist to the side away from the thumb."""
+        centres = self._resting - rest_joints(self.offsets)[INDEX["LeftWrist"]]
+        return float((self.spheres.radii + centres[:, 1])[self.spheres.hand == 1].max())
+
+    @cached_property
+    def tip(self) -> tuple[Array, float]:
+        """The foremost sphere of the toes: its centre (3,) from the toe joint, and its radius, metres."""
+        centres = self._resting - rest_joints(self.offsets)[INDEX["LeftToe"]]
+        toes = np.flatnonzero([n.startswith("LeftToe") for n in self.spheres.names])
+        foremost = toes[(centres[toes, 1] - self.spheres.radii[toes]).argmin()]
+        return centres[foremost] * (0, 1, 1), float(self.spheres.radii[foremost])
+
+    @cached_property
+    def _resting(self) -> Array:
+        """Centres (S, 3) of the spheres in the T-pose, the hips over the origin."""
         still = np.tile((1.0, 0.0, 0.0, 0.0), (1, len(OFFSETS), 1))
-        left = self.spheres.of(rest[None], still)[0][0][self.spheres.hand == 1]
-        return float(np.linalg.norm(left - rest[INDEX["LeftWrist"]], axis=1).max())
+        return self.spheres.of(rest_joints(self.offsets)[None], still)[0][0]
 
     @cached_property
     def seat(self) -> tuple[float, float]:
         """Metres from the hips to the back rest behind and to the seat under a body that is pressed on it."""
-        rest = rest_joints(self.offsets)
-        still = np.tile((1.0, 0.0, 0.0, 0.0), (1, len(OFFSETS), 1))
-        centres = self.spheres.of(rest[None], still)[0][0] - rest[0]
+        centres = self._resting - rest_joints(self.offsets)[0]
         names = np.array(self.spheres.names)
         pelvis, thigh = names == "Hips-Hips", int(np.flatnonzero(names == "LeftHip-LeftKnee")[0])
         behind = (centres[pelvis, 1] + self.spheres.pressed[pelvis]).max()

@@ -254,6 +254,8 @@ def _drawn(capsules: list[Capsule], skin: dict[str, Array], rest: Array) -> list
                 ratio = away[n] / radius[n]
                 halves = [own & half for half in (at[n] < 0.5, at[n] >= 0.5)]
                 factors = [np.quantile(ratio[h], _SKIN) if h.sum() >= _FEWEST else 1.0 for h in halves]
+                if capsules[k].from_a[0] < 0:  # the one that lies across: points are of its left half alone
+                    factors[0] = factors[1]
                 least, most = (share * np.array(_radii(capsules[k])) for share in _DRAWN)
                 a, b = np.clip(ends[n] * factors, least, most)
                 out[k] = _with(out[k], (*MIDDLE, *LEFT)[k], float(a), float(b))

@@ -13,11 +13,13 @@ from nsm_core.distances import RUN_AT, WALKED
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_angle
 from nsm_core.world.actions import BY_KEY, require_action
-from nsm_core.world.scene.props import Prop
+from nsm_core.world.scene.props import Box, Leaf, Prop
 from nsm_core.world.scene.terrain import Terrain
 from nsm_core.world.sensors.interaction import InteractionVolume
 
 MOST_OFF_SEAT = 0.15  # metres by which bulk holds hips off a seat
+SQUEEZE = 0.1  # metres by which a body may be wider than a door: who passes turns a little
+MOST_OFF_BOX, MOST_OFF_PALM = 0.25, 0.1  # and a box off the body, and wrists off its sides
 _Kind = TypeVar("_Kind", bound=Prop)
 # m/s that a goal may ask for, by action: those of the training data, and beside them what takes keep to.
 SPEEDS = {"walk": (min(0.5, WALKED[0]), max(1.6, WALKED[1])), "run": (min(2.0, RUN_AT[0]), RUN_AT[1])}
@@ -93,8 +95,21 @@ class Goal:
             raise GoalError(f"The goal '{self.name}' has nothing to {self.action}; choose {action.handles}.")
 
     def fitting(self, figure: Figure) -> Goal:
-        """The same for a body that is thicker or thinner than the bundled one: hips off seats by as much."""
-        if not BY_KEY[self.action].seats or figure is BUNDLED:
+        """The same for a body that is thicker or thinner than the bundled one: hips off seats by as much, a
+        box off body and palms.  GoalError where a body is wider than the door it is to pass.
+        """
+        if figure is BUNDLED:
+            return self
+        if isinstance(self.prop, Leaf) and figure.width > self.prop.width + SQUEEZE:
+            raise GoalError(
+                f"Head or trunk of the character is {figure.width / self.prop.width:.1f} times as wide as "
+                f"{self.name}; choose a wider door, or scale this one."
+            )
+        if isinstance(self.prop, Box):
+            off, palm = np.subtract((figure.front, figure.palm), (BUNDLED.front, BUNDLED.palm))
+            off, palm = np.clip((off, palm), 0.0, (MOST_OFF_BOX, MOST_OFF_PALM)).tolist()
+            return replace(self, prop=replace(self.prop, off=off, palm=palm))
+        if not BY_KEY[self.action].seats:
             return self
         behind, under = np.subtract(figure.seat, BUNDLED.seat)
         ahead = np.clip(behind, 0.0, MOST_OFF_SEAT) * heading_to_direction(np.array(self.heading))

@@ -21,9 +21,10 @@ from nsm_core.body.ik.seating import settle
 from nsm_core.body.ik.solver import Pose, Task, solve
 from nsm_core.body.ik.stiffness import stiffness
 from nsm_core.body.ik.tasks import PointTask, TurnTask
+from nsm_core.body.ik.toes import bent_up
 from nsm_core.body.ik.two_bone import place_on
 from nsm_core.body.inertialization import BLEND_FRAMES, soften_places, soften_seam, soften_turns
-from nsm_core.body.skeleton import ARMS, FEET, HIPS, INDEX, TOE_HEIGHT
+from nsm_core.body.skeleton import FEET, HIPS, INDEX, TOE_HEIGHT
 from nsm_core.body.tree import HUMAN
 from nsm_core.conventions import FOOT_CONTACTS, HIP_CONTACT
 from nsm_core.rotations import Array, quat_conjugate, quat_mul, quat_to_rotvec
@@ -35,11 +36,11 @@ from nsm_core.world.scene.terrain import Terrain
 from .actions.base import Grasp, SeatTarget
 from .actions.hold import Lead, SeenBody
 from .goals import Moment
+from .hands import hands_of
 from .start import Start
 
 # Standard deviations that are left to what is asked, metres and radians.
-FOOT, FOOT_TURN, SEAT, HAND, HEAD_TURN, HAND_TURN = 0.001, 0.03, 0.003, 0.002, 0.1, 0.25
-FIRM = 0.3  # share of its way from which on a hand is led in full
+FOOT, FOOT_TURN, SEAT, HEAD_TURN = 0.001, 0.03, 0.003, 0.1
 GRASPS = (0.6, 1.0)  # share of its way over which a hand comes to touch what it holds
 # Metres by which a hand that holds a thing may be inside it, and the forearm along it.
 INSIDE, ALONG = 0.3, 0.02
@@ -133,43 +134,25 @@ class PostProcess:
         yield
         yield from keep_clear(feet, pose, solids, self.figure.spheres)
         yield
-        targets, shares, turns = self._hands(pose)
+        hands = hands_of([n.leads for n in notes], pose, self.figure)
         # Arms go first, so that the trunk gives no more than what they lack.
-        pose = Pose(pose.tree, pose.hips, _led(pose, pose.local, targets, np.sign(shares), turns))
-        tasks = [*_stand(feet), *_sit(pose, seated), *_reach(targets, shares, turns)]
+        pose = Pose(pose.tree, pose.hips, hands.led(pose, np.sign(hands.firm), hands.turns))
+        tasks = [*_stand(feet), *_sit(pose, seated), *hands.tasks(), *hands.neck(pose)]
         tasks.append(TurnTask(INDEX["Head"], pose.world[:, INDEX["Head"]], np.full(len(notes), HEAD_TURN)))
         spheres = self.figure.spheres
         limit = Clearance([*solids, self._floor()], spheres.foot, spheres)
         pose = yield from solve(pose, [*tasks, limit], stiffness())
-        pose = Pose(pose.tree, pose.hips, _led(pose, pose.local, targets, smooth_step(shares / FIRM)))
+        pose = Pose(pose.tree, pose.hips, hands.led(pose, hands.firm))
         if before is not None and len(notes) > 3:
-            return _gone_on(before, pose, feet.ankles, feet.rotations)
-        return pose.hips, place_on(pose.tree, pose.hips, pose.local, _LIMBS, feet.ankles, feet.rotations)
-
-    def _hands(self, pose: Pose) -> tuple[Array, Array, Array]:
-        """Where wrists are to be (T, 2, 3), right and left, how firmly (T, 2), and their world rotations
-        (T, 2, 4).
-        """
-        wrists = [arm[2] for arm in ARMS]
-        targets, turns = pose.positions[:, wrists].copy(), pose.world[:, wrists].copy()
-        shares = np.zeros((len(self.notes), 2))
-        for t, note in enumerate(self.notes):
-            for lead in note.leads:
-                if lead.share >= shares[t, lead.hand]:
-                    targets[t, lead.hand], shares[t, lead.hand] = lead.target, lead.share
-                    if lead.turn is not None:
-                        turns[t, lead.hand] = quat_mul(lead.turn, pose.world[t, wrists[lead.hand]])
-        ways = targets - pose.positions[:, wrists]
-        return pose.positions[:, wrists] + smooth_step(shares / FIRM)[..., None] * ways, shares, turns
+            hips, local = _gone_on(before, pose, feet.ankles, feet.rotations)
+        else:
+            hips = pose.hips
+            local = place_on(pose.tree, hips, pose.local, _LIMBS, feet.ankles, feet.rotations)
+        return hips, local if sole.tip is not None else bent_up(self.figure, hips, local, ground)
 
     def _floor(self) -> Obstacle:
-        """The floor, off which hands keep that hold nothing; the others are where they have to be."""
-        count, spheres = len(self.notes), self.figure.spheres
-        free = np.zeros((count, len(spheres.radii)))
-        for t, note in enumerate(self.notes):
-            for right, left, _ in note.touching.values():
-                free[t] += INSIDE * (right * (spheres.hand == 0) + left * (spheres.hand == 1))
-        return Obstacle(_FLOOR, np.zeros((count, 4)), free)
+        """The floor, off which all but feet keep."""
+        return Obstacle(_FLOOR)
 
     def _solids(self, props: Sequence[tuple[Prop, Array]]) -> list[Obstacle]:
         solids, spheres = [Obstacle(self.still)], self.figure.spheres
@@ -182,21 +165,6 @@ class PostProcess:
                 free += ALONG * (share[:, side] * touching[:, 2])[:, None] * (spheres.forearm == side)
             solids.append(Obstacle(prop.query, poses, free if free.any() else None))
         return solids
-
-
-def _led(pose: Pose, local: Array, targets: Array, shares: Array, turns: Array | None = None) -> Array:
-    """Local rotations with arms that put wrists these ``shares`` (T, 2) of their ways on to where they are
-    led; hands keep their world rotations, or have ``turns``.
-    """
-    local = np.array(local)
-    for side, arm in enumerate(ARMS):
-        led = np.flatnonzero(shares[:, side] > 0)
-        if len(led):
-            wrist = pose.positions[led, arm[2]]
-            at = wrist + shares[led, side, None] * (targets[led, side] - wrist)
-            turn = None if turns is None else turns[led, side, None]
-            local[led] = place_on(pose.tree, pose.hips[led], local[led], (arm,), at[:, None], turn)
-    return local
 
 
 def _gone_on(before: Pose, pose: Pose, ankles: Array, turns: Array) -> tuple[Array, Array]:
@@ -240,19 +208,6 @@ def _sit(pose: Pose, weight: Array) -> list[Task]:
         return []
     deviation = np.where(weight > 0, SEAT / np.maximum(weight, 1e-3), np.inf)
     return [PointTask(HIPS, pose.hips.copy(), deviation)]
-
-
-def _reach(targets: Array, shares: Array, turns: Array) -> list[Task]:
-    tasks: list[Task] = []
-    for side, arm in enumerate(ARMS):
-        share = shares[:, side]
-        if share.any():
-            firm = smooth_step(share / FIRM)
-            deviation = np.where(share > 0, HAND / np.maximum(firm, 1e-3), np.inf)
-            tasks.append(PointTask(arm[2], targets[:, side], deviation))
-            turn = np.where(share > 0, HAND_TURN / np.maximum(firm, 1e-3), np.inf)
-            tasks.append(TurnTask(arm[2], turns[:, side], turn))
-    return tasks
 
 
 __all__ = ["Note", "PostProcess"]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from nsm_core.body.ik.grip import Grip
 from nsm_core.control.goals import Taken
 from nsm_core.conventions import DT, HAND_CONTACTS
 from nsm_core.distances import WRIST_BEHIND
@@ -114,8 +116,10 @@ class Carrying:
 
     @property
     def leads(self) -> list[Lead]:
-        """Where its hands are to be in this frame."""
-        return self.hold.leads
+        """Where its hands are to be in this frame: palms on the sides, fingers along them."""
+        heading = np.float64(self.prop.pose[3] + self.facing)
+        left, ahead = rotate_planar(np.eye(3)[0], heading), np.append(heading_to_direction(heading), 0.0)
+        return [replace(lead, grip=Grip((left, -left)[lead.hand], ahead)) for lead in self.hold.leads]
 
     def touches(self, hand: int) -> bool:
         """Whether a hand is meant to touch the prop, and so is not kept off it: one that is not yet led to it
@@ -212,7 +216,10 @@ class Carrying:
         # Bodies of the data held smaller boxes: what the network would press to itself is held off.
         ahead = heading_to_direction(np.float64(mean[3] + self.facing))
         mean[:2] += (
-            max(0.0, self.prop.across(self.facing)[1] / 2 + HELD_OFF - float(mean[:2] @ ahead)) * ahead
+            max(
+                0.0, self.prop.across(self.facing)[1] / 2 + HELD_OFF + self.prop.off - float(mean[:2] @ ahead)
+            )
+            * ahead
         )
         return np.concatenate(
             (rotate_planar(mean[:2], place[2]) + place[:2], mean[2:3], [mean[3] + place[2]])

@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from nsm_core.body.ik.grip import Grip
 from nsm_core.body.skeleton import ARM_LENGTH, ARMS, INDEX, PARENTS, forward_kinematics
 from nsm_core.conventions import DT
 from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul
@@ -59,12 +60,14 @@ class Lead:
     """Where a ``hand`` (0 right, 1 left) is to be, ``target`` (3,) of its wrist, world, and how firmly, 0..1.
 
     ``turn`` (4,) is what the hand is turned by from how the pose has it, about world axes; None leaves it.
+    ``grip`` tells how it lies on what it holds.
     """
 
     hand: int
     target: Array
     share: float
     turn: Array | None = None
+    grip: Grip | None = None
 
 
 class Hold:

@@ -49,7 +49,7 @@ def standing_place(box: Box, facing: float, centre: Array, heading: float, furth
     """Where (2,) a carrier of ``heading`` and ``facing`` (in the box's frame) stands with the box centred at
     ``centre``.
 
-    ``further`` metres off: see ``further_off``.
+    ``further`` metres off: see ``further_off``, which has how bulky the carrier is.
     """
     return np.asarray(centre, dtype=np.float64)[:2] - (
         box.stand_off(facing) + further
@@ -102,7 +102,7 @@ def further_off(
     low = float(centre[2]) - float(box.size[2]) / 2
     toes = TOES_CLEAR + max(0.0, box.across(facing)[1] - CRATE_SIDE[1]) if low < FLOOR else 0.0
     if solids is None:
-        return toes
+        return toes + box.off
     what, edge = of or box.name, edge_before_box(box, facing, centre, heading, solids)
     further = max(toes, edge + BODY_TO_EDGE - BODY_TO_BOX)
     if further > FURTHEST:
@@ -136,7 +136,7 @@ def further_off(
             f"{what} is shut off by something between it and who carries; clear the way, or choose another "
             "side."
         )
-    return further
+    return further + box.off
 
 
 def _shut_off(box: Box, pose: Array, facing: float, edge: float, solids: DistanceQuery) -> bool:

@@ -89,11 +89,14 @@ class Box(Prop):
     """A thing to carry; its frame lies at the centre of its bounding box of ``size`` (3,), metres.
 
     ``shown`` (3,) metres by which it is shown to the network beside its place: a box that one leans to is
-    shown as far off as one that is not leant to, and lean and arms do the rest.
+    shown as far off as one that is not leant to, and lean and arms do the rest.  ``off`` and ``palm``:
+    metres by which body and wrists of its carrier keep further off it than those of the bundled body.
     """
 
     size: Array = None  # type: ignore[assignment]
     shown: Array = field(default_factory=lambda: np.zeros(3))
+    off: float = 0.0
+    palm: float = 0.0
 
     def sensed(self) -> InteractionVolume:
         """The interaction sensor's reading: hands hold the bounding box, so a bin or a basket reads as one
@@ -131,7 +134,8 @@ class Box(Prop):
 
     def _places(self, facing: float, behind: float, height: float) -> Array:
         places = [
-            (sign * (self.across(facing)[0] / 2 + WRIST_OFF_SIDE), behind, height) for sign in (-1.0, 1.0)
+            (sign * (self.across(facing)[0] / 2 + WRIST_OFF_SIDE + self.palm), behind, height)
+            for sign in (-1.0, 1.0)
         ]
         return rotate_planar(np.array(places), np.float64(facing))
 

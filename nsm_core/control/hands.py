@@ -1,0 +1,140 @@
+"""Where the hands of a whole take are to be, how firmly, and how they lie on what they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsm_core.body.capsules import BUNDLED, Figure
+from nsm_core.body.ik.grip import laid
+from nsm_core.body.ik.solver import Pose, Task
+from nsm_core.body.ik.tasks import PointTask, TurnTask
+from nsm_core.body.ik.two_bone import place_on
+from nsm_core.body.skeleton import ARMS, INDEX
+from nsm_core.body.tree import HUMAN
+from nsm_core.rotations import Array, quat_mul, quat_slerp
+from nsm_core.signals import gaussian_smooth, smooth_step
+
+from .actions.hold import Lead
+
+HAND, TURN, LAID = 0.002, 0.25, 0.06  # standard deviations of a hand that is led, metres and radians
+FIRM = 0.3  # share of its way from which on a hand is led in full
+# Frames before and after a hand is led in which it is where the network has it, on any body; and how far a
+# neck keeps from coming lower than it, metres.
+AT_WORK, NECK = 20, 0.02
+_WRISTS = [arm[2] for arm in ARMS]
+_NECK = INDEX["Neck"]
+
+
+@dataclass
+class Hands:
+    """Of both hands, right and left: ``wrists`` (T, 2, 3) world, ``firm`` (T, 2) how firmly they are there,
+    0..1, their world ``turns`` (T, 2, 4), and how far they are ``laid`` (T, 2) on what they hold; ``least``
+    (T,) height of the neck, -inf where any will do.
+    """
+
+    wrists: Array
+    firm: Array
+    turns: Array
+    laid: Array
+    least: Array
+
+    def led(self, pose: Pose, firm: Array, turns: Array | None = None) -> Array:
+        """Local rotations of a motion with arms that put wrists these shares ``firm`` (T, 2) of their ways on
+        to where they are led; hands keep their world rotations, or have ``turns``.
+        """
+        local = np.array(pose.local)
+        for side, arm in enumerate(ARMS):
+            on = np.flatnonzero(firm[:, side] > 0)
+            if len(on):
+                wrist = pose.positions[on, arm[2]]
+                at = wrist + firm[on, side, None] * (self.wrists[on, side] - wrist)
+                turn = None if turns is None else turns[on, side, None]
+                local[on] = place_on(pose.tree, pose.hips[on], local[on], (arm,), at[:, None], turn)
+        return local
+
+    def tasks(self) -> list[Task]:
+        """What the solver is asked for."""
+        tasks: list[Task] = []
+        for side, wrist in enumerate(_WRISTS):
+            firm = self.firm[:, side]
+            if firm.any():
+                least = np.maximum(firm, 1e-3)
+                on = firm > 0
+                tasks.append(PointTask(wrist, self.wrists[:, side], np.where(on, HAND / least, np.inf)))
+                turn = TURN + self.laid[:, side] * (LAID - TURN)
+                tasks.append(TurnTask(wrist, self.turns[:, side], np.where(on, turn / least, np.inf)))
+        return tasks
+
+    def neck(self, pose: Pose) -> list[Task]:
+        """A neck that bends no lower than the network's: a longer trunk would bend into what is held."""
+        low = pose.positions[:, _NECK, 2] < self.least
+        if not low.any():
+            return []
+        target = pose.positions[:, _NECK].copy()
+        target[:, 2] = np.maximum(target[:, 2], self.least)
+        deviation = np.full((len(target), 3), np.inf)
+        deviation[:, 2] = np.where(low, NECK, np.inf)
+        return [PointTask(_NECK, target, deviation)]
+
+
+def hands_of(leads: Sequence[Sequence[Lead]], pose: Pose, figure: Figure) -> Hands:
+    """What the ``leads`` of every frame ask of a motion's hands."""
+    count = len(leads)
+    at, turns, shares = pose.positions[:, _WRISTS].copy(), pose.world[:, _WRISTS].copy(), np.zeros((count, 2))
+    first: list[dict[int, Lead]] = [{} for _ in leads]
+    for t, each in enumerate(leads):
+        for lead in each:
+            if lead.share >= shares[t, lead.hand]:
+                shares[t, lead.hand], first[t][lead.hand] = lead.share, lead
+    for t, frame in enumerate(first):
+        for side, lead in frame.items():
+            at[t, side] = lead.target
+            if lead.turn is not None:
+                turns[t, side] = quat_mul(lead.turn, pose.world[t, _WRISTS[side]])
+    own, firm = pose.positions[:, _WRISTS], smooth_step(shares / FIRM)
+    near, least = np.zeros_like(firm), np.full(count, -np.inf)
+    if figure is not BUNDLED and shares.any():
+        # Arms and trunks of other lengths would take hands into what they are about to hold.
+        network = HUMAN.forward(pose.hips, pose.local)[0]
+        near = _about(shares > 0)
+        own = own + near[..., None] * (network[:, _WRISTS] - own)
+        least = np.where(near.max(1) > 0.5, network[:, _NECK, 2], -np.inf)
+    wrists = own + firm[..., None] * (at - own)
+    hands = Hands(wrists, np.maximum(firm, near), turns, np.zeros_like(firm), least)
+    _lay(
+        hands, first, shares, Pose(pose.tree, pose.hips, hands.led(pose, np.sign(hands.firm), turns)), figure
+    )
+    return hands
+
+
+def _about(led: Array) -> Array:
+    """How far (T, 2), 0..1, a hand is about to be led or has just been, with an ease."""
+    near = np.array(led, dtype=np.float64)
+    wide = 2 * AT_WORK + 1
+    view = np.lib.stride_tricks.sliding_window_view(np.pad(near, ((AT_WORK, AT_WORK), (0, 0))), wide, axis=0)
+    return np.asarray(smooth_step(gaussian_smooth(view.max(-1), AT_WORK / 4) * 1.1))
+
+
+def _lay(hands: Hands, leads: Sequence[dict[int, Lead]], shares: Array, pose: Pose, figure: Figure) -> None:
+    """Turn hands that hold something as they lie on it, as far as they are led; ``pose`` has arms where they
+    are led.
+    """
+    for side, (_, elbow, wrist) in enumerate(ARMS):
+        grips = [(t, each[side].grip) for t, each in enumerate(leads) if side in each]
+        grips = [(t, grip) for t, grip in grips if grip is not None]
+        if not grips:
+            continue
+        on = np.array([t for t, _ in grips])
+        palm, ahead = (np.stack([getattr(g, name) for _, g in grips]) for name in ("palm", "ahead"))
+        forearm = pose.positions[on, wrist] - pose.positions[on, elbow]
+        forearm /= np.maximum(np.linalg.norm(forearm, axis=1, keepdims=True), 1e-9)
+        over = pose.positions[on, wrist, 2] - figure.little_finger
+        turned = laid(palm, ahead, forearm, side, over / figure.hand)
+        hands.laid[on, side] = smooth_step(shares[on, side])
+        hands.turns[on, side] = quat_slerp(hands.turns[on, side], turned, hands.laid[on, side])
+
+
+__all__ = ["Hands", "hands_of"]
