@@ -150,20 +150,20 @@ def _told(o: Outcome) -> str:
 def main(folder: str, names: list[str], sheets: str | None, only: list[str]) -> None:
     """Try every character and write the tables."""
     nsm_blender.register()
-    first, second = [], []
+    path, rows = HERE / "rigs.md", [[], []]
     with tempfile.TemporaryDirectory() as scratch:
         for name, make in characters(Path(folder), names, Path(scratch)):
-            first.append(found(name, make()))
-            print(first[-1], flush=True)
+            rows[0].append(found(name, make()))
+            print(rows[0][-1], flush=True)
             for action in only or STAGES:
-                second.append(acted(name, make, action, Path(sheets) if sheets else None))
-                print(second[-1], flush=True)
-    path = HERE / "rigs.md"
-    if names or only:
-        text = renewed(path.read_text(encoding="utf-8"), [*first, *second])
-    else:
-        text = HEAD + "\n".join(first) + "\n" + ACTIONS + "\n".join(second) + "\n"
-    path.write_text(text, encoding="utf-8")
+                rows[1].append(acted(name, make, action, Path(sheets) if sheets else None))
+                print(rows[1][-1], flush=True)
+            if names or only:
+                text = renewed(path.read_text(encoding="utf-8"), [*rows[0], *rows[1]])
+                path.write_text(text, encoding="utf-8")
+    if not (names or only):
+        text = HEAD + "\n".join(rows[0]) + "\n" + ACTIONS + "\n".join(rows[1]) + "\n"
+        path.write_text(text, encoding="utf-8")
 
 
 def renewed(text: str, lines: list[str]) -> str:
@@ -171,10 +171,10 @@ def renewed(text: str, lines: list[str]) -> str:
     out = text.split("\n")
     for line in lines:
         cells = line.split(" | ")
-        same = [row.split(" | ") for row in out]
         alike = 2 if cells[1] in STAGES else 1
-        for number, row in enumerate(same):
-            if row[:alike] == cells[:alike] and (alike == 2 or row[1:2] and row[1] not in STAGES):
+        for number, row in enumerate(out):
+            own = row.split(" | ")
+            if own[:alike] == cells[:alike] and (own[1] in STAGES) == (cells[1] in STAGES):
                 out[number] = line
     return "\n".join(out)
 

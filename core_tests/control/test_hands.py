@@ -7,7 +7,8 @@ import pytest
 
 from nsm_core.body.capsules import BUNDLED, CAPSULES, Figure, Spheres
 from nsm_core.body.ik.grip import Grip
-from nsm_core.body.ik.solver import Pose
+from nsm_core.body.ik.solver import Pose, solved
+from nsm_core.body.ik.stiffness import stiffness
 from nsm_core.body.skeleton import ARMS, INDEX, OFFSETS, J
 from nsm_core.control.actions.hold import Lead
 from nsm_core.control.goals import Goal
@@ -19,7 +20,7 @@ from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.scene.props import Box, Leaf, sense
 
 FRAMES, LED = 90, slice(40, 60)
-WRISTS = [arm[2] for arm in ARMS]
+WRISTS, NECK = [arm[2] for arm in ARMS], INDEX["Neck"]
 
 
 def built(bulk: float = 1.0, trunk: float = 1.0, hands: float = 1.0) -> Figure:
@@ -93,7 +94,7 @@ def test_hands_are_laid_on_what_they_hold_and_only_then(bending):
     for side, way in ((0, 1.0), (1, -1.0)):
         palm = quat_rotate(hands.turns[LED, side], np.tile((0.0, 0.0, -1.0), (20, 1)))
         assert palm @ (way, 0, 0) == pytest.approx(np.ones(20), abs=1e-6)
-    assert hands.neck(pose) == []
+    assert hands.trunk(pose) == []
 
 
 def test_a_longer_trunk_takes_hands_and_neck_no_lower_than_the_network(bending):
@@ -107,3 +108,7 @@ def test_a_longer_trunk_takes_hands_and_neck_no_lower_than_the_network(bending):
     assert hands.wrists[0] == pytest.approx(own.positions[0, WRISTS])
     steps = np.linalg.norm(np.diff(hands.wrists[: LED.start], axis=0), axis=-1)
     assert steps.max() < 0.03 and LED.start > AT_WORK
+    eased = solved(own, hands.trunk(own), stiffness())
+    gap = [abs(p.positions[just, NECK, 1] - network.positions[just, NECK, 1]) for p in (own, eased)]
+    assert gap[0] > 0.1 and gap[1] < 0.03
+    assert eased.positions[0] == pytest.approx(own.positions[0], abs=0.02)

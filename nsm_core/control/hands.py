@@ -21,25 +21,28 @@ from .actions.hold import Lead
 
 HAND, TURN, LAID = 0.002, 0.25, 0.06  # standard deviations of a hand that is led, metres and radians
 FIRM = 0.3  # share of its way from which on a hand is led in full
-# Frames before and after a hand is led in which it is where the network has it, on any body; and how far a
-# neck keeps from coming lower than it, metres.
+# Frames before and after a hand is led in which it is where the network has it, on any body; and what is
+# left to a neck that is not to come lower, or further ahead, than the network's, metres.
 AT_WORK, NECK = 20, 0.02
+LONGEST = 1.6  # times as long as the network's is a trunk that has to come further ahead for arms to reach
 _WRISTS = [arm[2] for arm in ARMS]
 _NECK = INDEX["Neck"]
+_SPINE = [INDEX[name] for name in ("Chest", "Chest2", "Chest3", "Chest4", "Neck")]
 
 
 @dataclass
 class Hands:
     """Of both hands, right and left: ``wrists`` (T, 2, 3) world, ``firm`` (T, 2) how firmly they are there,
-    0..1, their world ``turns`` (T, 2, 4), and how far they are ``laid`` (T, 2) on what they hold; ``least``
-    (T,) height of the neck, -inf where any will do.
+    0..1, their world ``turns`` (T, 2, 4), and how far they are ``laid`` (T, 2) on what they hold; ``neck``
+    (T, 3) where the network has it, and how far (T,) hands are ``at_work``, 0..1, on another body.
     """
 
     wrists: Array
     firm: Array
     turns: Array
     laid: Array
-    least: Array
+    neck: Array
+    at_work: Array
 
     def led(self, pose: Pose, firm: Array, turns: Array | None = None) -> Array:
         """Local rotations of a motion with arms that put wrists these shares ``firm`` (T, 2) of their ways on
@@ -68,16 +71,19 @@ class Hands:
                 tasks.append(TurnTask(wrist, self.turns[:, side], np.where(on, turn / least, np.inf)))
         return tasks
 
-    def neck(self, pose: Pose) -> list[Task]:
-        """A neck that bends no lower than the network's: a longer trunk would bend into what is held."""
-        low = pose.positions[:, _NECK, 2] < self.least
-        if not low.any():
+    def trunk(self, pose: Pose) -> list[Task]:
+        """A trunk that bends no lower and no further ahead than the network's: a longer one would bend into
+        what is held.
+        """
+        if not self.at_work.any():
             return []
-        target = pose.positions[:, _NECK].copy()
-        target[:, 2] = np.maximum(target[:, 2], self.least)
-        deviation = np.full((len(target), 3), np.inf)
-        deviation[:, 2] = np.where(low, NECK, np.inf)
-        return [PointTask(_NECK, target, deviation)]
+        own = pose.positions[:, _NECK]
+        ways = np.stack((own - pose.hips, self.neck - pose.hips))[..., :2]
+        far, most = np.linalg.norm(ways, axis=-1)
+        wishes = np.stack((far > most, far > most, own[:, 2] < self.neck[:, 2]), axis=1)
+        wished = NECK / np.maximum(self.at_work, 1e-3)
+        deviation = np.where(wishes & (self.at_work > 0)[:, None], wished[:, None], np.inf)
+        return [PointTask(_NECK, self.neck, deviation)]
 
 
 def hands_of(leads: Sequence[Sequence[Lead]], pose: Pose, figure: Figure) -> Hands:
@@ -95,15 +101,16 @@ def hands_of(leads: Sequence[Sequence[Lead]], pose: Pose, figure: Figure) -> Han
             if lead.turn is not None:
                 turns[t, side] = quat_mul(lead.turn, pose.world[t, _WRISTS[side]])
     own, firm = pose.positions[:, _WRISTS], smooth_step(shares / FIRM)
-    near, least = np.zeros_like(firm), np.full(count, -np.inf)
+    near, neck, bends = np.zeros_like(firm), pose.positions[:, _NECK], True
     if figure is not BUNDLED and shares.any():
         # Arms and trunks of other lengths would take hands into what they are about to hold.
         network = HUMAN.forward(pose.hips, pose.local)[0]
         near = _about(shares > 0)
         own = own + near[..., None] * (network[:, _WRISTS] - own)
-        least = np.where(near.max(1) > 0.5, network[:, _NECK, 2], -np.inf)
+        neck = network[:, _NECK]
+        bends = figure.offsets[_SPINE, 2].sum() < LONGEST * HUMAN.offsets[_SPINE, 2].sum()
     wrists = own + firm[..., None] * (at - own)
-    hands = Hands(wrists, np.maximum(firm, near), turns, np.zeros_like(firm), least)
+    hands = Hands(wrists, np.maximum(firm, near), turns, np.zeros_like(firm), neck, near.max(1) * bends)
     _lay(
         hands, first, shares, Pose(pose.tree, pose.hips, hands.led(pose, np.sign(hands.firm), turns)), figure
     )

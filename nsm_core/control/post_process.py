@@ -137,7 +137,7 @@ class PostProcess:
         hands = hands_of([n.leads for n in notes], pose, self.figure)
         # Arms go first, so that the trunk gives no more than what they lack.
         pose = Pose(pose.tree, pose.hips, hands.led(pose, np.sign(hands.firm), hands.turns))
-        tasks = [*_stand(feet), *_sit(pose, seated), *hands.tasks(), *hands.neck(pose)]
+        tasks = [*_stand(feet), *_sit(pose, seated), *hands.tasks(), *hands.trunk(pose)]
         tasks.append(TurnTask(INDEX["Head"], pose.world[:, INDEX["Head"]], np.full(len(notes), HEAD_TURN)))
         spheres = self.figure.spheres
         limit = Clearance([*solids, self._floor()], spheres.foot, spheres)
