@@ -17,6 +17,7 @@ def bent_up(figure: Figure, hips: Array, local: Array, ground: FootGround) -> Ar
     """Local rotations (T, 23, 4) of a motion, hips (T, 3), whose toes are bent up out of the ``ground``."""
     positions, world = figure.tree.forward(hips, local)
     centre, radius = figure.tip
+    radius = min(radius, figure.sole.toe_height + centre[2])  # a foot that stands is as it is
     out = np.array(local, dtype=np.float64)
     for toe in TOES:
         way = quat_rotate(world[:, toe], np.broadcast_to(centre, hips.shape))
