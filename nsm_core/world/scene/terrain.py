@@ -21,6 +21,9 @@ CELL = 0.02  # metres between the places that are probed
 FLOOR_TOP = 0.12
 _TOUCH, _STEPS = 0.002, 80  # metres over a surface that count as on it; steps of a probe at most
 _HIGHEST = 0.8  # metres: what is higher is no ground
+_REACH = _HIGHEST / 4  # metres to the side of a point in which ground is looked for
+_LEVEL = 1e-4  # metres within which heights are the same
+_PROBES = 1 << 17  # places that are looked at at once
 _LEAST_HEIGHT = 0.004  # metres: what is lower is as good as painted on the floor
 _MOST_CELLS = 400_000  # cells of one map of a mesh
 
@@ -89,6 +92,20 @@ class HeightMap:
             np.linalg.norm(half)
         ) + self.cell
 
+    @cached_property
+    def spread(self) -> HeightMap:
+        """At every place the greatest height within ``_REACH`` of it, along both axes, at least."""
+        count = int(np.ceil(_REACH * np.sqrt(2) / self.cell)) + 2
+        out = np.pad(self.heights, count)
+        for axis in (0, 1):
+            line, wide = np.moveaxis(out, axis, 0), np.moveaxis(out.copy(), axis, 0)
+            for step in range(1, count + 1):
+                np.maximum(wide[step:], line[:-step], out=wide[step:])
+                np.maximum(wide[:-step], line[step:], out=wide[:-step])
+            out = np.moveaxis(wide, 0, axis)
+        corner = rotate_planar(np.full(2, count * self.cell), np.float64(self.heading))
+        return HeightMap(self.origin - corner, self.heading, np.ascontiguousarray(out), self.cell)
+
 
 def _double(i: Array, j: Array, p: Array, q: Array) -> Array:
     """Twice the areas (N,) of triangles between points ``i``, ``j`` (N,), ``p`` and ``q`` (N, 2),
@@ -109,7 +126,8 @@ class Terrain:
     def add(self, other: Terrain) -> None:
         """Take in the maps of another terrain."""
         self.maps += other.maps
-        self.__dict__.pop("_circles", None)
+        for made in ("_circles", "_spread"):
+            self.__dict__.pop(made, None)
 
     def height(self, points: Array) -> Array:
         """Heights (N,) in metres of the ground at floor points (N, 2), world."""
@@ -122,6 +140,11 @@ class Terrain:
         for k in np.flatnonzero(near):
             np.maximum(out, self.maps[k].at(points), out=out)
         return out
+
+    @cached_property
+    def _spread(self) -> Terrain:
+        """At every place the greatest height within ``_REACH`` of it, along both axes, at least."""
+        return Terrain(each.spread for each in self.maps)
 
     @cached_property
     def _circles(self) -> tuple[Array, Array]:
@@ -137,31 +160,33 @@ class Terrain:
         """
         points = np.asarray(points, dtype=np.float64)
         out = np.full(len(points), max_distance, dtype=np.float32)
-        low = np.flatnonzero(
-            points[:, 2] < max((float(m.heights.max()) for m in self.maps), default=-np.inf) + max_distance
-        )
+        tops = self._spread.height(points[:, :2])
+        low = np.flatnonzero((tops > 0) & (points[:, 2] < tops + max_distance))
+        own, up = self.height(points[low, :2]), points[low, 2]
+        level = (
+            (own > 0) & (tops[low] - own < _LEVEL) & (up >= own)
+        )  # nothing about is nearer than what is below
+        out[low[level]] = np.minimum(up - own, max_distance)[level]
+        low, own = low[~level], own[~level]
         if not len(low):
             return out
-        p, reach = points[low], int(min(max_distance, _HIGHEST / 4) / CELL)
+        reach = int(min(max_distance, _REACH) / CELL)
         offsets = CELL * np.stack(
             np.meshgrid(*[np.arange(-reach, reach + 1)] * 2, indexing="ij"), -1
         ).reshape(-1, 2)
         far = np.linalg.norm(offsets, axis=1)
-        own, outside, inside = (
-            self.height(p[:, :2]),
-            np.full(len(p), max_distance),
-            np.full(len(p), max_distance),
-        )
-        for offset, away in zip(offsets[far < max_distance], far[far < max_distance], strict=True):
-            h = self.height(p[:, :2] + offset)
-            beside = max(0.0, float(away) - CELL / 2)  # a cell reaches half its width to the point
-            solid = h > 0
-            outside = np.where(
-                solid, np.minimum(outside, np.hypot(beside, np.maximum(p[:, 2] - h, 0))), outside
-            )
-            inside = np.where(h <= p[:, 2], np.minimum(inside, away), inside)
-        deep = np.minimum(own - p[:, 2], inside)
-        out[low] = np.where((own > 0) & (deep > 0), -deep, outside)
+        offsets, far = offsets[far < max_distance], far[far < max_distance]
+        beside = np.maximum(0, far - CELL / 2)  # a cell reaches half its width to the point
+        step = max(1, _PROBES // len(far))
+        for start in range(0, len(low), step):
+            rows = low[start : start + step]
+            p, o = points[rows], own[start : start + step]
+            h = self.height((p[:, None, :2] + offsets).reshape(-1, 2)).reshape(len(p), -1)
+            over = np.hypot(beside, np.maximum(p[:, 2:] - h, 0))
+            outside = np.where(h > 0, over, max_distance).min(1, initial=max_distance)
+            inside = np.where(h <= p[:, 2:], far, max_distance).min(1, initial=max_distance)
+            deep = np.minimum(o - p[:, 2], inside)
+            out[rows] = np.where((o > 0) & (deep > 0), -deep, outside)
         return out
 
     @classmethod
