@@ -33,6 +33,7 @@ from .draws import SITS
 
 ARM_JOINTS = [INDEX[s + n] for s in ("Right", "Left") for n in ("Collar", "Shoulder", "Elbow", "Wrist")]
 OVER_THIGH, OVER_SEAT = 0.085, 0.05  # metres of the wrist over the line from hip to knee, and over a seat
+FINGERS_AHEAD = 0.8  # how strongly fingers on a seat are drawn ahead, against where the forearm points
 IN_LAP = 0.1  # metres of the wrist off the middle between the thighs
 MOST_ROLLED = np.radians(75)  # by which a hand turns about the forearm to lie palm down
 _OVER = 14  # frames over which arms come from a walk's pose to hanging
@@ -134,8 +135,7 @@ def act_out(
     lying = _lying(weight, seated, manner)
     for side in (0, 1):
         positions, _ = forward_kinematics(hips, local)
-        target, normal = _target(positions, side, manner, goal, heading)
-        along = np.zeros_like(target)
+        target, normal, along = _target(positions, side, manner, goal, heading)
         local = lead_hand(hips, local, side, target, lying, normal, along)
         local = _palm_down(hips, local, side, lying, normal)
     motion.rotations[span] = local
@@ -181,8 +181,12 @@ def _hanging(hips: Array, local: Array, weight: Array, swing: float) -> Array:
     return local
 
 
-def _target(positions: Array, side: int, manner: Manner, goal: Array, heading: float) -> tuple[Array, Array]:
-    """Where the wrist of ``side`` lies (n, 3), and the normal (n, 3) of what it lies on."""
+def _target(
+    positions: Array, side: int, manner: Manner, goal: Array, heading: float
+) -> tuple[Array, Array, Array]:
+    """Where the wrist of ``side`` lies, the normal of what it lies on, and where fingers are drawn to: (n, 3)
+    each.
+    """
     hip, knee = positions[:, FEET[side][0]], positions[:, FEET[side][1]]
     inside = positions[:, FEET[1 - side][0]] - hip
     inside[:, 2] = 0
@@ -190,18 +194,21 @@ def _target(positions: Array, side: int, manner: Manner, goal: Array, heading: f
     first, second = manner.place
     if manner.hands == "beside":
         sign = -1.0 if side == 0 else 1.0
+        ahead = np.append(heading_to_direction(np.array(heading)), 0)
         off = rotate_planar(np.array((sign * second, -first)), np.float64(heading))
         at = np.array((goal[0] + off[0], goal[1] + off[1], goal[2] - HIP_OVER_SEAT + OVER_SEAT))
-        return np.broadcast_to(at, hip.shape).copy(), np.broadcast_to(_UP, hip.shape)
+        place, up, along = (np.broadcast_to(v, hip.shape) for v in (at, _UP, FINGERS_AHEAD * ahead))
+        return place, up, along
     thigh = knee - hip
+    along = 0.5 * FINGERS_AHEAD * thigh
     over = _UP - thigh * thigh[:, 2:] / (thigh**2).sum(-1, keepdims=True)
     over /= np.maximum(np.linalg.norm(over, axis=-1, keepdims=True), 1e-6)
     if manner.hands == "lap":
         middle = positions[:, [FEET[0][0], FEET[1][0]]].mean(1) + first * 0.5 * (
             positions[:, [FEET[0][1], FEET[1][1]]].mean(1) - positions[:, [FEET[0][0], FEET[1][0]]].mean(1)
         )
-        return middle - IN_LAP * inside + (OVER_THIGH + 0.02) * over, over
-    return hip + first * thigh + second * inside + OVER_THIGH * over, over
+        return middle - IN_LAP * inside + (OVER_THIGH + 0.02) * over, over, along
+    return hip + first * thigh + second * inside + OVER_THIGH * over, over, along
 
 
 def _palm_down(hips: Array, local: Array, side: int, weight: Array, normal: Array) -> Array:
@@ -213,7 +220,7 @@ def _palm_down(hips: Array, local: Array, side: int, weight: Array, normal: Arra
     palm = quat_rotate(hand, np.broadcast_to(-_UP, hips.shape))
     wanted = -normal + (normal * fingers).sum(-1, keepdims=True) * fingers
     sine = (np.cross(palm, wanted) * fingers).sum(-1)
-    angle = np.clip(np.arctan2(sine, (palm * wanted).sum(-1)), -MOST_ROLLED, MOST_ROLLED)
+    angle = MOST_ROLLED * sine  # none where the fingers point at it, and none over the back of the hand
     roll = quat_from_rotvec(fingers * (gaussian_smooth(angle, 2.0) * weight)[:, None])
     local = local.copy()
     local[:, wrist] = quat_mul(quat_conjugate(world[:, elbow]), quat_mul(roll, hand))
