@@ -17,6 +17,7 @@ from nsm_core.errors import GoalError, NsmError, SkeletonError
 from nsm_core.rotations import Array
 
 from .animation.kept import SceneState
+from .animation.made import all_or_nothing
 from .animation.rate import scene_fps
 from .begin import (
     POSE,
@@ -194,11 +195,12 @@ def show_goal_points(
         except NsmError as error:
             told.append(str(error))
     points = []
-    for goal, aim, reason in found:  # all at the end: what is broken off before has made none
-        try:
-            points.append(make_goal_point(goal, scene, frame, around, aim, reason, told))
-        except NsmError as error:
-            told.append(str(error))
+    with all_or_nothing():  # at the end: what is broken off before has made none
+        for goal, aim, reason in found:
+            try:
+                points.append(make_goal_point(goal, scene, frame, around, aim, reason, told))
+            except NsmError as error:
+                told.append(str(error))
     return points, told
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 from disks import disk_cases
-from events import EVENTS
+from events import EVENTS, OF_THE_FILE
 from everything import difference, digest
 from flow import MOMENTS, Flow, Gate, Rooms, again, clean_up, gated, growing_by
 from injected import ERRORS, counted, injected
@@ -98,12 +98,12 @@ class Cases:
             flow.to(moment)
             EVENTS[name]()
             flow.finish()
-            allowed = [lambda: self._after(room, name), lambda: before]
-            whole = [
-                lambda: self._after(room, name, take="first"),
-                lambda: self._after(room, name, take="last"),
-                lambda: self.rooms.whole(room),
-            ]
+            # What was done meanwhile stays, whether the take came about or not; but for what undoes or leaves
+            # the file, of which nothing was done by others.
+            allowed = [lambda: self._after(room, name)]
+            whole = [lambda: self._after(room, name, take="first"), lambda: self._after(room, name, take="last")]
+            if name in OF_THE_FILE:
+                allowed, whole = [*allowed, lambda: before], [*whole, lambda: self.rooms.whole(room)]
             return self._judged(flow, room, allowed, whole, _one_name if "renamed" in name else lambda d: d)
 
     def _after(self, room: str, name: str, take: str = "") -> dict[str, Any]:
@@ -280,6 +280,7 @@ class Cases:
 
     def characters(self) -> Iterator[Case]:
         yield from self._of_operator("Add Character", bpy.ops.nsm.add_character, "walk")
+        yield from self._of_operator("Example Scene", bpy.ops.nsm.example, "walk")
 
     def points(self) -> Iterator[Case]:
         yield from self._of_operator("Show Goal Points", bpy.ops.nsm.goal_points, "carry")

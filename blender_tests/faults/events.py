@@ -186,3 +186,8 @@ EVENTS: dict[str, Callable[[], None]] = {
     "another character chosen": _other_character,
     "unused data purged": _purge,
 }
+
+# Events that change nothing of the file by themselves, or put another state of it in its place.
+OF_THE_FILE = {
+    "undo", "redo", "another file opened", "same file opened again", "extension disabled", "scripts reloaded",
+}  # fmt: skip

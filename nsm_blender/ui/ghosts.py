@@ -13,6 +13,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
+from ..animation.made import all_or_nothing
+
 if TYPE_CHECKING:
     from ..keys.keyed import KeyedTake
 
@@ -36,8 +38,7 @@ def show_ghosts(scene: bpy.types.Scene, takes: Sequence[KeyedTake], labels: Sequ
     remove_ghosts(scene)
     if not takes:
         return
-    before = {*bpy.data.objects, *bpy.data.collections}
-    try:
+    with all_or_nothing():
         collection = bpy.data.collections.new(NAME)
         collection.hide_render = True
         scene.collection.children.link(collection)
@@ -47,11 +48,6 @@ def show_ghosts(scene: bpy.types.Scene, takes: Sequence[KeyedTake], labels: Sequ
             colour = _COLOURS[number % len(_COLOURS)]
             _copy(armature, scene, collection, take, label, (number + 1) * aside, colour)
         bpy.context.view_layer.update()
-    except BaseException:
-        for kind in (bpy.data.objects, bpy.data.collections):
-            for made in [block for block in kind if block not in before]:
-                kind.remove(made)
-        raise
 
 
 def remove_ghosts(scene: bpy.types.Scene, actions: Collection[bpy.types.Action] | None = None) -> None:

@@ -15,9 +15,10 @@ class NSM_OT_add_character(InObjectMode, bpy.types.Operator):
     adds = "Characters are added"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        from ...animation.made import all_or_nothing
         from ...rigs.character import add_character
 
-        with sentences(self):
+        with sentences(self), all_or_nothing():
             settings_of(context.scene).character = add_character(
                 location=tuple(context.scene.cursor.location)
             )

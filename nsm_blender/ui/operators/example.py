@@ -21,29 +21,36 @@ class NSM_OT_example(InObjectMode, bpy.types.Operator):
     adds = "The example is built"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        from ...demo_scene.house import build_house
-        from ...rigs.character import add_character
+        from ...animation.made import all_or_nothing
 
         window = context.window or context.window_manager.windows[0]
-        scene = window.scene = bpy.data.scenes.new("Character Motion Example")
-        house = build_house()
-        character = add_character((*house.start, 0.0))
-        character.rotation_euler.z = house.start_heading
-        settings = settings_of(scene)
-        settings.character = character
-        queue = queue_of(scene)
-        for asked in house.goals:
-            row = queue.goals.add()
-            row.action, row.object, row.destination, row.hold = (
-                asked.action,
-                asked.object,
-                asked.to,
-                asked.hold,
-            )
-            if asked.location is not None:
-                row.location = asked.location
+        with all_or_nothing():
+            _build(window)
         _frame(context, window)
         return {"FINISHED"}
+
+
+def _build(window: bpy.types.Window) -> None:
+    from ...demo_scene.house import build_house
+    from ...rigs.character import add_character
+
+    scene = window.scene = bpy.data.scenes.new("Character Motion Example")
+    house = build_house()
+    character = add_character((*house.start, 0.0))
+    character.rotation_euler.z = house.start_heading
+    settings = settings_of(scene)
+    settings.character = character
+    queue = queue_of(scene)
+    for asked in house.goals:
+        row = queue.goals.add()
+        row.action, row.object, row.destination, row.hold = (
+            asked.action,
+            asked.object,
+            asked.to,
+            asked.hold,
+        )
+        if asked.location is not None:
+            row.location = asked.location
 
 
 def _frame(context: bpy.types.Context, window: bpy.types.Window) -> None:
