@@ -183,18 +183,20 @@ def show_goal_points(
     The goals are looked for in the scene as it is now.  One that has no point is told in its sentence, the
     others are shown.
     """
-    frame, start = start_of(spec.character, scene)
-    now = replace(spec, start_frame=scene.frame_current)
-    around = yield from surroundings_of(now, scene, frame, moved_by(spec.goals))
-    told: list[str] = []
+    state, points, told = SceneState(scene, spec.character), list[bpy.types.Object](), list[str]()
     found = []
-    for goal in spec.goals:
-        steps = beside(lambda _, goal=goal: sought(goal, scene, frame, start, around), touches=True)
-        try:
-            found.append((goal, *(yield from staged("Finding the goals", steps))))
-        except NsmError as error:
-            told.append(str(error))
-    points = []
+    try:
+        frame, start = start_of(spec.character, scene)
+        now = replace(spec, start_frame=scene.frame_current + scene.frame_subframe)
+        around = yield from surroundings_of(now, scene, frame, moved_by(spec.goals))
+        for goal in spec.goals:
+            steps = beside(lambda _, goal=goal: sought(goal, scene, frame, start, around), touches=True)
+            try:
+                found.append((goal, *(yield from staged("Finding the goals", steps))))
+            except NsmError as error:
+                told.append(str(error))
+    finally:
+        state.restore()
     with all_or_nothing():  # at the end: what is broken off before has made none
         for goal, aim, reason in found:
             try:

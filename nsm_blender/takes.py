@@ -100,9 +100,9 @@ def key_and_check(
     ``tracks`` are the poses (T, 4) of those things alone that are keyed with it, by their props' names; None:
     all, as ``result`` has them.
     """
-    with restored_on_failure(Kept(scene, [spec.character, *(thing.object for thing in things.values())])):
-        keep = request.start is not None
-        before = others_of(spec.character, scene)
+    keep = request.start is not None
+    before = others_of(spec.character, scene) if keep else []
+    with restored_on_failure(Kept(scene, [spec.character, *(t.object for t in things.values()), *before])):
         begin, title, hips = time.perf_counter(), spec.title(), frame.to_world(result.hips_position)
         steps = key_take_steps(
             spec.character,

@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 from disks import disk_cases
-from events import EVENTS, OF_THE_FILE
+from events import AS_SHOWN, EVENTS, OF_THE_FILE, show, shown
 from everything import difference, digest
 from flow import MOMENTS, Flow, Gate, Rooms, again, clean_up, gated, growing_by
 from injected import ERRORS, counted, injected
@@ -96,25 +96,37 @@ class Cases:
             if moment in ("keying", "checking"):
                 gate.open()
             flow.to(moment)
+            seen = shown() if name == AS_SHOWN else ()
             EVENTS[name]()
             flow.finish()
+
+            def after(take: str = "") -> Callable[[], dict[str, Any]]:
+                return lambda: self._after(room, name, take, seen)
+
             # What was done meanwhile stays, whether the take came about or not; but for what undoes or leaves
             # the file, of which nothing was done by others.
-            allowed = [lambda: self._after(room, name)]
-            whole = [lambda: self._after(room, name, take="first"), lambda: self._after(room, name, take="last")]
+            allowed, whole = [after()], [after("first"), after("last")]
             if name in OF_THE_FILE:
                 allowed, whole = [*allowed, lambda: before], [*whole, lambda: self.rooms.whole(room)]
             return self._judged(flow, room, allowed, whole, _one_name if "renamed" in name else lambda d: d)
 
-    def _after(self, room: str, name: str, take: str = "") -> dict[str, Any]:
-        """The room after an event alone, or with a take that nothing disturbs before or after it."""
-        key = room, name, take
+    def _after(self, room: str, name: str, take: str, seen: tuple) -> dict[str, Any]:
+        """The room after an event alone, or with a take that nothing disturbs before or after it; ``seen`` is
+        the pose that the event keys.
+        """
+        key = room, name, take, seen
         if key not in self._states:
             with growing_by(again(self.rooms.motion(room))):
                 self._open(room, name)
                 if take == "first":
                     self._take()
+                looks = shown()
+                if seen:
+                    show(seen)
                 EVENTS[name]()
+                if seen:
+                    show(looks)
+                    bpy.data.objects["Hero"].update_tag(refresh={"TIME"})
                 if take == "last" and hasattr(bpy.types.Scene, "nsm"):
                     self._take()
                 self._states[key] = digest()
@@ -286,9 +298,10 @@ class Cases:
         yield from self._of_operator("Show Goal Points", bpy.ops.nsm.goal_points, "carry")
 
     def _of_operator(self, title: str, call: Callable[[], object], room: str) -> Iterator[Case]:
-        self.rooms.open(room)
-        with counted() as calls:
-            call()
+        for _ in range(2):  # what is kept in memory from the first one is not done again
+            self.rooms.open(room)
+            with counted() as calls:
+                call()
         chosen = list(calls)[:: max(1, len(calls) // 24)]
         for number, (file, name) in enumerate(chosen):
             error = ERRORS[number % len(ERRORS)]

@@ -78,8 +78,19 @@ def _reload_scripts() -> None:
 
 def _keys() -> None:
     hero = _object("Hero")
+    hero.pose.bones["Head"].rotation_quaternion, hero.location = (0.8, 0, 0.6, 0), (0.1, 0.2, 0)
+    _keyed_as_shown()
+
+
+def _keyed_as_shown() -> None:
+    hero = _object("Hero")
     hero.pose.bones["Head"].keyframe_insert("rotation_quaternion", frame=20)
     hero.keyframe_insert("location", frame=3)
+
+
+def _posed() -> None:
+    _object("Hero").pose.bones["Head"].rotation_quaternion = (0.8, 0, 0.6, 0)
+    _object("Hero").pose.bones["LeftToe"].location = (0, 0.01, 0)
 
 
 def _other_action() -> None:
@@ -134,6 +145,23 @@ def _renamed(kind: str, old: str) -> Callable[[], None]:
     return rename
 
 
+AS_SHOWN = "keys made of the pose that is shown"
+
+
+def shown() -> tuple[tuple[float, ...], ...]:
+    """What ``AS_SHOWN`` keys."""
+    hero = bpy.data.objects.get("Hero")
+    if hero is None:
+        return ()
+    return tuple(hero.pose.bones["Head"].rotation_quaternion), tuple(hero.location)
+
+
+def show(values: tuple[tuple[float, ...], ...]) -> None:
+    """Have the character look so that ``AS_SHOWN`` keys these values."""
+    hero = _object("Hero")
+    hero.pose.bones["Head"].rotation_quaternion, hero.location = values
+
+
 EVENTS: dict[str, Callable[[], None]] = {
     "character deleted": lambda: bpy.data.objects.remove(_object("Hero")),
     "character's armature deleted": lambda: bpy.data.armatures.remove(_object("Hero").data),
@@ -177,7 +205,9 @@ EVENTS: dict[str, Callable[[], None]] = {
     "file saved": _save_copy,
     "extension disabled": _disable,
     "scripts reloaded": _reload_scripts,
+    "character posed": _posed,
     "keys made on the character": _keys,
+    AS_SHOWN: _keyed_as_shown,
     "another action for the character": _other_action,
     "character's animation cleared": _no_animation,
     "character's old action deleted": lambda: bpy.data.actions.remove(bpy.data.actions["Old"]),

@@ -159,6 +159,9 @@ def _own(struct: bpy.types.bpy_struct) -> Iterator[tuple[str, Any]]:
     for key in struct.keys():
         if key not in ("nsm", "nsm_rig", "nsm_queue"):
             value = struct[key]
+            if isinstance(value, bpy.types.ID):
+                yield key, f"{value.bl_rna.identifier} {value.name_full}"
+                continue
             plain = getattr(value, "to_dict", getattr(value, "to_list", lambda value=value: value))()
             yield key, "drawn" if key == "nsm_take" else str(plain)  # a mark drawn by chance for each take
 

@@ -22,7 +22,8 @@ PUTTING_BACK = {
     "_Signs._restore_cursors", "discard_take", "take_off", "take_off_thing", "remove_unused",
     "KeptTakes.restore", "_fill", "Modal._fail", "Modal.modal", "Modal.cancel", "Modal._end",
     "show_results", "settings_of", "exists", "Known.here", "TakeSession._worded",
-    "TakeSession.unforeseen", "identity",
+    "TakeSession.unforeseen", "identity", "Meanwhile.settle", "Meanwhile.restore", "Meanwhile.go_to_chosen",
+    "Kept.put_on", "_insert",
 }  # fmt: skip
 ERRORS = (
     RuntimeError("injected"),

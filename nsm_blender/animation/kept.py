@@ -29,6 +29,12 @@ class FrameState:
         # would crash.
         self._moved = [(target, _transforms(target)) for target in scene.objects if target.animation_data]
 
+    def adopt(self, target: bpy.types.Object, bone: str | None, channels: dict[str, Any]) -> None:
+        """Put back these channels of an object, or of a bone of it, from now on."""
+        for moved, kept in self._moved:
+            if moved == target and bone in kept:
+                kept[bone] = kept[bone] | channels
+
     def restore(self, always: bool = False) -> None:
         """Go back to the frame, where the scene is at another one, and put back what was moved there; what is
         gone is passed over.
@@ -80,6 +86,18 @@ class SceneState:
 
         bones = armature.pose.bones if armature is not None and armature.pose is not None else ()
         self._numbers = [(bone.name, _numbers_of(bone)) for bone in bones if len(bone.keys())]
+
+    def targets(self) -> list[bpy.types.Object]:
+        """The armature and the moved objects."""
+        return [*([] if self.armature is None else [self.armature]), *(moving for moving, _ in self.places)]
+
+    def adopt(self, target: bpy.types.Object, bone: str | None, channels: dict[str, Any]) -> None:
+        """Put back these channels of an object, or of a bone of it, from now on: others have set them."""
+        self._frame.adopt(target, bone, channels)
+        if bone is None:
+            self.places = [(o, place | channels if o == target else place) for o, place in self.places]
+        elif target == self.armature:
+            self.pose = [(name, own | channels if name == bone else own) for name, own in self.pose]
 
     def restore(self, always: bool = False) -> None:
         """Put frame, pose and places back exactly; what no longer exists, or can no longer be written, is
@@ -177,9 +195,13 @@ class Kept:
         """Put everything back exactly and remove the actions that the add-on made since; what no longer
         exists is passed over.
         """
+        self.put_on(made_since(self._mark))
+
+    def put_on(self, gone: Iterable[bpy.types.Action] = ()) -> None:
+        """Put everything back exactly, and remove the actions ``gone``; others are left in the file."""
         for animation in self._animations:
             _try(animation.restore)
-        for action in made_since(self._mark):
+        for action in gone:
             _try(lambda action=action: bpy.data.actions.remove(action))
         # The old actions play once more, before the poses that were not keyed.
         _try(bpy.context.view_layer.update)

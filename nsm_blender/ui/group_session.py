@@ -28,13 +28,13 @@ class GroupSession(TakeSession):
         self._previews: dict[bpy.types.Object, Preview] = {}
         super().__init__(group, scene, ended, generate_together)
 
-    def _watching(self, spec: GroupSpec, scene: bpy.types.Scene) -> tuple[_Watches, _States]:
+    def _watching(self, spec: GroupSpec, scene: bpy.types.Scene) -> tuple[_Watches, list[SceneState]]:
         from ..animation.kept import SceneState
         from ..goals.resolve import moved_by
 
         return (
             _Watches([Watch(take, scene) for take in spec.takes]),
-            _States([SceneState(scene, take.character, moved_by(take.goals)) for take in spec.takes]),
+            [SceneState(scene, take.character, moved_by(take.goals)) for take in spec.takes],
         )
 
     def _show(self, progress: Progress) -> None:
@@ -53,13 +53,3 @@ class _Watches:
     def changed(self) -> str:
         """The first thing that was deleted, exchanged or renamed of any take."""
         return next((found for watch in self.watches if (found := watch.changed())), "")
-
-
-class _States:
-    def __init__(self, states: list[SceneState]) -> None:
-        self.states = states
-
-    def restore(self, always: bool = False) -> None:
-        """Put all back, as ``SceneState.restore``."""
-        for state in self.states:
-            state.restore(always)

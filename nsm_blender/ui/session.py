@@ -18,7 +18,7 @@ from . import running
 from .watch import Watch, install
 
 if TYPE_CHECKING:
-    from ..animation.kept import SceneState
+    from ..animation.kept import Kept, SceneState
     from ..keys.preview import Preview
     from ..prepare import TakeSpec
     from ..progress import Progress
@@ -49,6 +49,7 @@ class TakeSession:
         Other ``steps`` than a take's, as of ``prepare.show_goal_points``, are watched in the same way;
         ``stopped`` says in their sentences what did not come about.
         """
+        from ..animation.meanwhile import Meanwhile
         from ..takes import generate
 
         if running.current() is not None:
@@ -58,21 +59,27 @@ class TakeSession:
         self.over, self.why = False, ""
         self.posed = False  # whether the last tick has changed what the scene looks like
         self._ended = ended
-        self._watch, self._state = self._watching(spec, scene)
+        self._watch, states = self._watching(spec, scene)
+        self._others = Meanwhile(scene, states)
+        self._told = ""  # what others have changed, in the words of ``Meanwhile.look``
+        # What plays on the character and its things before they are keyed, and while a file is saved.
+        self._before: Kept | None = None
+        self._aside: Kept | None = None
         self._steps, self._stopped = (steps or generate)(spec, scene), stopped
         self._value: Any = None
         self._preview: Preview | None = None
         self._shown, self._longest = False, 0.0
         install()
         self._collecting = PutOff()
-        running.begin_take(scene, spec.character, self._stop, self._put_back)
+        self._others.left()
+        running.begin_take(scene, spec.character, self._stop, self._step_aside)
 
-    def _watching(self, spec: TakeSpec, scene: bpy.types.Scene) -> tuple[Watch, SceneState]:
+    def _watching(self, spec: TakeSpec, scene: bpy.types.Scene) -> tuple[Watch, list[SceneState]]:
         """What the take stands on, and what it may disturb."""
         from ..animation.kept import SceneState
         from ..goals.resolve import moved_by
 
-        return Watch(spec, scene), SceneState(scene, spec.character, moved_by(spec.goals))
+        return Watch(spec, scene), [SceneState(scene, spec.character, moved_by(spec.goals))]
 
     def tick(self, budget: float, show: bool = True) -> Any:
         """Step frames for up to ``budget`` seconds and, with ``show``, pose the character as in the newest;
@@ -84,9 +91,12 @@ class TakeSession:
         if self.over:
             raise NsmError(self.why or "This take has ended; generate again.")
         try:
-            changed = self._watch.changed()
+            changed = self._watch.changed() or self._changed()
             if changed:
                 raise NsmError(self._worded(changed))
+            if self._aside is not None:
+                self._aside.put_on()
+                self._aside = None
             self.posed = False
             progress = self._step(time.perf_counter() + budget)
             if progress is None:
@@ -96,6 +106,7 @@ class TakeSession:
             self.text = running.note_progress(progress.stage, progress.fraction)
             if show or not self._shown:
                 self._show(progress)
+            self._others.left()
             return None
         except NsmError as error:
             self._stop(str(error))
@@ -129,6 +140,7 @@ class TakeSession:
             self._longest = max(self._longest * _FORGETTING, end - begin)
             if progress.stage == "Keying":
                 self._put_back()  # the pose kept with the keys must be the animator's, not the preview's
+                self._before = self._before or self._playing()
                 return progress
             if progress.waits or end + self._longest > deadline:
                 return progress
@@ -142,28 +154,49 @@ class TakeSession:
         self._shown = self.posed = True
         self._preview.show(progress.hips_world, progress.local_rotations, progress.moved)
 
+    def _changed(self) -> str:
+        """What others have changed, as a sentence with what to do; empty where the take can go on."""
+        self._told = self._told or self._others.look()
+        return f"{self._told} meanwhile, so {_NOT_KEYED}; generate again." if self._told else ""
+
     def _put_back(self) -> None:
         if self._shown:
             self._shown, self.posed = False, True
-            self._state.restore()
+            self._others.restore()
+
+    def _step_aside(self) -> None:
+        """Have the scene look as if no take was made of it, until the next tick."""
+        self._changed()
+        self._put_back()
+        if self._before is not None and self._aside is None and self._others.keyed:
+            self._aside = self._playing()
+            self._before.put_on()
+        self._others.left()
+
+    def _playing(self) -> Kept:
+        from ..animation.kept import Kept
+
+        return Kept(self.scene, self._others.targets)
 
     def _stop(self, why: str) -> None:
         """End without a take: whatever still exists is put back."""
         if self.over:
             return
         self.why = self._worded(why)
-        try:
-            self._steps.close()
-        except Exception:  # what a generator does on its way out may meet what is gone, too
-            import logging
+        for step in (self._changed, self._steps.close):  # what others have changed stays
+            try:
+                step()
+            except Exception:  # what a generator does on its way out may meet what is gone, too
+                import logging
 
-            logging.getLogger(__name__).debug("The take's steps did not close", exc_info=True)
-        self._state.restore()
+                logging.getLogger(__name__).debug("The take's steps did not close", exc_info=True)
+        self._others.settle()
         self._close()
 
     def _close(self) -> None:
         self.over = True
         self._collecting.end()
+        self._others.go_to_chosen()
         running.end_take()
         if self._ended is not None:
             with suppress(ReferenceError):
