@@ -155,7 +155,14 @@ def test_a_box_keeps_what_was_keyed_of_it_before(room):
     walk = [GoalSpec("walk", None, 0.2, location=(1.5, -1.5, 0.0))]
     with pytest.raises(GoalError, match="Crate is being moved"):
         finish(generate(TakeSpec(character, walk, start_frame=held + 14, begin="pose"), scene))
-    third = finish(generate(TakeSpec(character, walk, start_frame=held - 12, begin="pose"), scene))
+    spec, plays = TakeSpec(character, walk, start_frame=held - 12, begin="pose"), crate.animation_data.action
+    steps = generate(spec, scene)
+    while next(steps).stage != "Checking":
+        pass
+    assert crate.animation_data.action != plays
+    steps.close()  # broken off
+    assert crate.animation_data.action == plays and np.abs(track() - before).max() < 1e-4
+    third = finish(generate(spec, scene))
     assert [thing.object for thing in third.keyed.things] == [crate]
     assert np.abs(track() - before[0]).max() < 1e-4
     discard_take(third.keyed)

@@ -10,10 +10,11 @@ from modal import Modal, Window
 from scenes import box, empty
 
 import nsm_blender
-from nsm_blender.animation.channels import transform_of
+from nsm_blender.animation.channels import channels_of, transform_of
 from nsm_blender.keys.preview import Preview
 from nsm_blender.rigs.character import add_character
 from nsm_blender.ui import running
+from nsm_blender.ui.operators import modal as operator
 from nsm_blender.ui.operators.generate import spec_of
 from nsm_blender.ui.properties import queue_of
 from nsm_blender.ui.session import TakeSession
@@ -212,10 +213,87 @@ def test_what_a_take_does_not_need_may_go_meanwhile(modal, what):
     assert modal.event("ESC") == {"CANCELLED"}
     assert running.current() is None and modal.window.timers == 0 and modal.window.status is None
     after = as_it_is()
-    assert after["poses"] == before["poses"] and bpy.context.scene.frame_current == 7
+    assert after["poses"] == before["poses"]
+    assert bpy.context.scene.frame_current == (100 if what == "another frame" else 7)
     assert list(after["places"].values()) == [
         p for n, p in before["places"].items() if n in after["places"] or what == "objects renamed"
     ]
+
+
+def posed():
+    bpy.data.objects["Character"].pose.bones["Head"].rotation_quaternion = (0.6, 0, 0.8, 0)
+
+
+def moved():
+    bpy.data.objects["Box"].location.x = 0.3
+
+
+@pytest.mark.parametrize("change", [posed, moved])
+def test_what_others_move_while_a_take_grows_stays_where_they_moved_it(modal, change):
+    before = as_it_is()
+    change()
+    with_it = as_it_is()
+    assert with_it != before
+    bpy.data.objects["Box"].location.x = 0
+    bpy.data.objects["Character"].pose.bones["Head"].rotation_quaternion = (1, 0, 0, 0)
+    assert as_it_is() == before
+    grow(modal, "growing")
+    change()
+    assert modal.event("TIMER") == {"CANCELLED"}
+    settled(modal, "was moved or posed meanwhile")
+    assert as_it_is() == with_it
+
+
+def keyed_by_a_script():
+    head = bpy.data.objects["Character"].pose.bones["Head"]
+    head.rotation_quaternion = (0.6, 0, 0.8, 0)
+    head.keyframe_insert("rotation_quaternion", frame=20)
+
+
+def with_an_action_of_a_script():
+    bpy.data.objects["Character"].animation_data.action = bpy.data.actions.new("Theirs")
+
+
+def while_it_is_keyed(modal, monkeypatch):
+    """Bring a short take, in ticks of one step, to where its keys are made."""
+    monkeypatch.setattr(operator, "_BUDGET", 0.0)
+    row = queue_of(bpy.context.scene).goals[0]
+    row.action, row.hold = "idle", 0.0
+    grow(modal, "reading")
+    while not running.current().text.startswith("Making keys"):
+        assert modal.event("TIMER") == {"RUNNING_MODAL"}
+    assert bpy.data.objects["Character"].animation_data.action is not None
+
+
+@pytest.mark.parametrize("change", [keyed_by_a_script, with_an_action_of_a_script])
+def test_what_a_script_animates_while_a_take_is_keyed_stays_alone(modal, monkeypatch, change):
+    while_it_is_keyed(modal, monkeypatch)
+    ours = bpy.data.objects["Character"].animation_data.action.name
+    change()
+    assert modal.event("TIMER") == {"CANCELLED"}
+    settled(modal, "Character were made" if change is keyed_by_a_script else "The animation of Character")
+    action = bpy.data.objects["Character"].animation_data.action
+    assert action is not None and list(bpy.data.actions) == [action] and action.name != ours
+    keys = [
+        (curve.data_path, curve.array_index, key.co.x, round(key.co.y, 5))
+        for curve in channels_of(bpy.data.objects["Character"]).bag.fcurves
+        for key in curve.keyframe_points
+    ] if change is keyed_by_a_script else []  # fmt: skip
+    path = 'pose.bones["Head"].rotation_quaternion'
+    wanted = [(path, i, 20, value) for i, value in enumerate((0.6, 0, 0.8, 0))]
+    assert keys == (wanted if change is keyed_by_a_script else [])
+
+
+def test_a_file_saved_while_a_take_is_keyed_holds_nothing_of_it(modal, monkeypatch, tmp_path):
+    before = as_it_is()
+    while_it_is_keyed(modal, monkeypatch)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "meanwhile.blend"), copy=True)
+    while (state := modal.event("TIMER")) == {"RUNNING_MODAL"}:
+        pass
+    assert state == {"FINISHED"}  # and the take goes on
+    assert len(bpy.data.actions) == 1 and bpy.data.objects["Character"].animation_data.action is not None
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "meanwhile.blend"))
+    assert as_it_is() == before
 
 
 @pytest.mark.parametrize("moment", ["begun", "reading", "growing"])
