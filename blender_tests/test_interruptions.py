@@ -185,6 +185,7 @@ def test_a_take_that_loses_what_it_needs_while_it_is_keyed_leaves_no_half(modal,
     steps = modal._session._steps
     while next(steps).stage != stage:  # finer than ticks
         pass
+    modal._session._others.left()  # as after each of these
     assert bpy.data.objects["Character"].animation_data.action is not None
     if what == "window closed":
         modal.cancel(modal.window)

@@ -195,10 +195,18 @@ class Kept:
         """Put everything back exactly and remove the actions that the add-on made since; what no longer
         exists is passed over.
         """
-        self.put_on(made_since(self._mark))
+        self._restore(made_since(self._mark))
 
-    def put_on(self, gone: Iterable[bpy.types.Action] = ()) -> None:
-        """Put everything back exactly, and remove the actions ``gone``; others are left in the file."""
+    def put_on(self) -> None:
+        """Put everything back exactly, animation that was taken off altogether, too; actions made since are
+        left in the file.
+        """
+        for animation in self._animations:
+            if animation.had_data:
+                _try(lambda kept=animation: kept.target.animation_data_create())
+        self._restore(())
+
+    def _restore(self, gone: Iterable[bpy.types.Action]) -> None:
         for animation in self._animations:
             _try(animation.restore)
         for action in gone:
