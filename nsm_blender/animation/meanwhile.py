@@ -196,10 +196,13 @@ def _made(before: _Print, now: _Print) -> list[tuple[str, int, float, float]] | 
     same = before.keys() == now.keys() and all(np.array_equal(before[k], now[k]) for k in now)
     if same:
         return None
+    # With a bone or a property its curves are renamed; the keys are still the take's.
+    gone = [(index, keys.tolist()) for (path, index), keys in before.items() if (path, index) not in now]
     made = []
     for (path, index), keys in now.items():
         known = {tuple(key) for key in before.get((path, index), np.zeros((0, 2))).tolist()}
-        made += [(path, index, *key) for key in keys.tolist() if tuple(key) not in known]
+        if known or (index, keys.tolist()) not in gone:
+            made += [(path, index, *key) for key in keys.tolist() if tuple(key) not in known]
     return made
 
 
