@@ -95,7 +95,8 @@ class SceneState:
         """Put back these channels of an object, or of a bone of it, from now on: others have set them."""
         self._frame.adopt(target, bone, channels)
         if bone is None:
-            self.places = [(o, place | channels if o == target else place) for o, place in self.places]
+            kept = dict(self.places)
+            self.places = list((kept | {target: kept.get(target, {}) | channels}).items())
         elif target == self.armature:
             self.pose = [(name, own | channels if name == bone else own) for name, own in self.pose]
 

@@ -13,8 +13,6 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..animation.made import all_or_nothing
-
 if TYPE_CHECKING:
     from ..keys.keyed import KeyedTake
 
@@ -35,6 +33,8 @@ def show_ghosts(scene: bpy.types.Scene, takes: Sequence[KeyedTake], labels: Sequ
 
     Whatever is raised, no copy is left.
     """
+    from ..animation.made import all_or_nothing
+
     remove_ghosts(scene)
     if not takes:
         return
