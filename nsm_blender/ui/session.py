@@ -70,8 +70,8 @@ class TakeSession:
         self._preview: Preview | None = None
         self._shown, self._longest = False, 0.0
         install()
-        self._collecting = PutOff()
         self._others.left()
+        self._collecting = PutOff()
         running.begin_take(scene, spec.character, self._stop, self._step_aside)
 
     def _watching(self, spec: TakeSpec, scene: bpy.types.Scene) -> tuple[Watch, list[SceneState]]:
