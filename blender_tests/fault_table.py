@@ -4,10 +4,13 @@
   python blender_tests/fault_table.py [--groups GROUP ...] [--only WORD] [--out docs/faults.md]
 
 Takes are broken off by an exception at every stage, by ESC at every tenth frame, by what is deleted,
-renamed, hidden or moved while they are made, by undo and redo, other files and the extension switched off;
-disks are full or locked, and data linked, overridden or locked.  Afterwards a file must equal what it was
-before, by all that Blender tells of it (``faults/everything.py``), or hold the whole take.  The exit code is
-1 where one case fails.
+renamed, hidden, moved, keyed or animated while they are made, by undo and redo, other files and the extension
+switched off; disks are full or locked, and data linked, overridden or locked.  Afterwards a file must equal
+what it was before, by all that Blender tells of it (``faults/everything.py``), or hold the whole take.  What
+others have done to the file meanwhile is there in either case, as if no take had been under way, or as if it
+had been made before or after.
+
+The exit code is 1 where one case fails.
 """
 
 from __future__ import annotations
@@ -70,7 +73,8 @@ def main() -> int:
 
 def table(rows: list[tuple[str, str, str, list[str]]]) -> str:
     """The table as Markdown: sums by group, then every case."""
-    lines = [f"# {len(rows)} faults and what became of the file", "", *__doc__.splitlines()[4:-1], ""]
+    asked = __doc__.split("\n\n")[2].splitlines()
+    lines = [f"# {len(rows)} faults and what became of the file", "", *asked, ""]
     lines += ["| | cases | as before | the whole take | fault |", "|---|---|---|---|---|"]
     for group in dict.fromkeys(row[0] for row in rows):
         states = collections.Counter("fault" if wrong else state for g, _, state, wrong in rows if g == group)
