@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
+from contextlib import closing
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -46,12 +47,13 @@ def staged(
     stage: str, steps: Generator[float, None, _T], waits: bool = False
 ) -> Generator[Progress, None, _T]:
     """Progress of a stage from the share that its steps yield; their value."""
-    while True:
-        try:
-            share = next(steps)
-        except StopIteration as stop:
-            return stop.value
-        yield Progress(stage, share, waits=waits)
+    with closing(steps):  # at once, not when nobody has them any more: they may put the frame back
+        while True:
+            try:
+                share = next(steps)
+            except StopIteration as stop:
+                return stop.value
+            yield Progress(stage, share, waits=waits)
 
 
 def waited(stage: str, work: Callable[[Callable[[float], None]], _T]) -> Generator[Progress, None, _T]:

@@ -24,6 +24,7 @@ from .kept import LOST, SceneState
 _WIDTHS = {
     "location": 3, "rotation_quaternion": 4, "rotation_euler": 3, "rotation_axis_angle": 4, "scale": 3,
 }  # fmt: skip
+_SAME = 1e-5  # by which a value may differ from the one that its curve plays
 _Print = dict[tuple[str, int], Array]  # (K, 2) frames and values of the keys, by path and index
 
 
@@ -129,14 +130,15 @@ class Meanwhile:
             told = f"Keys of {name} were made or removed"
         if elsewhere:  # another frame has moved it
             return told
-        ruled, own = _ruled(target, left.prints), transform_of(target)
-        changed = {c: own[c] for c in own if own[c] != left.own[c] and c not in ruled}
+        own, at = transform_of(target), None if left.prints is None else sum(_frame_of(self.scene))
+        changed = {c: own[c] for c in own if own[c] != left.own[c] and not _ruled(target, c, own[c], at)}
         moved = self._adopt(target, None, changed)
         names, bones = _bones(target)
         for row in np.flatnonzero((bones != left.bones).any(1)) if names == left.names else ():
             bone = names[row]
             prefix, own = _prefix(bone), transform_of(target.pose.bones[bone])
-            changed = {c: own[c] for c in _channels(bones[row] != left.bones[row]) if prefix + c not in ruled}
+            differ = _channels(bones[row] != left.bones[row])
+            changed = {c: own[c] for c in differ if not _ruled(target, prefix + c, own[c], at)}
             moved |= self._adopt(target, bone, changed)
         return told or (f"{name} was moved or posed" if moved else "")
 
@@ -206,11 +208,18 @@ def _made(before: _Print, now: _Print) -> list[tuple[str, int, float, float]] | 
     return made
 
 
-def _ruled(target: bpy.types.Object, prints: _Print | None) -> set[str]:
-    """Paths of what drivers set, and of what a take keys: their values come and go by themselves."""
+def _ruled(target: bpy.types.Object, path: str, values: Sequence[float], at: float | None) -> bool:
+    """Whether drivers have given a property these values or, at a frame, the keys that a take makes."""
     data = target.animation_data
-    driven = {curve.data_path for curve in data.drivers} if data is not None else set()
-    return driven | {path for path, _ in prints or ()}
+    if data is None:
+        return False
+    if any(curve.data_path == path for curve in data.drivers):
+        return True
+    if at is None or data.action is None:
+        return False
+    curves = curves_in(data.action, getattr(data, "action_slot", None))
+    played = [abs(c.evaluate(at) - values[c.array_index]) for c in curves if c.data_path == path]
+    return bool(played) and max(played) < _SAME
 
 
 def _insert(
