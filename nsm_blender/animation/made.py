@@ -40,7 +40,8 @@ def all_or_nothing() -> Iterator[None]:
             for made in [block for block in blocks if identity(block) not in known]:
                 if exists(made):  # and not gone with another one
                     blocks.remove(made)
-        for each in layer.objects:
+        layer.update()  # whatever was removed is still among its objects, and reading it would crash
+        for each in list(layer.objects):
             each.select_set(each in selected)
         layer.objects.active = active
         raise
