@@ -12,6 +12,7 @@ from nsm_core.rotations import Array
 from nsm_core.world.actions import BY_KEY
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.props import Prop
+from nsm_core.world.scene.stairs import Stairs
 from nsm_core.world.scene.terrain import Terrain, around, merged
 
 from .goals import Goal
@@ -36,9 +37,11 @@ def places_of(goals: list[Goal], props: Iterable[Prop]) -> list[Array]:
     return [*[g.position[None, :2] for g in goals], *[p.pose[None, :2] for p in props], *ways]
 
 
-def ground_of(goals: list[Goal], environment: DistanceQuery) -> Terrain:
-    """The ground that climbs of these goals lead onto, as given or felt in the scene."""
-    climbs = [g for g in goals if BY_KEY[g.action].raises]
+def ground_of(goals: list[Goal], environment: DistanceQuery, stairs: Stairs) -> Terrain:
+    """The ground that climbs of these goals lead onto, as given or felt in the scene, but for what ``stairs``
+    lead to.
+    """
+    climbs = [g for g in goals if BY_KEY[g.action].raises and not stairs.lead_to(g.position)]
     return merged(
         g.terrain or Terrain.probe(environment, g.interaction or around(g.position)) for g in climbs
     )

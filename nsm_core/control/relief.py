@@ -16,6 +16,7 @@ import numpy as np
 from nsm_core.conventions import FPS
 from nsm_core.rotations import Array
 from nsm_core.world.geometry.distance import DistanceQuery
+from nsm_core.world.scene.stairs import Stairs
 from nsm_core.world.scene.terrain import Terrain
 from nsm_core.world.sensors.interaction import InteractionVolume
 
@@ -34,29 +35,40 @@ class Relief:
     nothing.
     """
 
-    def __init__(self, terrain: Terrain, root: Array) -> None:
-        """``terrain`` is what is walked over, ``root`` (2,) where the walker stands."""
-        self.terrain = terrain
-        self.level = self._mean(root)  # metres by which the walker's floor lies over that of the world
-        self._pace = 0.0
+    def __init__(self, terrain: Terrain, root: Array, stairs: Stairs | None = None) -> None:
+        """``terrain`` is what is walked over, ``root`` (2,) where the walker stands; ``stairs`` raise the
+        floor as they did in the training data.
+        """
+        self.terrain, self.stairs = terrain, stairs or Stairs()
+        self.low = self._mean(root)  # metres by which low ground raises the walker
+        self._pace, self._climbed = 0.0, self._on_stairs(root)
+
+    @property
+    def level(self) -> float:
+        """Metres by which the walker's floor lies over that of the world."""
+        return self.low + self._climbed
 
     def follow(self, root: Array) -> float:
         """Go on to ``root`` (2,), and return the new level."""
         if self.terrain:
-            gap = self._mean(root) - self.level
+            gap = self._mean(root) - self.low
             self._pace += (_QUICK**2 * gap - 2 * _QUICK * self._pace) / FPS
-            self.level += self._pace / FPS
+            self.low += self._pace / FPS
             if abs(gap) < 1e-5 and abs(self._pace) < 1e-4:
-                self.level, self._pace = self.level + gap, 0.0
+                self.low, self._pace = self.low + gap, 0.0
+        self._climbed = self._on_stairs(root)
         return self.level
 
     def goals(self, places: Array) -> Array:
         """Goals (N, 3) of the world as the walker's network is told them: what lies on the ground lies on its
         floor.
         """
-        if not self.terrain:
+        if not self.terrain and not self.stairs:
             return places
-        on_ground = places[:, 2] <= self.terrain.height(places[:, :2]) + _ON_GROUND
+        ground = self.terrain.height(places[:, :2])
+        if self.stairs:
+            ground = np.maximum(ground, self.stairs.heights(places[:, :2]))
+        on_ground = places[:, 2] <= ground + _ON_GROUND
         out = places.copy()
         out[:, 2] = np.where(on_ground, 0.0, places[:, 2] - self.level)
         return out
@@ -72,6 +84,9 @@ class Relief:
     def seen(self, query: DistanceQuery) -> DistanceQuery:
         """Solids of the world, asked from the walker's floor."""
         return _Seen(query, self.level) if self.level else query
+
+    def _on_stairs(self, root: Array) -> float:
+        return float(self.stairs.level(np.asarray(root)[None, :2])[0]) if self.stairs else 0.0
 
     def _mean(self, root: Array) -> float:
         if not self.terrain:

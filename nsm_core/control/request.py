@@ -10,6 +10,7 @@ from nsm_core.model.features.rollout_step import Blending
 from nsm_core.rotations import Array
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.scene.movers import Mover
+from nsm_core.world.scene.stairs import Stairs
 from nsm_core.world.scene.terrain import Terrain
 
 from .goals import Goal, GoalResult
@@ -27,6 +28,7 @@ class TakeRequest:
     which a goal is given up.  ``figure`` is the character's own body where it is another than the network's,
     its hips as high, since it acts in a world of that scale.  ``start`` is the motion that the take goes on
     from, on that body; None: it begins with a quiet stand.  ``movers`` are things that move by themselves.
+    ``stairs`` are flights that are walked up and down, and part of the environment.
     """
 
     start_position: Array
@@ -41,6 +43,7 @@ class TakeRequest:
     figure: Figure = BUNDLED
     start: Start | None = None
     movers: Sequence[Mover] = ()
+    stairs: Stairs = field(default_factory=Stairs)
 
 
 @dataclass

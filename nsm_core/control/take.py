@@ -67,7 +67,7 @@ class TakeRunner:
             raise GoalError(
                 "The character's place or heading is not a number; clear its transform and place it anew."
             )
-        self.relief = Relief(request.ground, root[:2])
+        self.relief = Relief(request.ground, root[:2], request.stairs)
         self.state = standing_start(model, root, rng)
         trail = None
         if request.start is not None:
@@ -78,12 +78,14 @@ class TakeRunner:
         self.scene.others += request.movers
         self._yielding = Yielding(request.movers) if request.movers else None
         places = np.concatenate((root[None, :2], *places_of(goals, self.props.values())))
-        self.plan = FloorPlan(request.environment, (places.min(0) - _MARGIN, places.max(0) + _MARGIN))
+        bounds = places.min(0) - _MARGIN, places.max(0) + _MARGIN
+        self.plan = FloorPlan(request.environment, bounds, stairs=request.stairs)
         check_reachable(goals, self.plan, root[:2], request.environment)
         self.director = Director(
             goals, self.plan, root, rng, request.time_limit, self.scene, request.contact_ik
         )
-        self.terrain = merged((request.ground, ground_of(goals, request.environment)))
+        climbed = ground_of(goals, request.environment, request.stairs)
+        self.terrain = merged((request.ground, climbed, request.stairs.terrain))
         self._post = PostProcess(
             request.environment, self.terrain, request.ground, request.figure, request.start
         )
@@ -256,9 +258,8 @@ class TakeRunner:
         low, high = places.min(0) - _MARGIN / 2, places.max(0) + _MARGIN / 2
         plan = self.plan
         if (low < plan.bounds[0]).any() or (high > plan.bounds[1]).any():
-            plan = FloorPlan(
-                self.request.environment, (np.minimum(low, plan.bounds[0]), np.maximum(high, plan.bounds[1]))
-            )
+            bounds = np.minimum(low, plan.bounds[0]), np.maximum(high, plan.bounds[1])
+            plan = FloorPlan(self.request.environment, bounds, stairs=self.request.stairs)
         check_reachable(goals, plan, here, self.request.environment)
         for name, prop in known.items():
             if name not in self.props:
@@ -267,7 +268,8 @@ class TakeRunner:
                 self._poses[name] = [prop.pose.copy()] * self.frames
         self.plan = plan
         self.director.interrupt(goals, plan)
-        self.terrain.add(ground_of(goals, self.request.environment))  # the feet know this very ground
+        # The feet know this very ground.
+        self.terrain.add(ground_of(goals, self.request.environment, self.request.stairs))
 
     def result(self) -> TakeResult:
         """Everything made so far, solved."""
@@ -306,7 +308,7 @@ class TakeRunner:
         hips, rotations = pose_of(s)
         hips = hips + np.array((0, 0, level), dtype=hips.dtype)
         seat = d.stage.seat() if d.stage is not None else None
-        self._post.note(hips, rotations, self._moment(contact), seat, d.grasps, level)
+        self._post.note(hips, rotations, self._moment(contact), seat, d.grasps, self.relief.low)
         for grasp in d.grasps:
             taken = grasp.errors.get("taken")
             if taken is not None and taken.frame < 0:

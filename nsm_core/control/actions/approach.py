@@ -21,6 +21,7 @@ from nsm_core.world.planning.floor_plan import FloorPlan, path_length
 from nsm_core.world.planning.path import Course
 from nsm_core.world.scene.props import Leaf, Prop
 from nsm_core.world.scene.solids import Other, Scene
+from nsm_core.world.scene.stairs import ON_FLOOR, Stairs
 from nsm_core.world.sensors.interaction import InteractionVolume
 
 REACH = 3.6  # metres from which goal-driven mode takes over
@@ -120,12 +121,24 @@ class Ground:
 
     def free(self, a: Array, b: Array, but: Prop | None = None) -> bool:
         """Whether the straight way from ``a`` to ``b`` (2,) is free but for its very end."""
+        if self.stairs and not self._level(a, b):
+            return False  # one is led along flights
         # The last stretch lies beside the goal's object, so the end of the line is not asked about.
         d, floor = b - a, self.floor(but)
         length = float(np.linalg.norm(d))
         return floor is None or floor.line_is_free(
             a, a + d * max(0.0, 1 - BESIDE / max(length, 1e-6)), ELBOW_ROOM
         )
+
+    @property
+    def stairs(self) -> Stairs:
+        """The flights that ways lead along."""
+        return Stairs() if self.plan is None else self.plan.stairs
+
+    def _level(self, a: Array, b: Array) -> bool:
+        """Whether the straight way from ``a`` to ``b`` (2,) leads over no flight."""
+        line = a + np.linspace(0, 1, 2 + int(np.linalg.norm(b - a) / 0.1))[:, None] * (b - a)
+        return bool(np.ptp(self.stairs.level(line)) < ON_FLOOR)
 
     def pause(self) -> int:
         """Frames from an event to the command that answers it, as in the training data."""
@@ -204,7 +217,10 @@ class Approach:
             way = np.stack((moment.root[:2], self.stand)).astype(np.float64)
         gait = WALKING if self.gait is RUNNING and path_length(way) < LEAST_RUN else self.gait
         speed = self.ground.pace * float(self.ground.rng.uniform(*gait.speeds))
+        stairs = self.ground.stairs
         course = Course(way, self.heading, speed, gait.turn_distance, gait.acceleration, gait.deceleration)
+        if stairs:
+            course.most = stairs.pace(way, speed)
         return Command(gait.action, course=course, thing=self.thing)
 
     def _watch(self, moment: Moment, arrived: Callable[[Moment], bool]) -> None:

@@ -10,7 +10,8 @@ from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_
 from nsm_core.world.scene.terrain import edge_before
 
 from .approach import Approach, Command, Ground
-from .base import Performer, Stage
+from .base import Performer, Stage, StageStart, Way
+from .walk import Go
 
 BEFORE = 0.6  # metres from the near edge of the object to where one stands before it
 UNKNOWN = 0.3  # metres from the goal to the edge where the object is not known
@@ -82,7 +83,18 @@ def foot_of(goal: Goal) -> Array:
     )
 
 
-PERFORMER = Performer(
-    lambda goal, start: Climb(goal, start.ground),
-    lambda goal, way: [foot_of(goal), None, goal.position[:2].astype(np.float64)],
-)
+def _begin(goal: Goal, start: StageStart) -> Stage:
+    """Who is sent up a flight of stairs walks there."""
+    if start.ground.stairs.lead_to(goal.position):
+        return Go(goal, start.ground)
+    return Climb(goal, start.ground)
+
+
+def _places(goal: Goal, way: Way) -> list[Array | None]:
+    place = goal.position[:2].astype(np.float64)
+    if way.plan is not None and way.plan.stairs.lead_to(goal.position):
+        return [place]
+    return [foot_of(goal), None, place]
+
+
+PERFORMER = Performer(_begin, _places)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from . import carry, carry_far, climb, interrupt, locomotion, open, sit, touch
+from . import carry, carry_far, climb, interrupt, locomotion, open, sit, stairs, touch
 from .part import ABLATIONS, Row, TrialPart
 from .rollout import Report
 
@@ -23,6 +23,7 @@ PARTS: dict[str, TrialPart] = {
     "far": carry_far.PART,
     "open": open.PART,
     "climb": climb.PART,
+    "stairs": stairs.PART,
     "travel": locomotion.PART,
     "response": locomotion.RESPONSE,
     "interrupt": interrupt.PART,

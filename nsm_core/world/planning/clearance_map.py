@@ -10,6 +10,9 @@ import numpy as np
 
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array
+from nsm_core.world.scene.stairs import Stairs
+
+from .on_stairs import room_on_stairs
 
 if TYPE_CHECKING:
     from nsm_core.world.geometry.distance import DistanceQuery
@@ -36,6 +39,7 @@ class ClearanceMap:
         bounds: minimum and maximum corner ((x, y), (x, y)) of the floor, metres.
         radius: of the body, metres.
         cell: half the way between the nodes at which it is looked, metres.
+        stairs: flights that are walked up and down.
     """
 
     def __init__(
@@ -44,6 +48,7 @@ class ClearanceMap:
         bounds: tuple[Array, Array] | Array,
         radius: float = BODY_RADIUS,
         cell: float = 0.05,
+        stairs: Stairs | None = None,
     ) -> None:
         low, high = (np.asarray(b, dtype=np.float64)[:2] for b in bounds)
         if not (np.isfinite(low).all() and np.isfinite(high).all() and (high > low).all()):
@@ -62,7 +67,8 @@ class ClearanceMap:
         self._base: ClearanceMap | None = None
         self._places = np.zeros((0, 2))
         self._reach = 0.0
-        still = getattr(query, "still", False)
+        self.stairs = stairs or Stairs()
+        still = getattr(query, "still", False) and not self.stairs
         self._forget(_seen.setdefault(query, {}).setdefault((self.radius, self.cell), {}) if still else {})
 
     def _forget(self, rooms: dict[int, Array]) -> None:
@@ -135,7 +141,11 @@ class ClearanceMap:
         if len(height):
             points = np.column_stack((nodes[tuple(at)], np.array(HEIGHTS)[height])).astype(np.float32)
             out[near] = self._query.signed_distance(points, self._far)
-        return out.min(0)
+        rooms = out.min(0)
+        if self.stairs:
+            own = room_on_stairs(self.stairs, self._query, nodes.reshape(-1, 2), self._far)
+            rooms = np.where(np.isnan(own), rooms.reshape(-1), own).reshape(rooms.shape)
+        return rooms
 
     def _at(self, points: Array, what: slice) -> Array:
         """Interpolate ``what`` of the nodes (clearance, its two slopes) at floor points (..., 2)."""

@@ -118,7 +118,9 @@ class FloorPlan(ClearanceMap):
             near = query.nearest(body_at(blocked[:: max(1, len(blocked) // 100)]), self.radius)
             for name, _ in Counter(n for n in near if n is not None).most_common(_SUSPECTS):
                 if (
-                    FloorPlan(query.without(name), self.bounds, self.radius, self.cell)._way(start, goal)
+                    FloorPlan(query.without(name), self.bounds, self.radius, self.cell, self.stairs)._way(
+                        start, goal
+                    )
                     is not None
                 ):
                     return (

@@ -15,7 +15,8 @@ from nsm_core.rotations import Array, direction_to_heading, wrap_angle
 class Course:
     """A path to be walked: points (N, 2), metres, and how to end.
 
-    ``final_heading`` is reached over the last ``turn_distance`` metres; speeds in m/s, accelerations in m/s2.
+    ``final_heading`` is reached over the last ``turn_distance`` metres; speeds in m/s, accelerations in m/s2;
+    ``most`` (N,) are speeds that are kept to at the points, where that is given.
     Stitching lays training takes along courses and the locomotion mode leads characters along them (section
     4.1).
     """
@@ -27,6 +28,7 @@ class Course:
     acceleration: float = 1.3
     deceleration: float = 0.9
     progress: float = 0.0
+    most: Array | None = None
     _length: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -64,7 +66,7 @@ class Course:
         for _ in range(max(frames)):
             v = min(
                 v + self.acceleration * DT,
-                self.speed,
+                self.speed if self.most is None else float(np.interp(s, self._length, self.most)),
                 np.sqrt(2 * self.deceleration * max(self.length - s, 0)) + 0.02,
             )
             s = min(s + v * DT, self.length)

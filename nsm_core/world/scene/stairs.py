@@ -19,8 +19,11 @@ from .terrain import CELL, HeightMap, Terrain
 
 # Metres: risers and treads of what is walked as stairs, and their least width.
 RISERS, TREADS, LEAST_WIDTH = (0.1, 0.23), (0.2, 0.45), 0.55
-LEAST_STEPS = 2
+LEAST_STEPS = 3
 BLEND = 0.2  # metres to both sides over which the even rise begins and ends
+APPROACH = 0.4  # metres before its ends from which on a way is one onto a flight
+STEPS_A_SECOND = 1.7  # of walkers on stairs
+ON_FLOOR = 0.05  # metres off a landing that still count as on it
 BESIDE = 0.08  # metres beside the treads that still belong to a flight
 
 
@@ -138,5 +141,39 @@ class Stairs:
             out[on] = flight.level(flight.local(points[on])[:, 0])
         return out
 
+    def heights(self, points: Array) -> Array:
+        """Heights (N,) of what feet at floor points (N, 2) stand on, 0 on the floor."""
+        return self.terrain.height(np.asarray(points, dtype=np.float64))
 
-__all__ = ["BLEND", "LEAST_STEPS", "LEAST_WIDTH", "RISERS", "TREADS", "FlightGround", "Flight", "Stairs"]
+    def on(self, points: Array) -> Array:
+        """Whether floor points (N, 2) lie on a flight, or before an end of one."""
+        points = np.asarray(points, dtype=np.float64)
+        return np.any([flight.holds(points, APPROACH) for flight in self.flights], axis=0)
+
+    def lead_to(self, place: Array) -> bool:
+        """Whether a place (3,) lies on a landing, or at the end of a flight, over the floor."""
+        height = float(self.level(np.asarray(place, dtype=np.float64)[None, :2])[0]) if self else 0.0
+        return height > ON_FLOOR and abs(float(place[2]) - height) < ON_FLOOR
+
+    def pace(self, points: Array, speed: float) -> Array:
+        """Speeds (N,), m/s, at which a walker of ``speed`` is at floor points (N, 2): slower on flights."""
+        points = np.asarray(points, dtype=np.float64)
+        out = np.full(len(points), speed)
+        for flight in self.flights:
+            on = flight.holds(points, flight.tread / 2)
+            out[on] = np.minimum(out[on], STEPS_A_SECOND * flight.tread)
+        return out
+
+
+__all__ = [
+    "APPROACH",
+    "BLEND",
+    "LEAST_STEPS",
+    "LEAST_WIDTH",
+    "ON_FLOOR",
+    "RISERS",
+    "TREADS",
+    "FlightGround",
+    "Flight",
+    "Stairs",
+]

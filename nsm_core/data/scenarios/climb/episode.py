@@ -35,6 +35,7 @@ NAME = "climb"
 FARTHEST_SHIFT = 0.14  # metres that a foothold is moved at most
 SLACK = 0.12  # metres that the stride over a low wall is longer than it need be
 SHORTEST_SWING = 6  # frames of a swing over an edge, as it was walked
+PUSHING = 0.6  # share of its pace at which a high step is pushed off from
 TOP_SPEED = 0.5  # m/s: mean speed at which hips rise or sink at most
 
 
@@ -221,6 +222,9 @@ def _slow(session: Session, c: Crossing, height: float, first: int, up: bool = T
     slowest = float(np.clip(min(slowest, rise * TOP_SPEED / max(height, 0.05)), 0.3, 0.95))
     t = np.arange(first, first + count)
     rate = np.where((t > c.lift - 4) & (t < c.both + 3), slowest, 1.0)
+    if up:  # who climbs high pushes off for as long as the body takes to come over the foot on top
+        pushes = (t >= c.landing - 1) & (t <= c.follows)
+        rate = np.where(pushes, np.interp(height, (0.2, 0.45), (1.0, PUSHING)) * rate, rate)
     when = tape.stretch(first, gaussian_smooth(rate, 3.0).clip(0.25, 1))
     new = [
         first + int(np.ceil(when[min(max(f - first, 0), count - 1)]))

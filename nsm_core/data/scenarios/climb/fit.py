@@ -23,6 +23,8 @@ MARGIN = 90  # frames before and after an episode in which feet still come back 
 CLEAR, DEEPEST = 0.007, 0.03  # metres that legs may be in the block: with no change made for it, and at all
 # Share of its height to which a block that is in the way is lowered, and how often.
 LOWER, LOWERINGS = 0.92, 4
+LEANS = (0, 9, 21, 28)  # degrees at most, onto steps of 0.15, 0.3, 0.45 and 0.6 m
+OVER = 0.07  # metres by which hips come further over the foot on top of a high step while the other pushes
 # What is tried of a manner, one after the other, until the legs are clear.
 CHOICES = (
     ("before", (OFF_EDGE, 0.12, 0.2)),
@@ -159,10 +161,11 @@ class ClimbEpisode:
         else:
             top = np.array([a.landing - 2 <= x.first < b.landing - 2 for x in holds])
             ascents = [
-                Ascent(a.landing - 2 - early, a.both + 4 - early, h),
+                Ascent(a.landing - early, a.both + 2 - early, h),
                 Ascent(b.lift + 0.2 * (b.landing - b.lift), b.landing + 4, -h),
             ]
-        most = np.radians(np.interp(h, (0.15, 0.3, 0.6), (0, 5, 17)))
+        # The trunk leans over the foot on top while the other pushes off, over a wall a little.
+        most = np.radians(np.interp(h, (0.15, 0.3, 0.45, 0.6), (0, 5, 11, 17) if b is None else LEANS))
         away = (np.arange(last - first) - (a.landing + a.follows) / 2) / (0.3 * max(a.both - a.lift, 16))
         lean = most * np.exp(-0.5 * away**2)
         shifts = place_feet(holds, top, self.block)
@@ -178,7 +181,9 @@ class ClimbEpisode:
         t = np.arange(last - first)
         way = heading_to_direction(np.array(float(motion.headings[self.up.landing])))
         wait = np.exp(-0.5 * ((t - a.follows - 1) / (0.25 * max(a.both - a.landing, 12))) ** 2)
-        sway = -manner.wait * wait[:, None] * way
+        over = np.interp(h, (0.2, 0.45), (0.0, OVER)) * (b is not None)
+        comes = np.exp(-0.5 * ((t - (a.landing + a.follows) / 2) / (0.3 * max(a.both - a.landing, 12))) ** 2)
+        sway = (over * comes - manner.wait * wait)[:, None] * way
         within = (self.start - first, self.end - first)
         return climb(
             motion.hips[span],

@@ -33,9 +33,12 @@ class StairDraws:
     short_of_edge: tuple[float, float] = (0.0, 0.07)  # toes before the edge that is stepped down from
     landing: tuple[float, float] = (0.2, 0.28)  # toe joint behind the last riser
     off_place: float = 0.01  # spread of feet along a tread
-    ahead_up: tuple[float, float] = (0.0, 0.05)  # hips ahead of where they are on level ground
-    ahead_down: tuple[float, float] = (-0.05, 0.0)
-    lean_up: tuple[float, float] = (0.07, 0.17)  # radians
+    ahead_up: tuple[float, float] = (-0.17, -0.09)  # hips ahead of where level walks have them
+    ahead_down: tuple[float, float] = (-0.07, 0.0)
+    # Metres by which hips are higher over the floor that rises than over a level one: legs stretch more.
+    taller_up: tuple[float, float] = (0.03, 0.06)
+    taller_down: tuple[float, float] = (-0.01, 0.02)
+    lean_up: tuple[float, float] = (0.05, 0.16)  # radians
     lean_down: tuple[float, float] = (-0.02, 0.06)
     led: float = 0.6  # share of short flights that are led along; long ones all are
     farthest: float = 3.4  # metres from which on one is led

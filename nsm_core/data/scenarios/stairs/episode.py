@@ -41,6 +41,7 @@ class StairEpisode:
     ``first`` and one past the ``last`` frame in which steps are shortened, ``lift`` and ``both`` those of
     leaving the one floor and of having both feet on the other; ``walked`` (n, 2) the roots of the level walk
     from ``first`` on, and ``knots`` (2, K): metres along the flight at which feet stood there, and stand now.
+    Hips are ``taller`` and the trunk ``lean``s over the flight, metres and radians.
     ``base`` is the height of the ground at its foot, once it is fitted.
     """
 
@@ -53,6 +54,7 @@ class StairEpisode:
     walked: Array
     knots: Array
     lean: float
+    taller: float
     plate: float | None
     end: int = 0
     base: float = 0.0
@@ -88,7 +90,13 @@ class StairEpisode:
         on = smooth_step((np.arange(len(hips)) + self.first - self.lift) / 12.0)
         on = on * smooth_step((self.both - self.first - np.arange(len(hips))) / 12.0 + 0.5)
         hips, rotations, stands = raised(
-            hips, rotations, motion.feet[span], self.flight, self.up, rising, self.lean * on
+            hips,
+            rotations,
+            motion.feet[span],
+            self.flight,
+            self.up,
+            rising + self.taller * on,
+            self.lean * on,
         )
         motion.hips[span], motion.rotations[span] = hips - rising[:, None] * (0, 0, 1), rotations
         motion.feet[span] = stands
@@ -170,6 +178,7 @@ def lay(session: Session) -> StairEpisode | None:
         return None
     sides = [h.last for h in holds[:k] if h.side == holds[k].side]
     lean = float(rng.uniform(*(STAIRS.lean_up if up else STAIRS.lean_down)))
+    taller = float(rng.uniform(*(STAIRS.taller_up if up else STAIRS.taller_down)))
     result = StairEpisode(
         flight,
         up,
@@ -180,6 +189,7 @@ def lay(session: Session) -> StairEpisode | None:
         walked,
         np.stack((at_of(flight, base, ahead, knots[0], up), at_of(flight, base, ahead, knots[1], up))),
         lean,
+        taller,
         plate,
     )
     result.places = [(flight.at(s), 0.5 * width + 0.3) for s in np.arange(-0.3, flight.length + 0.6, 0.4)]

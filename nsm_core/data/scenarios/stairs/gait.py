@@ -52,8 +52,8 @@ def raised(
     hips: Array, rotations: Array, on: Array, flight: Flight, up: bool, rising: Array, lean: Array
 ) -> tuple[Array, Array, Array]:
     """Hips (T, 3), local rotations (T, J, 4) and standing feet (T, 2) of a walk on level ground, where feet
-    stand ``on`` (T, 2) it, raised to the treads of a flight; ``rising`` (T,) metres is the height of the
-    floor under the hips, ``lean`` (T,) radians.
+    stand ``on`` (T, 2) it, raised to the treads of a flight; ``rising`` (T,) metres by which the hips
+    are raised, ``lean`` (T,) radians.
     """
     rotations = leaned(rotations, lean)
     hips = hips.astype(np.float64)
