@@ -285,14 +285,20 @@ def test_what_a_script_animates_while_a_take_is_keyed_stays_alone(modal, monkeyp
     assert keys == (wanted if change is keyed_by_a_script else [])
 
 
-def test_a_file_saved_while_a_take_is_keyed_holds_nothing_of_it(modal, monkeypatch, tmp_path):
+@pytest.mark.parametrize("animated", [False, True])
+def test_a_file_saved_while_a_take_is_keyed_holds_nothing_of_it(modal, monkeypatch, tmp_path, animated):
+    if animated:
+        bpy.data.objects["Character"].pose.bones["Head"].keyframe_insert("location", frame=1)
+    old = [*bpy.data.actions]
     before = as_it_is()
     while_it_is_keyed(modal, monkeypatch)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "meanwhile.blend"), copy=True)
     while (state := modal.event("TIMER")) == {"RUNNING_MODAL"}:
         pass
     assert state == {"FINISHED"}  # and the take goes on
-    assert len(bpy.data.actions) == 1 and bpy.data.objects["Character"].animation_data.action is not None
+    played = bpy.data.objects["Character"].animation_data.action
+    assert played not in old and {*bpy.data.actions} == {played, *old}
+    assert all(action.use_fake_user for action in old)  # or it would be lost with the file's next save
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "meanwhile.blend"))
     assert as_it_is() == before
 

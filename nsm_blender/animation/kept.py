@@ -185,11 +185,18 @@ class Kept:
     keyed.
     """
 
-    def __init__(self, scene: bpy.types.Scene, targets: Iterable[bpy.types.Object]) -> None:
+    def __init__(
+        self,
+        scene: bpy.types.Scene,
+        targets: Iterable[bpy.types.Object],
+        replaced: Iterable[bpy.types.Action] = (),
+    ) -> None:
         targets = list(dict.fromkeys(targets))
         armature = next((t for t in targets if t.type == "ARMATURE"), None)
         self._mark = made_so_far()
         self._animations = [_Animation.of(target) for target in targets]
+        # What a take has replaced is kept in the file by this alone.
+        self._fake_users = [(action, action.use_fake_user) for action in replaced]
         self._state = SceneState(scene, armature, targets)
 
     def restore(self) -> None:
@@ -206,6 +213,14 @@ class Kept:
             if animation.had_data:
                 _try(lambda kept=animation: kept.target.animation_data_create())
         self._restore(())
+        for action, fake in self._fake_users:
+            _try(lambda action=action, fake=fake: setattr(action, "use_fake_user", fake))
+
+    @property
+    def actions(self) -> list[bpy.types.Action]:
+        """The actions that played, but for those that are gone."""
+        played = [animation.action for animation in self._animations if animation.action is not None]
+        return [action for action in dict.fromkeys(played) if exists(action)]
 
     def _restore(self, gone: Iterable[bpy.types.Action]) -> None:
         for animation in self._animations:

@@ -5,7 +5,7 @@ trace.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -169,14 +169,14 @@ class TakeSession:
         self._changed()
         self._put_back()
         if self._before is not None and self._aside is None and self._others.keyed:
-            self._aside = self._playing()
+            self._aside = self._playing(self._before.actions)
             self._before.put_on()
         self._others.left()
 
-    def _playing(self) -> Kept:
+    def _playing(self, replaced: Iterable[bpy.types.Action] = ()) -> Kept:
         from ..animation.kept import Kept
 
-        return Kept(self.scene, self._others.targets)
+        return Kept(self.scene, self._others.targets, replaced)
 
     def _stop(self, why: str) -> None:
         """End without a take: whatever still exists is put back."""
