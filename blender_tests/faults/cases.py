@@ -100,21 +100,24 @@ class Cases:
             EVENTS[name]()
             flow.finish()
 
-            def after(take: str = "") -> Callable[[], dict[str, Any]]:
-                return lambda: self._after(room, name, take, seen)
+            # What is keyed shows at once or with the next frame.
+            shows = (False, True) if seen else (False,)
+
+            def after(take: str = "") -> list[Callable[[], dict[str, Any]]]:
+                return [lambda now=now: self._after(room, name, take, seen, now) for now in shows]
 
             # What was done meanwhile stays, whether the take came about or not; but for what undoes or leaves
             # the file, of which nothing was done by others.
-            allowed, whole = [after()], [after("first"), after("last")]
+            allowed, whole = after(), [*after("first"), *after("last")]
             if name in OF_THE_FILE:
                 allowed, whole = [*allowed, lambda: before], [*whole, lambda: self.rooms.whole(room)]
             return self._judged(flow, room, allowed, whole, _one_name if "renamed" in name else lambda d: d)
 
-    def _after(self, room: str, name: str, take: str, seen: tuple) -> dict[str, Any]:
+    def _after(self, room: str, name: str, take: str, seen: tuple, now: bool) -> dict[str, Any]:
         """The room after an event alone, or with a take that nothing disturbs before or after it; ``seen`` is
-        the pose that the event keys.
+        the pose that the event keys, and ``now``, whether what it has keyed already shows.
         """
-        key = room, name, take, seen
+        key = room, name, take, seen, now
         if key not in self._states:
             with growing_by(again(self.rooms.motion(room))):
                 self._open(room, name)
@@ -126,6 +129,7 @@ class Cases:
                 EVENTS[name]()
                 if seen:
                     show(looks)
+                if now:
                     bpy.data.objects["Hero"].update_tag(refresh={"TIME"})
                 if take == "last" and hasattr(bpy.types.Scene, "nsm"):
                     self._take()

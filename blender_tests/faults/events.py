@@ -79,12 +79,12 @@ def _reload_scripts() -> None:
 def _keys() -> None:
     hero = _object("Hero")
     hero.pose.bones["Head"].rotation_quaternion, hero.location = (0.8, 0, 0.6, 0), (0.1, 0.2, 0)
-    _keyed_as_shown()
+    _keyed("Head")
 
 
-def _keyed_as_shown() -> None:
+def _keyed(bone: str) -> None:
     hero = _object("Hero")
-    hero.pose.bones["Head"].keyframe_insert("rotation_quaternion", frame=20)
+    hero.pose.bones[bone].keyframe_insert("rotation_quaternion", frame=20)
     hero.keyframe_insert("location", frame=3)
 
 
@@ -153,13 +153,13 @@ def shown() -> tuple[tuple[float, ...], ...]:
     hero = bpy.data.objects.get("Hero")
     if hero is None:
         return ()
-    return tuple(hero.pose.bones["Head"].rotation_quaternion), tuple(hero.location)
+    return tuple(hero.pose.bones["Chest"].rotation_quaternion), tuple(hero.location)
 
 
 def show(values: tuple[tuple[float, ...], ...]) -> None:
     """Have the character look so that ``AS_SHOWN`` keys these values."""
     hero = _object("Hero")
-    hero.pose.bones["Head"].rotation_quaternion, hero.location = values
+    hero.pose.bones["Chest"].rotation_quaternion, hero.location = values
 
 
 EVENTS: dict[str, Callable[[], None]] = {
@@ -207,7 +207,7 @@ EVENTS: dict[str, Callable[[], None]] = {
     "scripts reloaded": _reload_scripts,
     "character posed": _posed,
     "keys made on the character": _keys,
-    AS_SHOWN: _keyed_as_shown,
+    AS_SHOWN: lambda: _keyed("Chest"),
     "another action for the character": _other_action,
     "character's animation cleared": _no_animation,
     "character's old action deleted": lambda: bpy.data.actions.remove(bpy.data.actions["Old"]),
