@@ -11,10 +11,13 @@ from mathutils import Matrix
 
 from nsm_core.body.capsules import Figure
 from nsm_core.body.key_reduction import Bound
+from nsm_core.body.skeleton import OFFSETS
 from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest
 from nsm_core.errors import GoalError, NsmError, SkeletonError
 from nsm_core.rotations import Array
+from nsm_core.world.actions import BY_KEY
+from nsm_core.world.scene.stairs import RISERS, Stairs
 
 from .animation.kept import SceneState
 from .animation.made import all_or_nothing
@@ -148,6 +151,8 @@ def prepare(
             motion = yield from reading_start(spec.character, scene, frame, spec.start_frame, around)
     finally:
         state.restore()
+    height = 0.0 if motion is None else float(motion.hips[-1, 2]) - float(OFFSETS[0, 2])
+    stairs = _stairs(around, np.append(start[0], height), goals)
     request = TakeRequest(
         start_position=start[0],
         start_heading=start[1],
@@ -159,8 +164,19 @@ def prepare(
         figure=figure,
         start=motion,
         movers=about,
+        stairs=stairs,
     )
     return request, frame, things
+
+
+def _stairs(around: Surroundings, start: Array, goals: list[Goal]) -> Stairs:
+    """The flights that have to be walked from ``start`` (3,); they are looked for where anything is up
+    there.
+    """
+    places = [g.position for g in goals if not (BY_KEY[g.action].moves or BY_KEY[g.action].seats)]
+    if max(float(start[2]), *(float(place[2]) for place in places), 0.0) < RISERS[0]:
+        return Stairs()
+    return around.stairs.asked_for(start, places)
 
 
 def _require_still(places: dict[bpy.types.Object, Matrix]) -> None:

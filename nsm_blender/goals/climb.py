@@ -25,6 +25,7 @@ FROM_EDGE = 0.2  # metres from the middle of the feet to the edges of a top
 # Metres from the edge over which one comes, and from the other edges, on large tops.
 FARTHEST_IN, NEAR_MIDDLE = 0.4, 0.9
 _LOW = 0.35  # metres: who sees a lower block thinks of a step
+BEHIND_TOP = 0.6  # metres behind the highest riser where one stands who has climbed a flight of stairs
 _SAME = 0.05  # metres between heights of one and the same top
 _ABOVE = 1.7  # metres of air that a person needs
 _ELBOWS = 0.25  # metres to keep from things behind a wall
@@ -41,13 +42,17 @@ def goal_of_climb(
     """Build the goal to climb ``target``, coming from ``here`` (2,); ``point`` is the animator's own empty
     for the place.
 
-    Raises GoalError where the object is too high or too low, or has no room.
+    A flight of stairs, and its landing, are walked up.  Raises GoalError where the object is too high or too
+    low, or has no room.
     """
     frame = around.frame
     body = around.body(target, snug=True)
-    if point is not None:
+    upstairs = None if point is not None else _up_the_stairs(body, around)
+    if upstairs is not None:
+        position, heading = upstairs
+    elif point is not None:
         position, heading = place_of(point, frame)
-        if not -0.05 <= position[2] <= HIGHEST:
+        if not (-0.05 <= position[2] <= HIGHEST or around.stairs.lead_to(position)):
             raise GoalError(
                 f"The goal point of {target.name} is {position[2] * frame.scale:.2f} m over the character's "
                 "floor; one climbs up to "
@@ -63,6 +68,25 @@ def goal_of_climb(
         else:
             position = _behind(level.seen_from(quarter), quarter, body, target, around)
     return Goal("climb", name, position, heading, hold, body.interaction(heading + np.pi))
+
+
+def _up_the_stairs(body: GoalBody, around: Surroundings) -> tuple[Array, float] | None:
+    """Where (3,) one stands, and the heading, at the top of the flight that an object is, or a part of, or of
+    that to which it is the landing; None where it is none of these.
+    """
+    corners = body.to_core(body.vertices)
+    low, high = corners.min(0) - _SAME, corners.max(0) + _SAME
+    for flight in around.stairs.flights:
+        treads = np.arange(0.5, flight.steps)
+        places = np.stack([flight.at(k * flight.tread) for k in treads])
+        places = np.column_stack((places, flight.base + flight.riser * (treads + 0.5)))
+        if not ((low <= places) & (places <= high)).all(1).any():
+            continue
+        for behind in (BEHIND_TOP, flight.tread / 2):
+            place = np.append(flight.at(flight.length + behind), flight.base + flight.rise)
+            if abs(float(around.stairs.heights(place[None, :2])[0]) - place[2]) < _SAME:
+                return place, flight.heading
+    return None
 
 
 def climb_onto(

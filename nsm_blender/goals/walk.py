@@ -37,7 +37,8 @@ def walk_goal(
     """Build the goal to walk or run to ``place`` (3,), core frame, and face ``heading`` there, coming from
     ``here`` (2,).
 
-    A place on top of something is climbed to.  Raises GoalError that names what is in the way where nobody
+    A place on top of something is climbed to, one up a flight of stairs walked to.  Raises GoalError that
+    names what is in the way where nobody
     can stand there: inside of something, in the air, under the floor or higher than one climbs.
     """
     s, place = around.frame.scale, np.asarray(place, dtype=np.float64)
@@ -48,6 +49,13 @@ def walk_goal(
             f"The place {name} lies {-place[2] * s:.2f} m under the character's floor; move it up, or put "
             "the character on the floor there."
         )
+    if over > FLOOR_TOP and around.stairs.lead_to(place):
+        inside = what_stands_at(place[:2], float(place[2]), around)
+        if inside is not None:
+            raise GoalError(
+                f"The place {name} lies inside {inside}, or too near to it to stand; move it, or {inside}."
+            )
+        return Goal(action, name, place, float(heading), hold)
     owner, top = _what_is_under(place, around) if over > FLOOR_TOP else ("the floor", ground)
     if place[2] - top > FLOOR_TOP:
         raise GoalError(

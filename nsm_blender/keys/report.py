@@ -16,6 +16,7 @@ from nsm_core.evaluation.measures.objects import all_depths
 from nsm_core.world.actions import BY_KEY
 from nsm_core.world.geometry.distance import Union
 from nsm_core.world.scene.props import Prop
+from nsm_core.world.scene.terrain import merged
 
 from .keyed import KeyedTake
 from .shown import ShownTake
@@ -44,7 +45,8 @@ def build_report(
     Blender's data, so that a thread may do it.
     """
     ground = asked.ground
-    heights = ground.height if ground else None
+    walked = merged((ground, asked.stairs.terrain))
+    heights = walked.height if walked else None
     travel = travel_report(shown.hips, shown.local, result.action, ground=heights, figure=asked.figure)
     solids = Union((asked.environment, ground)) if ground else asked.environment
     props = {goal.prop.name: goal.prop for goal in asked.goals if goal.prop is not None}

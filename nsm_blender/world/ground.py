@@ -10,6 +10,8 @@ import bpy
 import numpy as np
 
 from nsm_core.rotations import Array
+from nsm_core.world.affordances.flights import find_stairs
+from nsm_core.world.scene.stairs import Stairs
 from nsm_core.world.scene.terrain import FLOOR_TOP, HeightMap, Terrain
 
 from .solids import Solid, placed
@@ -43,6 +45,13 @@ def terrain_of(shapes: Iterable[Solid]) -> Terrain:
     """The heights of everything that is walked over; ``shapes`` are those of the scene, core frame."""
     maps = (_top_of(shape) for shape in shapes)
     return Terrain(found for found in maps if found is not None)
+
+
+def stairs_of(shapes: Iterable[Solid]) -> Stairs:
+    """The flights of stairs among the ``shapes`` of a scene, core frame, whether a mesh is one or a tread."""
+    high = [shape for shape in shapes if shape.bounds[1][2] > FLOOR_TOP]
+    corners = [shape.vertices[shape.triangles] for shape in high if len(shape.triangles)]
+    return find_stairs(np.concatenate(corners)) if corners else Stairs()
 
 
 def _top_of(shape: Solid) -> HeightMap | None:

@@ -16,6 +16,7 @@ from nsm_core.rotations import Array
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene.props import Prop
+from nsm_core.world.scene.stairs import Stairs
 from nsm_core.world.scene.terrain import Terrain
 
 from .beside import freely
@@ -23,7 +24,7 @@ from .bodies import GoalBody
 from .colliders import belonging_to, obstacles, query_of, scene_solids, solid_seen
 from .evaluated import Snapshot, family_of
 from .frame import WorldFrame
-from .ground import terrain_of
+from .ground import stairs_of, terrain_of
 from .solids import Solid, solids_of
 
 _MARGIN = 2.0  # metres of floor looked at around the places asked about
@@ -142,6 +143,13 @@ class Surroundings:
         solids = self.standing
         with freely():
             return terrain_of(solids)
+
+    @cached_property
+    def stairs(self) -> Stairs:
+        """Flights of stairs that are walked up and down."""
+        solids = self.standing
+        with freely():
+            return stairs_of(solids)
 
     def plan(self, *points: Array) -> FloorPlan:
         """Free floor around places (2,)."""

@@ -12,8 +12,9 @@ from nsm_core.world.scene.stairs import Stairs
 if TYPE_CHECKING:
     from nsm_core.world.geometry.distance import DistanceQuery
 
-# Metres over the floor that rises: of a body on a flight, over the treads before it, and on a landing.
-_OVER_TREADS, _OVER_LANDINGS = (0.75, 1.05, 1.35, 1.65), (0.15, 0.45, 0.75, 1.05, 1.35, 1.65)
+# Metres over the floor that rises: of a body on a flight, over the treads before it, and on a landing, as far
+# over that as it is wide.
+_OVER_TREADS, _OVER_LANDINGS = (0.75, 1.05, 1.35, 1.65), (0.47, 0.75, 1.05, 1.35, 1.65)
 _RAISED = 0.05  # metres from which on a landing lies over the floor
 _DROP = 0.12  # metres down at the edge of a landing, which are not walked
 _RINGS, _WAYS = (0.08, 0.16, 0.24, 0.32, 0.4), 16  # metres, and directions, in which an edge is looked for

@@ -24,6 +24,7 @@ BLEND = 0.2  # metres to both sides over which the even rise begins and ends
 APPROACH = 0.4  # metres before its ends from which on a way is one onto a flight
 STEPS_A_SECOND = 1.7  # of walkers on stairs
 ON_FLOOR = 0.05  # metres off a landing that still count as on it
+_STANDS = 0.3  # metres that who stands on a landing may be off its height
 BESIDE = 0.08  # metres beside the treads that still belong to a flight
 
 
@@ -154,6 +155,16 @@ class Stairs:
         """Whether a place (3,) lies on a landing, or at the end of a flight, over the floor."""
         height = float(self.level(np.asarray(place, dtype=np.float64)[None, :2])[0]) if self else 0.0
         return height > ON_FLOOR and abs(float(place[2]) - height) < ON_FLOOR
+
+    def asked_for(self, start: Array, places: Iterable[Array]) -> Stairs:
+        """These stairs where one who stands at ``start`` (3,) has to walk on them to come to ``places`` (3,);
+        else none: on the floor under a landing all is as it is without them.
+        """
+        level = float(self.level(np.asarray(start, dtype=np.float64)[None, :2])[0]) if self else 0.0
+        stands_up = level > ON_FLOOR and abs(float(start[2]) - level) < _STANDS
+        if level > ON_FLOOR and not stands_up:
+            return Stairs()
+        return self if stands_up or any(self.lead_to(place) for place in places) else Stairs()
 
     def pace(self, points: Array, speed: float) -> Array:
         """Speeds (N,), m/s, at which a walker of ``speed`` is at floor points (N, 2): slower on flights."""

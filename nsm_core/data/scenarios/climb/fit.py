@@ -41,7 +41,7 @@ WALL_CHOICES = 2 * (
 
 
 @dataclass(frozen=True)
-class Manner:
+class ClimbManner:
     """How an edge is crossed: what the feet keep off it ``before`` and ``beyond`` it, metres, how far the
     hips ``wait`` behind the foot that follows, metres, and how ``early`` they rise, as a share of what lies
     between the landings; how much they
@@ -125,9 +125,9 @@ class ClimbEpisode:
         """Hips and rotations of the frames, climbing in the manner that keeps the legs best out of the block;
         and how deep they are.
         """
-        fits: dict[Manner, tuple[float, tuple[Array, Array]]] = {}
+        fits: dict[ClimbManner, tuple[float, tuple[Array, Array]]] = {}
 
-        def depth(manner: Manner) -> float:
+        def depth(manner: ClimbManner) -> float:
             if manner not in fits:
                 fitted = self._fitted(motion, first, last, manner)
                 fits[manner] = (
@@ -136,7 +136,7 @@ class ClimbEpisode:
                 )
             return fits[manner][0]
 
-        best = Manner()
+        best = ClimbManner()
         for name, values in WALL_CHOICES if self.down is None else CHOICES:
             if depth(best) < CLEAR:
                 break
@@ -145,7 +145,7 @@ class ClimbEpisode:
             )
         return fits[best][1], fits[best][0]
 
-    def _fitted(self, motion: Motion, first: int, last: int, manner: Manner) -> tuple[Array, Array]:
+    def _fitted(self, motion: Motion, first: int, last: int, manner: ClimbManner) -> tuple[Array, Array]:
         """Hips and rotations of the frames ``first`` to ``last``, climbing in a ``manner``."""
         span = slice(first, last)
         positions, world = forward_kinematics(motion.hips[span], motion.rotations[span])
