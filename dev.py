@@ -12,8 +12,9 @@
   train      train the network from a capture folder (arguments: see `train --help`)
   annotate   propose labels, contacts, phases and goals of captures (arguments: see `annotate --help`)
   evaluate   print the tables of figures (arguments: see `evaluate --help`)
-  bench      measure the speed of the network and of takes, by stage, of the import of the add-on and,
-             where there is a graphical Blender, how long its window does not answer
+  bench      measure the speed of the network and of takes, by stage, in Blender too, of the import of
+             the add-on and, where there is a graphical Blender, how long its window does not answer;
+             --json FILE keeps the figures, their named ratios and what misses its target
   lint       check the style of all code with ruff, then the types of nsm_core with mypy; arguments go to ruff
   (lint --fix)
 
@@ -354,14 +355,20 @@ def core(verb: str, arguments: list[str]) -> int:
 
 
 def bench(arguments: list[str]) -> int:
-    """Measure the network and takes and, unless only the network is asked for, the add-on: until it is there,
-    and in the window of the graphical Blender where there is one.
+    """Measure the network and takes and, unless only the network is asked for, the add-on: its takes, until
+    it is there, and in the window of the graphical Blender where there is one.
     """
     code = core("bench", arguments)
     if code or "--no-takes" in arguments or any(a in ("-h", "--help") for a in arguments):
         return code
+    file = [*arguments, ""][arguments.index("--json") + 1] if "--json" in arguments else ""
+    also = ["--json", file] if file else []
+    os.environ |= {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+    code = run(main_environment(), "nsm_blender/bench_takes.py", *also)
+    if code:
+        return code
     build([])
-    return run(main_environment(), "blender_tests/gui/measure.py", "--rooms", "room")
+    return run(main_environment(), "blender_tests/gui/measure.py", "--rooms", "room", *also)
 
 
 def lint(arguments: list[str]) -> int:

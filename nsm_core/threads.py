@@ -42,13 +42,20 @@ def _openblas() -> tuple[Callable[[], int], Callable[[int], None]] | None:
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Run numpy's OpenBLAS on one thread inside the block; does nothing where numpy uses another library."""
+    with threads(1):
+        yield
+
+
+@contextmanager
+def threads(count: int) -> Iterator[None]:
+    """The same on ``count`` threads."""
     functions = _openblas()
     if functions is None:
         yield
         return
     get, put = functions
     before = get()
-    put(1)
+    put(count)
     try:
         yield
     finally:

@@ -1,0 +1,1 @@
+"""How fast it is: the network, takes by stage, cost as work grows, and ratios that hold on other machines."""
