@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scenes import box, empty, mesh_of_boxes
 
+from nsm_blender.goals.guess import guess
 from nsm_blender.goals.resolve import resolve
 from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.prepare import TakeSpec
@@ -37,6 +38,12 @@ def is_up(found):
 
 def test_a_stair_mesh_is_climbed_to_its_landing():
     is_up(goal("climb", mesh_of_boxes("Stairs", [*TREADS, LANDING])))
+
+
+def test_what_looks_like_stairs_is_guessed_to_be_climbed():
+    assert guess(mesh_of_boxes("Thing", [*TREADS, LANDING]), WorldFrame()) == "climb"
+    shelf = [((-0.5, 0.0, 0.3 * k), (0.5, 0.3, 0.3 * k + 0.03)) for k in range(5)]
+    assert guess(mesh_of_boxes("Other", shelf), WorldFrame()) != "climb"
 
 
 def test_treads_that_are_objects_of_their_own_are_a_flight_and_what_it_leads_to_is_its_landing():

@@ -8,7 +8,9 @@ import numpy as np
 from nsm_core.control.goals import Goal
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, direction_to_heading, rotate_planar, wrap_angle
+from nsm_core.world.affordances.flights import find_stairs
 from nsm_core.world.affordances.standing import BEHIND_WALL
+from nsm_core.world.scene.stairs import LEAST_STEPS, RISERS
 from nsm_core.world.scene.terrain import FLOOR_TOP
 
 from ..world.bodies import GoalBody, place_of
@@ -210,7 +212,11 @@ def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: 
 
 
 def _likely(looks: Looks) -> float:
-    """A massive thing with a level top as high as a step; the lower, the less anything else."""
+    """A flight of stairs, or a massive thing with a level top as high as a step; the lower, the less anything
+    else.
+    """
+    if looks.size[2] > LEAST_STEPS * RISERS[0] and find_stairs(looks.vertices[looks.triangles]):
+        return 1.4
     if not LOWEST < looks.bounds[1][2] <= HIGHEST + _SAME or looks.base > LOWEST:
         return 0.0
     if looks.size[0] < 2 * DEEP_ENOUGH or not looks.massive:
