@@ -5,15 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from nsm_core.control.goals import Goal, Moment
+from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, direction_to_heading
 from nsm_core.world.planning.along import Detour, around_things
 from nsm_core.world.planning.floor_plan import path_length
-from nsm_core.world.planning.track import Track
+from nsm_core.world.planning.track import Corner, Track, tight_corners
 
 from .approach import Command, Gait, Ground
 from .base import Stage, Way
 
 _AT_START = 0.15  # metres from its start at which one is on the line at once
+_RUN_UP = 0.4  # metres before its start from which on one goes as the line begins
+_STRAIGHT = 0.9  # cosine of the angle with the line's beginning up to which one comes to it as one is
+_TOLD = 3  # corners of a line that are told at most
 
 
 class Follow(Stage):
@@ -25,6 +29,7 @@ class Follow(Stage):
         self._line: Array | None = None
         self._detours: list[Detour] = []
         self._ground, self._gait, self._led = ground, gait, led
+        self._corners: list[Corner] = []
         self._final = Command("idle", goal.position, goal.heading)
         self._command: Command | None = None
 
@@ -41,7 +46,9 @@ class Follow(Stage):
         return self._command is self._final and near and moment.speed < 0.15
 
     def line(self) -> tuple[Array | None, list[str]]:
-        return self._line, [f"It {d}" for d in self._detours]
+        told: list[str] = [str(d) for d in self._detours]
+        told += [str(corner) for corner in self._corners[:_TOLD]]
+        return self._line, [f"It {one}" for one in told]
 
     def _lead(self, here: Array) -> Command:
         line, ground = np.asarray(self.goal.way, dtype=np.float64), self._ground
@@ -51,10 +58,11 @@ class Follow(Stage):
         self._line = line
         joins = 0.0
         if np.linalg.norm(line[0] - here) > _AT_START:
-            lead = ground.way(here, line[0])
+            lead = self._joining(here, line)
             line, joins = np.concatenate((lead, line[1:])), path_length(lead)
         gait = self._gait
         speed = ground.pace * (self.goal.speed or float(ground.rng.uniform(*gait.speeds)))
+        self._corners = tight_corners(np.asarray(self.goal.way), speed, gait.sideways)
         track = Track(
             line,
             self.goal.heading,
@@ -66,6 +74,26 @@ class Follow(Stage):
             joins=joins,
         )
         return Command(gait.action, course=track)
+
+    def _joining(self, here: Array, line: Array) -> Array:
+        """A way (N, 2) from ``here`` to the start of the line that comes to it along the line, where there is
+        room: a body rounds the corner before the line, not on it.
+        """
+        start = line[0]
+        far = line[np.argmax(np.linalg.norm(line - start, axis=1) > _AT_START)]
+        along = (far - start) / max(float(np.linalg.norm(far - start)), 1e-9)
+        before = start - _RUN_UP * along
+        lead = self._ground.way(here, start)
+        came = start - lead[-2]
+        bends = float(came @ along) < _STRAIGHT * float(np.linalg.norm(came))
+        if not bends or not self._ground.free(before, start):
+            return lead
+        try:
+            run_up = self._ground.way(here, before)
+        except GoalError:
+            return lead
+        longer = path_length(run_up) + _RUN_UP - path_length(lead)
+        return lead if longer > 2 * _RUN_UP + _AT_START else np.concatenate((run_up, start[None]))
 
 
 def places(goal: Goal, way: Way) -> list[Array | None]:

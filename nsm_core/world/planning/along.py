@@ -27,7 +27,7 @@ class Detour:
     thing: str
 
     def __str__(self) -> str:
-        return f"went around {self.thing} at {_told(self.middle)}"
+        return f"went around {self.thing} at {told(self.middle)}"
 
 
 def around_things(name: str, line: Array, plan: FloorPlan) -> tuple[Array, list[Detour]]:
@@ -45,7 +45,7 @@ def around_things(name: str, line: Array, plan: FloorPlan) -> tuple[Array, list[
     for end, which in ((0, "start"), (len(points) - 1, "end")):
         if not free[end]:
             raise GoalError(
-                f"The {which} of {name} at {_told(points[end])} lies in {_thing(plan, points[end])}, or too "
+                f"The {which} of {name} at {told(points[end])} lies in {_thing(plan, points[end])}, or too "
                 f"near to it to stand; move {name}, or what stands there."
             )
     reach = round(_AWAY / _STEP)
@@ -60,12 +60,12 @@ def around_things(name: str, line: Array, plan: FloorPlan) -> tuple[Array, list[
             way = plan.find(points[first], points[last])
         except GoalError as error:
             raise GoalError(
-                f"{name} is cut at {_told(middle)} by {thing}, and no way leads around it; move {name}, or "
+                f"{name} is cut at {told(middle)} by {thing}, and no way leads around it; move {name}, or "
                 "what stands there."
             ) from error
         if path_length(way) > _LONGEST * path_length(points[first : last + 1]) + _AT_LEAST:
             raise GoalError(
-                f"{name} is cut at {_told(middle)} by {thing}, and the way around it is "
+                f"{name} is cut at {told(middle)} by {thing}, and the way around it is "
                 f"{path_length(way):.0f} m long; move {name}, or what stands there."
             )
         parts += [points[here:first], way]
@@ -92,7 +92,7 @@ def _thing(plan: FloorPlan, places: Array) -> str:
     return "something"
 
 
-def _told(place: Array) -> str:
+def told(place: Array) -> str:
     return f"({place[0]:.2f}, {place[1]:.2f}) m"
 
 

@@ -11,6 +11,7 @@ from nsm_core.conventions import DT
 from nsm_core.rotations import Array
 from nsm_core.signals import gaussian_smooth
 
+from .along import told
 from .floor_plan import resample_path
 from .path import Course
 
@@ -20,7 +21,20 @@ _BEND = 0.25
 _SLOWEST = 0.45  # m/s at which the tightest corners are gone: slower, steps come apart
 # How soon (1/s) and how far (metres) what leads is moved aside against a drift off the line.
 _DRIFT_RATE, _MOST_ASIDE = 0.4, 0.2
+_TIGHT = 0.5  # of the speed asked for: bends that are gone slower are told
 _NEAR = 0.25  # metres off the line up to which one is on it; a drift is learned of there alone
+
+
+@dataclass(frozen=True)
+class Corner:
+    """A bend that is gone much slower than the rest: its place (2,), metres, and the speed there, m/s."""
+
+    place: Array
+    speed: float
+
+    def __str__(self) -> str:
+        there = f"at {told(self.place)}, where the line bends too tightly for its pace"
+        return f"slowed down to {self.speed:.1f} m/s {there}"
 
 
 @dataclass
@@ -39,17 +53,12 @@ class Track(Course):
     def __post_init__(self) -> None:
         self.points = resample_path(np.asarray(self.points, dtype=np.float64), _STEP)
         super().__post_init__()
-        self._along = np.gradient(self.points, axis=0) if len(self.points) > 1 else np.zeros((1, 2))
-        self._along /= np.maximum(np.linalg.norm(self._along, axis=1, keepdims=True), 1e-9)
+        self._along = _directions(self.points)
         self._limit = self._speeds()
 
     def _speeds(self) -> Array:
         """Speeds (N,) up to which each point is passed, m/s, and from which the next bends can be reached."""
-        turns = np.unwrap(np.arctan2(self._along[:, 1], self._along[:, 0]))
-        reach = max(1, round(_BEND / 2 / _STEP))
-        padded = np.pad(turns, reach, mode="edge")
-        bend = np.abs(padded[2 * reach :] - padded[: -2 * reach]) / (2 * reach * _STEP)
-        limit = np.clip(np.sqrt(self.sideways / np.maximum(bend, 1e-6)), _SLOWEST, self.speed)
+        limit = _passed_at(self._along, self.speed, self.sideways)
         if len(limit) > 2:
             limit = np.minimum(limit, gaussian_smooth(limit[:, None], 2.0)[:, 0])
         step = 2 * self.deceleration * _STEP
@@ -90,6 +99,32 @@ class Track(Course):
         return np.stack((-ahead[..., 1], ahead[..., 0]), axis=-1)
 
 
+def tight_corners(line: Array, speed: float, sideways: float) -> list[Corner]:
+    """Corners of a line (N, 2) that are gone at less than half of ``speed``, m/s; ``sideways`` as of a
+    ``Track``.
+    """
+    points = resample_path(np.asarray(line, dtype=np.float64), _STEP)
+    limit = _passed_at(_directions(points), speed, sideways)
+    tight = np.flatnonzero(limit < _TIGHT * speed)
+    parts = np.split(tight, np.flatnonzero(np.diff(tight) > _BEND / _STEP) + 1) if len(tight) else []
+    return [Corner(points[part].mean(0), float(limit[part].min())) for part in parts]
+
+
+def _directions(points: Array) -> Array:
+    """Directions (N, 2) of a line at its points (N, 2)."""
+    along = np.gradient(points, axis=0) if len(points) > 1 else np.zeros((1, 2))
+    return along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+
+
+def _passed_at(along: Array, speed: float, sideways: float) -> Array:
+    """Speeds (N,) at which a body passes points of a line with directions ``along`` (N, 2)."""
+    turns = np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
+    reach = max(1, round(_BEND / 2 / _STEP))
+    padded = np.pad(turns, reach, mode="edge")
+    bend = np.abs(padded[2 * reach :] - padded[: -2 * reach]) / (2 * reach * _STEP)
+    return np.clip(np.sqrt(sideways / np.maximum(bend, 1e-6)), _SLOWEST, speed)
+
+
 def off_line(line: Array, track: Array) -> Array:
     """Metres (N,) from points of ``line`` (N, 2), centimetres apart, to the ground track (T, 2) of one who
     has followed it, from when it comes to its start.
@@ -125,4 +160,4 @@ def _to_polyline(point: Array, line: Array) -> float:
     return float(np.linalg.norm(line[:-1] + np.clip(share, 0, 1)[:, None] * step - point, axis=1).min())
 
 
-__all__ = ["Track", "off_line"]
+__all__ = ["Track", "off_line", "tight_corners"]
