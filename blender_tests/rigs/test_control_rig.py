@@ -16,9 +16,11 @@ from nsm_blender.animation.channels import curves_in
 from nsm_blender.keys.keyed import discard_take
 from nsm_blender.keys.keying import key_take, read_back
 from nsm_blender.keys.preview import Preview, SceneState
+from nsm_blender.keys.style import KeyStyle
 from nsm_blender.keys.switches import switches_of
 from nsm_blender.rigs.armature import Placement, read_world_pose
 from nsm_blender.rigs.bone_map import BoneMap, bone_map_of, store_map
+from nsm_core.body.key_reduction import Bound
 from nsm_core.body.skeleton import INDEX, forward_kinematics
 
 DEFORM = {joint: f"DEF-{bone}" for joint, bone in MIXAMO.items()}
@@ -110,6 +112,28 @@ def test_a_metarig_and_the_rig_that_rigify_generates_from_it(rigify):
         assert worst_angle({joint: np.array(each) for joint, each in heads.items()}, hips, local) < 0.1
 
 
+def fewer_keys_of_controls_keep_hands_and_feet(rig):
+    hips, local = wandering_take(40)
+    placement = Placement.of(rig)
+    ends = [INDEX[side + name] for side in ("Left", "Right") for name in ("Wrist", "Ankle")]
+    shown = []
+    for bound in (None, Bound(5.0, 1.0)):
+        take = key_take(rig, hips * placement.scale, local, style=KeyStyle(reduce=bound))
+        counts = {c.data_path: len(c.keyframe_points) for c in curves_in(take.action, take.slot)}
+        places = []
+        for frame in range(1, 41):
+            bpy.context.scene.frame_set(frame)
+            places.append(read_world_pose(rig, placement)[0][ends])
+        shown.append(np.array(places))
+        if bound is not None:
+            of_hand = counts['pose.bones["hand_ik.L"].location']
+            assert 4 < of_hand < 30 and counts['pose.bones["upper_arm_ik_target.R"].location'] < 30
+            assert take.reduced.after < 0.7 * take.reduced.before and take.reduced.mm <= 5.0
+        discard_take(take)
+    # What the solver of a rig leaves of a millimetre comes on top.
+    assert np.linalg.norm(shown[1] - shown[0], axis=-1).max() < 0.007
+
+
 def test_hands_and_feet_of_a_generated_rig_are_placed_by_their_ik_controls(rigify):
     nsm_blender.register()
     try:
@@ -134,5 +158,6 @@ def test_hands_and_feet_of_a_generated_rig_are_placed_by_their_ik_controls(rigif
             assert off[ends].max() < 0.003 and off.max() < 0.03  # knees here bend any way
         discard_take(take)
         assert switches_of(rig) == before
+        fewer_keys_of_controls_keep_hands_and_feet(rig)
     finally:
         nsm_blender.unregister()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import bpy
 import numpy as np
 
@@ -81,6 +83,11 @@ def key_moves(
         else:
             slopes = kept.slopes[:, part]
             channels.curves(prefix + path, group, frames[kept.rows], values[kept.rows], slopes)
+
+
+def is_edited(bone: str, edited: Iterable[str]) -> bool:
+    """Whether the animator has keys of a bone, of the paths of his keys."""
+    return any(path.startswith(f'pose.bones["{bpy.utils.escape_identifier(bone)}"].') for path in edited)
 
 
 def unedited(

@@ -23,9 +23,9 @@ from ..rigs.bone_map import bone_map_of
 from ..rigs.mount import go_to, last
 from ..world.beside import beside
 from .before import keep_before, stand_before
-from .bone_keys import key_bone, key_moves, key_still, unedited
+from .bone_keys import is_edited, key_bone, key_moves, key_still, unedited
 from .edits import KeptEdits, edited_paths, keep_edits, note_made
-from .fewer import ROOT, body_of, kept_keys
+from .fewer import ROOT, body_of, controls_of, joined, kept_keys, kept_of_controls
 from .keyed import KeyedTake, discard_take, pose_of
 from .layers import bones_between, channels_of_strips, require_keyable
 from .limb_controls import control_channels, replaced
@@ -135,16 +135,35 @@ def key_take_steps(
         }
         turns = {j: rotation_values(mode, basis[:, j]) for j, mode in modes.items()}
         carrier = None if root is None else (yield from root.channels(scene, frames, mounts))
-        reduced, fewer = None, {}
+        pulled = replaced(bone_map)
+        controls = dict(
+            control_channels(armature, placement, bone_map, every_mount, hips, local, pole_turned)
+        )
+        control_modes = {name: armature.pose.bones[name].rotation_mode for name in controls}
+        control_turns = {
+            name: None
+            if control.rotation is None
+            else rotation_values(control_modes[name], continuous(control.rotation[:, None])[:, 0])
+            for name, control in controls.items()
+        }
+        reduced, fewer, fewer_controls = None, {}, {}
         if style.reduce is not None:
             body = body_of(
                 placement, mounts, hips, local, turns, places, modes, set(loose_joints(armature, placement)),
-                None if root is None or carrier is None else (root, carrier), rate,
+                None if root is None or carrier is None else (root, carrier), rate, pulled,
             )  # fmt: skip
             reduced = yield from beside(lambda _: reduce_keys(body, style.reduce))
             edited = edited_paths(previous, previous_slot, frame_start) if style.keep_edits else set()
             fewer = unedited(kept_keys(reduced, carrier is not None), edited, placement, carrier)
-        others, pulled = channels_of_strips(armature), replaced(bone_map)
+            if controls:
+                holds = controls_of(
+                    controls, every_mount, control_turns, control_modes, placement.scale, rate
+                )
+                less = yield from beside(lambda _: reduce_keys(holds, style.reduce))
+                kept_there = kept_of_controls(less, controls)
+                fewer_controls = {n: k for n, k in kept_there.items() if not is_edited(n, edited)}
+                reduced = joined(reduced, less)
+        others = channels_of_strips(armature)
         if carrier is not None:
             key_moves(
                 channels, carrier.prefix, carrier.group, carrier.mode, frames, carrier.turns, carrier.places,
@@ -156,14 +175,9 @@ def key_take_steps(
                 continue
             bone = armature.pose.bones[placement.keyed.bones[j]]
             key_bone(channels, bone, frames, turns[j], places.get(j), others, fewer.get(j))
-        for name, control in control_channels(
-            armature, placement, bone_map, every_mount, hips, local, pole_turned
-        ):
-            bone, turn = armature.pose.bones[name], control.rotation
-            values = (
-                None if turn is None else rotation_values(bone.rotation_mode, continuous(turn[:, None])[:, 0])
-            )
-            key_bone(channels, bone, frames, values, control.location, others, None)
+        for name, control in controls.items():
+            bone, less_of_it = armature.pose.bones[name], fewer_controls.get(name)
+            key_bone(channels, bone, frames, control_turns[name], control.location, others, less_of_it)
         still = [name for controls in bone_map.pulled.values() for name in controls.still]
         for between in (*bones_between(armature), *still):
             key_still(channels, armature.pose.bones[between], frames, others)

@@ -32,11 +32,18 @@ _AHEAD = 0.8  # of a limb's length that its pole is ahead of its middle
 @dataclass
 class Channels:
     """Values of a control's channels over T frames: rotations (T, 4) and locations (T, 3), None where not
-    keyed.
+    keyed; and what they show.
+
+    ``place`` (T, 3), world, is that of the joint that is held, or of the pole, ``turn`` (T, 4) the control's
+    rotation in the world, ``carrier`` the control that carries this one; ``stands`` where it is a foot's.
     """
 
     rotation: Array | None
     location: Array | None
+    place: Array
+    turn: Array
+    carrier: str = ""
+    stands: bool = False
 
 
 def replaced(bone_map: BoneMap) -> set[int]:
@@ -79,7 +86,11 @@ def control_channels(
         offset = unit * np.array(seen.matrix_local.inverted() @ rest.head_local)
         place = positions[:, end] + quat_rotate(turned[:, end], np.broadcast_to(offset, hips.shape))
         mount = mounts[controls.control]
-        yield controls.control, Channels(_basis(mount, turn), mount.location(place))
+        held_at, foot = positions[:, end], bool(toe)
+        yield (
+            controls.control,
+            Channels(_basis(mount, turn), mount.location(place), held_at, turn, stands=foot),
+        )
         if controls.pole:
             upper = bones[bone_map.seen(_name(start))]
             ahead = np.array(bones[controls.pole].head_local - bones[bone_map.seen(_name(middle))].head_local)
@@ -87,13 +98,15 @@ def control_channels(
             own = quat_rotate(turned[:, start], np.broadcast_to(ahead, hips.shape))
             turn_back = -(turns or {}).get(joint, 0.0)
             pole = _pole(*(positions[:, j] for j in (start, middle, end)), own, turn_back)
-            yield controls.pole, Channels(None, mounts[controls.pole].location(pole))
+            still = np.broadcast_to((1.0, 0.0, 0.0, 0.0), turn.shape)
+            yield controls.pole, Channels(None, mounts[controls.pole].location(pole), pole, still)
         if controls.toe and toe:
             held, shown = bones[controls.toe], bones[bone_map.seen(_name(toe[0]))]
             rest_turn, posed = _between(seen, held), quat_mul(turned[:, toe[0]], _between(shown, held))
             relative = quat_mul(quat_conjugate(turned[:, end]), posed)
             basis = quat_mul(np.broadcast_to(quat_conjugate(rest_turn), relative.shape), relative)
-            yield controls.toe, Channels(quat_normalize(basis), None)
+            tip = positions[:, toe[0]]
+            yield controls.toe, Channels(quat_normalize(basis), None, tip, posed, controls.control, True)
 
 
 def pole_turns(
