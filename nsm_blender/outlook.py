@@ -4,7 +4,7 @@ them.
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Collection, Generator
 from dataclasses import dataclass, field, replace
 
 import bpy
@@ -46,12 +46,16 @@ class GoalOutlook:
 
 @dataclass
 class Outlook:
-    """The scene around a character as a take would see it, and what becomes of its goals there."""
+    """The scene around a character as a take would see it, and what becomes of its goals there.
+
+    ``placed``: world matrices (4, 4) of what is solid, by the objects' full names.
+    """
 
     frame: WorldFrame
     around: Surroundings
     start: Array  # (2,) core frame
     goals: list[GoalOutlook]
+    placed: dict[str, Array] = field(default_factory=dict)
 
 
 def outlook(spec: TakeSpec, scene: bpy.types.Scene) -> Generator[Progress, None, Outlook]:
@@ -70,10 +74,17 @@ def outlook(spec: TakeSpec, scene: bpy.types.Scene) -> Generator[Progress, None,
         steps = beside(lambda _, goal=goal, before=before: _found(goal, scene, around, before, alone), True)
         told, before = yield from staged("Finding the goals", steps)
         found.append(told)
-    seen = Outlook(frame, around, start[0], found)
+    seen = Outlook(frame, around, start[0], found, placed_now(scene, {s.owner for s in around.solids}))
     query = around.query
     yield from waited("Planning the ways", lambda _: _plan(seen, query))
     return seen
+
+
+def placed_now(scene: bpy.types.Scene, names: Collection[str]) -> dict[str, Array]:
+    """World matrices (4, 4) of a scene's objects at its present frame, by their full names."""
+    return {
+        o.name_full: np.array(o.matrix_world, dtype=np.float64) for o in scene.objects if o.name_full in names
+    }
 
 
 def _found(

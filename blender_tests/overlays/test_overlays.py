@@ -14,6 +14,7 @@ from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.outlook import outlook
 from nsm_blender.overlays import colours, kept, picture, viewport
 from nsm_blender.overlays.layers import LAYERS
+from nsm_blender.overlays.scene_layers import followed
 from nsm_blender.overlays.shapes import Shapes, box_corners
 from nsm_blender.prepare import TakeSpec
 from nsm_blender.progress import finish
@@ -71,6 +72,26 @@ def test_before_a_take_solids_goals_and_ways_are_where_they_are(settings, scale)
     assert 0.3 * scale < place[2] < 0.6 * scale and np.linalg.norm(
         place[:2] - np.array(chair.location)[:2]
     ) < (0.4 * scale)
+
+
+def test_solid_things_are_drawn_where_they_are_at_the_frame(settings):
+    character, chair, _ = room()
+    scene = bpy.context.scene
+    cart = box("Cart", (2, 2, 0), (2.5, 2.5, 0.5))
+    for frame, x in ((1, 0.0), (11, 1.0)):
+        cart.location.x = x
+        cart.keyframe_insert("location", frame=frame)
+    scene.frame_set(1)
+    seen = finish(outlook(TakeSpec(character, [GoalSpec("sit", chair)]), scene))
+    solid = BY_KEY["colliders"].before(seen)
+    scene.frame_set(11)
+    moved = followed(solid, seen, scene)
+    by = moved.triangles - solid.triangles
+    of_cart = np.abs(by[:, 0]) > 1e-6
+    assert of_cart.sum() == 36 and np.allclose(by[of_cart], (1.0, 0.0, 0.0), atol=1e-5)
+    assert (solid.triangles[of_cart][:, :2] > 1.9).all()
+    scene.frame_set(1)
+    assert followed(solid, seen, scene) is solid
 
 
 def test_a_mesh_as_dense_as_a_scan_is_drawn_as_the_box_around_it(settings, monkeypatch):

@@ -17,6 +17,7 @@ class Layer:
     """One overlay.
 
     ``before`` makes it of what is known before a take, ``during`` of a take at one of its frames;
+    ``follows``: what it shows is drawn where it is by then, as things move from frame to frame;
     ``flat`` lies on the screen, in pixels, instead of in the scene.
     """
 
@@ -27,6 +28,7 @@ class Layer:
     before: Callable[[Outlook], Shapes] | None = None
     during: Callable[[RememberedTake, int], Shapes] | None = None
     flat: bool = False
+    follows: bool = False
 
 
 def _scene_layers() -> Any:
@@ -49,6 +51,7 @@ LAYERS = (
         "What the character walks around (orange), and what it steps on (green)",
         "MOD_PHYSICS",
         before=lambda found: _scene_layers().colliders(found),
+        follows=True,
     ),
     Layer(
         "goals",

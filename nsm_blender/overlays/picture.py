@@ -20,6 +20,7 @@ from ..pictures.render import halved, join_tiles, read_png, render_still, write_
 from ..pictures.studio import studio
 from .kept import RememberedTake, remembered_take
 from .layers import LAYERS, Layer
+from .scene_layers import followed
 from .shapes import Colour, Shapes
 
 _WIDTH, _FAR = 0.014, 2.2  # of a line, Blender units of a scene in metres; times that from afar
@@ -167,7 +168,7 @@ def overlay_sheet(
             scene.frame_set(view.frame)
             scene.camera = own if view.whole and own is not None else temporary.camera
             chosen = [layer for layer in LAYERS if layer.key in view.keys]
-            made = {layer: _made(layer, before, shown, view.frame) for layer in chosen}
+            made = {layer: _made(layer, before, shown, scene, view.frame) for layer in chosen}
             width = _WIDTH * (_FAR if view.whole else 1.0)
             with as_meshes(scene, [made[layer] for layer in chosen if not layer.flat], width):
                 tile = folder / f"{number:03d}.png"
@@ -181,10 +182,16 @@ def overlay_sheet(
     return path
 
 
-def _made(layer: Layer, before: Outlook | None, shown: RememberedTake | None, frame: int) -> Shapes:
+def _made(
+    layer: Layer,
+    before: Outlook | None,
+    shown: RememberedTake | None,
+    scene: bpy.types.Scene,
+    frame: int,
+) -> Shapes:
     made = []
     if layer.before is not None and before is not None:
-        made.append(layer.before(before))
+        made.append(followed(layer.before(before), before, scene) if layer.follows else layer.before(before))
     t = None if shown is None else shown.frame_at(frame)
     if layer.during is not None and shown is not None and t is not None:
         made.append(layer.during(shown, t))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import bpy
 import numpy as np
 
 from nsm_core.rotations import Array, heading_to_direction
 from nsm_core.world.actions import Aim, require_action
 
 from ..goals.registry import FINDERS
-from ..outlook import GoalOutlook, Outlook
+from ..outlook import GoalOutlook, Outlook, placed_now
 from ..world.ground import is_ground
 from ..world.solids import Solid
 from . import colours
@@ -16,6 +17,7 @@ from .shapes import Shapes, box_corners
 
 _MOST_FACES = 120_000  # of one object that is drawn face by face, and of all together twice as many
 _SHARP = np.cos(np.radians(30))  # edges between faces that turn by more are drawn
+_STIRRED = 1e-5  # of a matrix: what has changed by more has moved
 _OFF = 0.004  # metres by which faces are drawn off what they show, and lines over the floor
 
 
@@ -37,10 +39,22 @@ def colliders(seen: Outlook) -> Shapes:
                 solid.turn,
             )
             shapes.add_boxes(seen.frame.to_world(corners)[None], None, edge)
-            continue
-        left -= count
-        _add_mesh(shapes, solid, seen, face, edge)
+        else:
+            left -= count
+            _add_mesh(shapes, solid, seen, face, edge)
+        shapes.owners.append((solid.owner, len(shapes.triangles), len(shapes.lines)))
     return shapes
+
+
+def followed(shapes: Shapes, seen: Outlook, scene: bpy.types.Scene) -> Shapes:
+    """What was made of ``seen``, with what has been moved since where it is at the scene's frame."""
+    now = placed_now(scene, {name for name, *_ in shapes.owners})
+    moves = {
+        name: now[name] @ np.linalg.inv(then)
+        for name, then in seen.placed.items()
+        if name in now and np.abs(now[name] - then).max() > _STIRRED and abs(np.linalg.det(then)) > 1e-12
+    }
+    return shapes.moved(moves) if moves else shapes
 
 
 def goals(seen: Outlook, only: GoalOutlook | None = None) -> Shapes:

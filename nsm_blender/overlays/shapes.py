@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -33,7 +33,8 @@ class Shapes:
     screen.
 
     ``triangles`` (3 T, 3) and ``lines`` (2 L, 3) float32 with a colour (.., 4) for each corner; ``words``
-    places (3,), texts and colours.
+    places (3,), texts and colours; ``owners`` whose the corners are: names, and the numbers of corners of
+    triangles and of lines at which theirs end.
     """
 
     triangles: Array = field(default_factory=lambda: np.zeros((0, 3), np.float32))
@@ -41,6 +42,7 @@ class Shapes:
     lines: Array = field(default_factory=lambda: np.zeros((0, 3), np.float32))
     line_colours: Array = field(default_factory=lambda: np.zeros((0, 4), np.float32))
     words: list[tuple[Array, str, Colour]] = field(default_factory=list)
+    owners: list[tuple[str, int, int]] = field(default_factory=list)
 
     def __bool__(self) -> bool:
         return bool(len(self.triangles) or len(self.lines) or self.words)
@@ -107,6 +109,18 @@ class Shapes:
             ),
             [word for s in every for word in s.words],
         )
+
+    def moved(self, moves: Mapping[str, Array]) -> Shapes:
+        """With what belongs to each owner moved by its matrix (4, 4), as far as it has one."""
+        triangles, lines = self.triangles.copy(), self.lines.copy()
+        begins = (0, 0)
+        for name, *ends in self.owners:
+            move = moves.get(name)
+            if move is not None:
+                for corners, begin, end in zip((triangles, lines), begins, ends, strict=True):
+                    corners[begin:end] = corners[begin:end] @ move[:3, :3].T + move[:3, 3]
+            begins = ends
+        return replace(self, triangles=triangles, lines=lines)
 
 
 def box_corners(size: Array, centre: Array, turn: Array | None = None) -> Array:

@@ -91,8 +91,18 @@ def refresh(scene: bpy.types.Scene) -> None:
     t = None if take is None else take.frame_at(scene.frame_current_final)
     _drawn_of = _now(scene)
     for layer in LAYERS:
-        viewport.show(scene, layer.key, _made(layer, lookout.shapes(scene, layer.key), take, t), layer.flat)
+        viewport.show(scene, layer.key, _made(layer, _before(scene, layer), take, t), layer.flat)
     viewport.show(scene, _PICKED, _picked(scene), False)
+
+
+def _before(scene: bpy.types.Scene, layer: Layer) -> Shapes | None:
+    """What a layer draws of what was seen of the scene last; where it follows, of things where they are."""
+    made, seen = lookout.shapes(scene, layer.key), lookout.seen(scene)
+    if made is None or seen is None or not (layer.follows and getattr(toggles(), layer.key)):
+        return made
+    from ..overlays.scene_layers import followed
+
+    return followed(made, seen, scene)
 
 
 def goal_picked(scene: bpy.types.Scene) -> None:
@@ -159,7 +169,7 @@ def _after_frame(scene: bpy.types.Scene, *_: object) -> None:
 
 def wants_take_layers() -> bool:
     """Whether an overlay is on that changes from frame to frame."""
-    return any(getattr(toggles(), layer.key) for layer in LAYERS if layer.during is not None)
+    return any(getattr(toggles(), la.key) for la in LAYERS if la.during is not None or la.follows)
 
 
 @persistent
