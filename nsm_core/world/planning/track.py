@@ -107,7 +107,7 @@ def tight_corners(line: Array, speed: float, sideways: float) -> list[Corner]:
     limit = _passed_at(_directions(points), speed, sideways)
     tight = np.flatnonzero(limit < _TIGHT * speed)
     parts = np.split(tight, np.flatnonzero(np.diff(tight) > _BEND / _STEP) + 1) if len(tight) else []
-    return [Corner(points[part].mean(0), float(limit[part].min())) for part in parts]
+    return [Corner(points[part[len(part) // 2]], float(limit[part].min())) for part in parts]
 
 
 def _directions(points: Array) -> Array:
