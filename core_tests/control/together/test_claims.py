@@ -96,6 +96,18 @@ def test_a_seat_is_free_once_who_had_it_stands_beside_it_to_the_end(sitters):
     assert seat.holder is anna
 
 
+def test_who_stands_but_has_a_way_to_go_to_where_it_waits_does_not_wait_there_yet(sitters):
+    anna, traffic = sitters.players[0], sitters._traffic
+    comes(anna, 3.0)
+    anna.still = 20
+    assert not traffic._waits_there(anna, {anna.order: 0.0})  # it does not give way at all
+    anna.halt(0.0)
+    assert traffic._waits_there(anna, {anna.order: 0.1})
+    assert not traffic._waits_there(anna, {anna.order: 1.8}) and not traffic._waits_there(anna, {})
+    anna.still = 2
+    assert not traffic._waits_there(anna, {anna.order: 0.1})
+
+
 def test_a_leaf_that_one_after_the_other_moves_is_where_it_is_for_all(model):
     door = make_door(np.random.default_rng(2), near=3.0, far=3.0)
     leaf = door.leaf((-door.width / 2, 0.0, 0.0, 0.0), 1.0)

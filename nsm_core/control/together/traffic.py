@@ -24,7 +24,8 @@ _TOUCH, _TOUCH_END = 0.24, 0.12
 _NEARER = 0.03  # metres nearer than now
 _AGAIN = 24  # frames between two looks for another way
 _DETOUR = (1.25, 0.8)  # times as long, and metres more, that a way around somebody who comes may be
-_STANDS = 5  # frames of standing after which who waits has come to rest
+# Frames of standing after which who waits has come to rest, and metres that it may lack to where it waits.
+_STANDS, _THERE = 5, 0.3
 _STUCK, _HOPELESS = 24, 150  # frames of standing after which two are parted, and after which they are not
 _STAYING = 75  # frames that one waits for somebody who will not move any more
 _RINGS, _TURNS, _TRIES = np.arange(0.7, 7.0, 0.35), 20, 10
@@ -79,7 +80,7 @@ class Traffic:
                 stop(player, far, claim.holder, claim.name)
         for i, one in enumerate(self.players):
             for other in self.players[i + 1 :]:
-                self._meet(one, other, stop)
+                self._meet(one, other, stop, stops)
         for player in self.players:
             self._look_out(player, stop)
         for player in self.players:
@@ -100,7 +101,7 @@ class Traffic:
 
     # --- ways that cross
 
-    def _meet(self, one: Player, other: Player, stop: object) -> None:
+    def _meet(self, one: Player, other: Player, stop: object, stops: dict[int, float]) -> None:
         key, met = (one.order, other.order), meeting(one, other)
         kept = self._pairs.get(key)
         if met is not None:
@@ -113,7 +114,7 @@ class Traffic:
                     return
                 first, last = last, first
             self._pairs[key] = first, self._frame
-            if first.still > _STANDS and any(order != last.order for order in first.waits_for):
+            if self._waits_there(first, stops) and any(order != last.order for order in first.waits_for):
                 return  # who stands and waits for a third keeps nobody waiting: one goes by, or around it
         elif kept is not None and self._frame - kept[1] > KEPT:
             del self._pairs[key]
@@ -130,6 +131,11 @@ class Traffic:
         far = room_before(last, first)
         if far < np.inf or last.giving_way:
             stop(last, min(far, 20.0), first, self._where(last))  # type: ignore[operator]
+
+    def _waits_there(self, player: Player, stops: dict[int, float]) -> bool:
+        """Whether who gives way has come to where it waits, and is not only about to start for it."""
+        there = player.aside or stops.get(player.order, np.inf) < _THERE * player.frame.scale
+        return player.giving_way and player.still > _STANDS and there
 
     def _first(self, one: Player, other: Player, met: Meeting) -> Player | None:
         """Who of two goes first where their ways meet; None where neither can give way."""
