@@ -200,12 +200,15 @@ def _made(before: _Print, now: _Print) -> list[tuple[str, int, float, float]] | 
         return None
     # With a bone or a property its curves are renamed; the keys are still the take's.
     gone = [(index, keys.tolist()) for (path, index), keys in before.items() if (path, index) not in now]
-    made = []
+    made = set()
     for (path, index), keys in now.items():
         known = {tuple(key) for key in before.get((path, index), np.zeros((0, 2))).tolist()}
         if known or (index, keys.tolist()) not in gone:
-            made += [(path, index, *key) for key in keys.tolist() if tuple(key) not in known]
-    return made
+            made |= {(path, key[0]) for key in keys.tolist() if tuple(key) not in known}
+    # A property is keyed as a whole: some of its numbers may be what the take had keyed there.
+    return [
+        (p, index, *key) for (p, index), keys in now.items() for key in keys.tolist() if (p, key[0]) in made
+    ]
 
 
 def _ruled(target: bpy.types.Object, path: str, values: Sequence[float], at: float | None) -> bool:
