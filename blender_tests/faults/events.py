@@ -145,6 +145,7 @@ def _renamed(kind: str, old: str) -> Callable[[], None]:
     return rename
 
 
+_NONE = 1e-12  # below it, Blender keys a zero
 AS_SHOWN = "keys made of the pose that is shown"
 
 
@@ -153,7 +154,8 @@ def shown() -> tuple[tuple[float, ...], ...]:
     hero = bpy.data.objects.get("Hero")
     if hero is None:
         return ()
-    return tuple(hero.pose.bones["Chest"].rotation_quaternion), tuple(hero.location)
+    turn = hero.pose.bones["Chest"].rotation_quaternion
+    return tuple(0.0 if abs(number) < _NONE else number for number in turn), tuple(hero.location)
 
 
 def show(values: tuple[tuple[float, ...], ...]) -> None:
