@@ -145,11 +145,12 @@ def steer(
         yield Progress(text, -1.0, frame.to_world(hips), rotations, moved, waits=True)
     live.stop()
     result = yield from waited("Solving", lambda _: runner.result())
+    told = remark(model.metadata)
     yield Progress("Keying", 1.0)
     asked = replace(request, goals=runner.director.goals)
     moved_things = {name: thing for name, thing in things.items() if thing.prop in result.props}
     take = yield from key_and_check(spec, scene, asked, result, frame, moved_things)
-    take.report["warnings"] += remark(model.metadata)
+    take.report["warnings"] += told
     return take
 
 

@@ -79,9 +79,10 @@ def generate(
         model = yield from waited("Loading the network", lambda _: loading.join() or shipped_model())
     require_learned((goal.action for goal in request.goals), model.metadata)
     request, result = yield from _performed(spec, scene, model, request, frame, things)
+    told = remark(model.metadata)  # before the keys: from then on nothing may fail any more
     yield Progress("Keying", 1.0)
     take = yield from key_and_check(spec, scene, request, result, frame, things)
-    take.report["warnings"] += remark(model.metadata)
+    take.report["warnings"] += told
     return take
 
 

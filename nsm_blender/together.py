@@ -97,11 +97,13 @@ def generate_together(
     ]
     runner = yield from waited("Planning the ways", lambda _: GroupRunner(model, casts))
     results = yield from _growing(runner, parts)
+    told = remark(model.metadata)  # before the keys: from then on nothing may fail any more
+    waited_for = [[wait.sentence() for wait in waits] for waits in runner.waits()]
     yield Progress("Keying", 1.0)
     takes = yield from _keyed(runner, parts, results, scene)
-    for take, waits in zip(takes, runner.waits(), strict=True):
-        take.report["waits"] = [wait.sentence() for wait in waits]
-        take.report["warnings"] += remark(model.metadata)
+    for take, waits in zip(takes, waited_for, strict=True):
+        take.report["waits"] = waits
+        take.report["warnings"] += told
     return takes
 
 

@@ -23,7 +23,7 @@ PUTTING_BACK = {
     "KeptTakes.restore", "_fill", "Modal._fail", "Modal.modal", "Modal.cancel", "Modal._end",
     "show_results", "settings_of", "exists", "Known.here", "TakeSession._worded",
     "TakeSession.unforeseen", "identity", "Meanwhile.settle", "Meanwhile.restore", "Meanwhile.go_to_chosen",
-    "Kept.put_on", "Kept._restore", "_insert",
+    "Kept.put_on", "PutOff.end", "take_back", "Kept._restore", "_insert",
 }  # fmt: skip
 ERRORS = (
     RuntimeError("injected"),

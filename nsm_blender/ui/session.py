@@ -195,12 +195,12 @@ class TakeSession:
 
     def _close(self) -> None:
         self.over = True
-        self._collecting.end()
-        self._others.go_to_chosen()
         running.end_take()
         if self._ended is not None:
             with suppress(ReferenceError):
                 self._ended()
+        self._others.go_to_chosen()
+        self._collecting.end()
 
     def _worded(self, why: str) -> str:
         """A sentence about a take that stopped, in the words of these steps."""

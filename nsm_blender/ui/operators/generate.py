@@ -17,7 +17,7 @@ from ..kept_takes import KeptTakes
 from ..properties import queue_of, settings_of, show_results, spec_of_row
 from ..reviews import remember, remember_all, show, takes_of
 from ..session import TakeSession
-from .modal import Modal, whole
+from .modal import Modal, take_back
 from .reporting import Guarded
 
 if TYPE_CHECKING:
@@ -68,7 +68,11 @@ class TakeMaker(Guarded, Modal):
             value = finish(self._steps_of(self._spec, scene))
         except NsmError as error:
             return self._fail(scene, str(error))
-        return whole(self, scene, value)
+        try:
+            return self._keep(scene, value)
+        except BaseException:
+            take_back(scene, value)
+            raise
 
     def _open(self, context: bpy.types.Context, ended: Callable[[], None]) -> TakeSession:
         self._spec = self._asked(context.scene)

@@ -16,7 +16,7 @@ from ..queue import cast_of
 from ..reviews import remember_all
 from ..running import reason_no_cast
 from .generate import listed_or_discarded, spec_of
-from .modal import Modal, whole
+from .modal import Modal, take_back
 from .reporting import Guarded
 
 if TYPE_CHECKING:
@@ -66,7 +66,11 @@ class NSM_OT_generate_all(Guarded, Modal, bpy.types.Operator):
             takes = finish(generate_together(self._group, scene))
         except NsmError as error:
             return self._fail(scene, str(error))
-        return whole(self, scene, takes)
+        try:
+            return self._keep(scene, takes)
+        except BaseException:
+            take_back(scene, takes)
+            raise
 
     def _open(self, context: bpy.types.Context, ended: Callable[[], None]) -> GroupSession:
         self._group = group_of(context.scene)

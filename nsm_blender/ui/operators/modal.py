@@ -7,7 +7,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
 from typing import Any
 
 import bpy
@@ -145,7 +144,11 @@ class Modal:
                 if due:
                     signs.show(context, session)
                 return {"RUNNING_MODAL"}
-            return whole(self, session.scene, value)
+            try:
+                return self._keep(session.scene, value)
+            except BaseException:
+                take_back(session.scene, value)
+                raise
         except NsmError as error:
             return self._fail(context.scene, str(error))
         except Exception as error:  # of the window, or once the take is over
@@ -173,23 +176,15 @@ class Modal:
         return {"CANCELLED"}
 
 
-def whole(operator: Modal, scene: bpy.types.Scene, value: Any) -> set[str]:
-    """Have an operator keep the value of its session; takes that did not come onto the list, so that nobody
-    could reject them, are taken back.
-    """
-    takes = [take for take in (value if isinstance(value, list) else [value]) if hasattr(take, "keyed")]
-    made = [take.keyed for take in takes]
-    try:  # and what each has replaced, before the list joins it with others
-        made = [replace(one, things=[replace(thing) for thing in one.things]) for one in made]
-        return operator._keep(scene, value)
-    except BaseException:
-        from ...keys.keyed import discard_take
+def take_back(scene: bpy.types.Scene, value: Any) -> None:
+    """Discard those takes of a session's value that did not come onto the list: nobody could reject them."""
+    from ...keys.keyed import discard_take
 
-        listed = [record.character.action for record in settings_of(scene).takes]
-        for one in made:
-            if exists(one.action) and one.action not in listed:
-                discard_take(one)
-        raise
+    listed = [record.character.action for record in settings_of(scene).takes]
+    for take in reversed(value if isinstance(value, list) else [value]):
+        made = getattr(take, "keyed", None)
+        if made is not None and exists(made.action) and made.action not in listed:
+            discard_take(made)
 
 
 def _redraw(context: bpy.types.Context, regions: tuple[str, ...]) -> None:
