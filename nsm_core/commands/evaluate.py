@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from nsm_core.evaluation import natural
 from nsm_core.evaluation.measures.data_baseline import slide_of_data
 from nsm_core.evaluation.report import evaluate, held_back_pool, run_stress, tables, write_report
 from nsm_core.evaluation.trials.suite import PARTS, parts_named
@@ -39,6 +40,12 @@ def main(arguments: list[str]) -> int:
         "--data", default=None, help="folder of composed data whose own foot slide is printed beside ours"
     )
     parser.add_argument(
+        "--natural",
+        default=None,
+        metavar="CAPTURES",
+        help="only print how natural takes are beside the captures of this folder",
+    )
+    parser.add_argument(
         "--sheets",
         default=None,
         help="only draw contact sheets of every part's first trials into this folder",
@@ -60,6 +67,12 @@ def main(arguments: list[str]) -> int:
         from nsm_core.evaluation.pictures.sheets import draw_sheets  # needs matplotlib
 
         draw_sheets(model, a.sheets, only, held_back_pool(a.assets))
+        return 0
+    if a.natural:
+        captures = natural.captured(a.natural)  # a bad folder is told before anything is rolled out
+        found = natural.figures(natural.taken(model, a.starts), captures)
+        print(natural.table(found))
+        write_report(found, Path(a.out))
         return 0
     result = evaluate(a.weights, only, a.starts, a.workers, not a.no_ablation, a.assets)
     if a.data:

@@ -32,7 +32,7 @@ def pace(clip: Clip) -> float | None:
     _, headings = root_of(positions)
     ankles = positions[:, [FEET[0][2], FEET[1][2]], :2]
     apart = ((ankles[:, 0] - ankles[:, 1]) * heading_to_direction(headings)).sum(-1)
-    steps = _crossings(apart)
+    steps = crossings(apart)
     if len(steps) < 3:
         return None
     at, facing = positions[steps, HIPS, :2], heading_to_direction(headings[steps])
@@ -47,8 +47,10 @@ def pace(clip: Clip) -> float | None:
     return float(np.median(lengths[walked] / seconds[walked] / asked))
 
 
-def _crossings(apart: Array) -> Array:
-    """Frames at which one foot passes the other, from well behind to well ahead."""
+def crossings(apart: Array) -> Array:
+    """Frames at which one foot, ``apart`` (T,) metres ahead of the other, passes it, from well behind to well
+    ahead.
+    """
     side = np.where(apart > _APART, 1, np.where(apart < -_APART, -1, 0))
     clear = np.flatnonzero(side)
     change = np.flatnonzero(np.diff(side[clear]))
