@@ -17,6 +17,8 @@ from nsm_core.rotations import Array, quat_rotate, rotate_planar
 
 from .draws import CARRIES
 
+_LEGS = [joint for leg in FEET for joint in leg]
+_STEP = 4.0  # cost of a metre by which legs are elsewhere as a half begins: feet would glide there
 _SHOULDERS, _KNEES = [arm[0] for arm in ARMS], [leg[1] for leg in FEET]
 # About how much further a body bends over than a captured half, see ``fit.bend_into_reach``: radians of the
 # trunk, metres of the hips (of them none for who is nearly sitting on the heels), and shares of both.
@@ -42,6 +44,7 @@ def choose_bend(session: Session, grasps: Array, low: Array, high: Array) -> tup
     from the root (heading 0) that the bend starts from.  Chance decides among what is about as good.
     """
     best, least = None, np.inf
+    legs = session.lib.pose[round(session.tape.frames[-1])][_LEGS]
     for half in session.source.segments["carry"]:
         joints = _from_start(session, half)
         shoulders, hips = joints[:, :2], joints[:, 4:5]
@@ -61,7 +64,8 @@ def choose_bend(session: Session, grasps: Array, low: Array, high: Array) -> tup
             depth, amount = int(away[:, k].argmin()), float(_AMOUNTS[k])
         knees = joints[max(depth, 1), 2:4]
         inside = np.minimum(knees - low, high - knees).min(-1).max() + 0.05
-        cost = 0.4 * amount + 6 * max(inside, 0.0) + session.rng.exponential(CARRIES.choice)
+        stepped = float(np.linalg.norm(session.lib.pose[half.first][_LEGS] - legs, axis=-1).mean())
+        cost = 0.4 * amount + 6 * max(inside, 0.0) + _STEP * stepped + session.rng.exponential(CARRIES.choice)
         if inside < 0.12 and cost < least:
             best, least = (half, max(depth, 3)), cost
     return best
