@@ -13,7 +13,15 @@ from nsm_core.commands.evaluate import main
 from nsm_core.conventions import SIT, STYLES, WALK
 from nsm_core.errors import CaptureError
 from nsm_core.evaluation import natural
-from nsm_core.evaluation.measures.naturalness import Seen, Space, frechet, gait, shown, spread, windows
+from nsm_core.evaluation.measures.naturalness import (
+    Space,
+    WatchedMotion,
+    frechet,
+    gait,
+    shown,
+    spread,
+    windows,
+)
 
 
 @pytest.fixture(scope="module")
@@ -22,15 +30,15 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def seen(folder) -> list[Seen]:
+def seen(folder) -> list[WatchedMotion]:
     return natural.captured(folder)
 
 
-def walker(distance: float = 6.0, seconds: float = 5.0, name: str = "a") -> Seen:
+def walker(distance: float = 6.0, seconds: float = 5.0, name: str = "a") -> WatchedMotion:
     positions = forward_kinematics(*captures.walk(distance, 0.0, seconds))[0]
     labels = np.zeros((len(positions), len(STYLES)))
     labels[:, WALK] = 1
-    return Seen(name, "made", name, positions, labels)
+    return WatchedMotion(name, "made", name, positions, labels)
 
 
 def test_the_gait_of_a_made_walk_is_what_it_was_made_with():
@@ -66,7 +74,7 @@ def test_spread_is_that_of_poses_over_motions():
     still = forward_kinematics(*captures.stand(60))[0]
     labels = np.zeros((60, len(STYLES)))
     labels[:, SIT] = 1
-    low, high = (Seen(n, "g", n, still * (1, 1, k), labels) for n, k in (("a", 1.0), ("b", 1.1)))
+    low, high = (WatchedMotion(n, "g", n, still * (1, 1, k), labels) for n, k in (("a", 1.0), ("b", 1.1)))
     assert spread([low, low], "sits") == pytest.approx(0, abs=1e-9)
     assert 1 < spread([low, high], "sits") < 10
     assert np.isnan(spread([low], "sits")) and np.isnan(spread([low, high], "climbs"))

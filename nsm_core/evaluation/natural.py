@@ -19,7 +19,7 @@ from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.errors import CaptureError, NsmError
 from nsm_core.model.inference.model import Model
 
-from .measures.naturalness import FEW, KINDS, LENGTHS, Seen, Space, gait, spread, windows
+from .measures.naturalness import FEW, KINDS, LENGTHS, Space, WatchedMotion, gait, spread, windows
 from .trials.suite import PARTS
 from .trials.together import together
 
@@ -28,7 +28,7 @@ _PARTS = ("travel", "sit", "carry", "climb")
 _PERSON = re.compile(r"(?:^|_)(s?\d\d)_")  # in the names of captures, of those folders that hold several
 
 
-def captured(folder: str | Path) -> list[Seen]:
+def captured(folder: str | Path) -> list[WatchedMotion]:
     """All captures of a folder, labelled by rule; CaptureError where there is none.  What cannot be read is
     left out.
     """
@@ -42,7 +42,7 @@ def captured(folder: str | Path) -> list[Seen]:
         person = _PERSON.search(capture.path.stem)
         sheet, _ = propose(clip)
         found.append(
-            Seen(
+            WatchedMotion(
                 capture.path.stem,
                 group,
                 f"{group} {person[1]}" if person else group,
@@ -57,7 +57,7 @@ def captured(folder: str | Path) -> list[Seen]:
     return found
 
 
-def taken(model: Model, starts: int) -> list[Seen]:
+def taken(model: Model, starts: int) -> list[WatchedMotion]:
     """Takes of ``starts`` trials of each setting of the parts, each by every one of ``SEEDS``: ways between
     furniture, sits, carries and climbs.  What breaks off is left out.
     """
@@ -75,13 +75,13 @@ def taken(model: Model, starts: int) -> list[Seen]:
     ]
 
 
-def as_seen(take: TakeResult, group: str, person: str) -> Seen:
+def as_seen(take: TakeResult, group: str, person: str) -> WatchedMotion:
     """A take to be looked at; ``person`` is the same for all seeds of a trial."""
     positions, _ = forward_kinematics(take.hips_position, take.local_rotations)
-    return Seen(person, group, person, positions, np.asarray(take.action))
+    return WatchedMotion(person, group, person, positions, np.asarray(take.action))
 
 
-def figures(takes: Sequence[Seen], captures: Sequence[Seen]) -> dict[str, Any]:
+def figures(takes: Sequence[WatchedMotion], captures: Sequence[WatchedMotion]) -> dict[str, Any]:
     """All figures of takes beside captures, as JSON holds them; see ``measures.naturalness``."""
     both = {"takes": takes, "captures": captures}
     found: dict[str, Any] = {name: gait(motions) for name, motions in both.items()}
@@ -105,7 +105,9 @@ def _mean(values: Sequence[float]) -> float:
     return float(np.mean(told)) if told else float("nan")
 
 
-def _distances(takes: Sequence[Seen], captures: Sequence[Seen], kind: str, length: str) -> dict[str, Any]:
+def _distances(
+    takes: Sequence[WatchedMotion], captures: Sequence[WatchedMotion], kind: str, length: str
+) -> dict[str, Any]:
     """How far takes lie from captures, and every captured group and person from all others."""
     theirs = [windows(m, kind, length) for m in captures]
     ours = [windows(m, kind, length) for m in takes]

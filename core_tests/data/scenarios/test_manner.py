@@ -12,7 +12,7 @@ from nsm_core.body.skeleton import ARMS, FEET, HIP_OVER_SEAT, INDEX, forward_kin
 from nsm_core.data.scenarios.gaze import MOST, look_ahead
 from nsm_core.data.scenarios.motion import LANDED, Motion
 from nsm_core.data.scenarios.sit.draws import SITS
-from nsm_core.data.scenarios.sit.manner import OVER_THIGH, Manner, act_out, draw_manner
+from nsm_core.data.scenarios.sit.manner import OVER_THIGH, SitManner, act_out, draw_manner
 from nsm_core.rotations import (
     direction_to_heading,
     heading_quat,
@@ -25,7 +25,7 @@ from nsm_core.world.affordances.arm_rests import arm_rests
 from nsm_core.world.scene import furniture
 
 WRISTS, COUNT = [arm[2] for arm in ARMS], 120
-MANNER = Manner(0.8, 0.8, 1.1, "thighs", (0.6, 0.0), (0.4, 1.0), (0.4, 1.0), 0.1, 0.0, 0.0)
+MANNER = SitManner(0.8, 0.8, 1.1, "thighs", (0.6, 0.0), (0.4, 1.0), (0.4, 1.0), 0.1, 0.0, 0.0)
 
 
 def sitter(weight: np.ndarray) -> Motion:
@@ -41,7 +41,7 @@ def sitter(weight: np.ndarray) -> Motion:
     return Motion(hips, local, hips[:, :2].copy(), headings, feet, [], np.random.default_rng(0))
 
 
-def sat(manner: Manner, kind: str = "stool") -> tuple[Motion, np.ndarray]:
+def sat(manner: SitManner, kind: str = "stool") -> tuple[Motion, np.ndarray]:
     n = np.arange(COUNT)
     weight = np.clip(np.minimum(n - 15, COUNT - 16 - n) / 20, 0, 1)
     weight = weight * weight * (3 - 2 * weight)

@@ -36,7 +36,7 @@ KINDS = ("walks", "sits", "bends", "climbs")
 
 
 @dataclass(frozen=True)
-class Seen:
+class WatchedMotion:
     """A motion that is looked at: ``positions`` (T, 23, 3), metres, ``labels`` (T, 7), and whose it is."""
 
     name: str
@@ -46,7 +46,7 @@ class Seen:
     labels: Array
 
 
-def shown(motion: Seen, kind: str) -> Array:
+def shown(motion: WatchedMotion, kind: str) -> Array:
     """How much (T,) each frame shows of ``kind``, of ``KINDS``; a window counts where it is over 0.5 on
     average.
     """
@@ -62,7 +62,7 @@ def shown(motion: Seen, kind: str) -> Array:
     return np.asarray(np.where(free, hips_speed(motion.positions) / (2 * WALKS), 0.0))
 
 
-def windows(motion: Seen, kind: str, length: str) -> Array:
+def windows(motion: WatchedMotion, kind: str, length: str) -> Array:
     """Windows (N, F) of a motion that show ``kind``.
 
     In sits and bends elbows and wrists are left out: some captures hold them up by protocol.
@@ -120,7 +120,7 @@ def frechet(one: Array, other: Array) -> float:
     return float(away @ away + np.trace(ours) + np.trace(theirs) - 2 * shared)
 
 
-def spread(motions: Sequence[Seen], kind: str) -> float:
+def spread(motions: Sequence[WatchedMotion], kind: str) -> float:
     """How far the mean poses of ``kind`` lie apart over motions: root mean square over joints, cm, about the
     hips.
     """
@@ -134,7 +134,7 @@ def spread(motions: Sequence[Seen], kind: str) -> float:
     return float(100 * np.sqrt(np.var(poses, axis=0).sum(-1).mean())) if len(poses) > 1 else float("nan")
 
 
-def gait(motions: Sequence[Seen]) -> dict[str, float]:
+def gait(motions: Sequence[WatchedMotion]) -> dict[str, float]:
     """Medians over strides: cadence, steps a minute; stride, m; arm swing and hip rise, cm; and the mean jerk
     of what walks, m/s^3.
     """

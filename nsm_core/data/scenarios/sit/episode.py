@@ -29,7 +29,7 @@ from nsm_core.world.scene.furniture import Furniture
 
 from .draws import SITS
 from .fit import bring_to_rest, keep_off
-from .manner import Manner, act_out, draw_manner
+from .manner import SitManner, act_out, draw_manner
 from .turn import swivel, turn_about_hips
 
 NAME = "sit"
@@ -63,7 +63,7 @@ class SitEpisode:
     piece: Furniture
     stand: Array  # (2,) where one stands before it
     mark: int
-    manner: Manner
+    manner: SitManner
     start: int = 0
     reached: int = 0
     leaving: int = 0

@@ -42,7 +42,7 @@ _X, _UP = np.array((1.0, 0.0, 0.0)), np.array((0.0, 0.0, 1.0))
 
 
 @dataclass(frozen=True)
-class Manner:
+class SitManner:
     """Seconds of the way down (``sinks``) and up (``rises``), and ``speed`` of the way there, m/s.
 
     ``hands`` are "rests", "beside", "thighs" or "lap", at a ``place`` (2,): share along the thigh or metres
@@ -63,7 +63,7 @@ class Manner:
     way: float
 
 
-def draw_manner(rng: np.random.Generator, piece: Furniture, turns: bool) -> Manner:
+def draw_manner(rng: np.random.Generator, piece: Furniture, turns: bool) -> SitManner:
     """Draw how ``piece`` is sat down on; who ``turns`` on the seat has the hands with the body."""
     seat, chance = piece.require_seat(), rng.random()
     pace = (
@@ -80,7 +80,7 @@ def draw_manner(rng: np.random.Generator, piece: Furniture, turns: bool) -> Mann
         place = (rng.uniform(*SITS.along_thigh), rng.uniform(*SITS.off_thigh))
     down, up = (SITS.early if rng.random() < SITS.lean_on_hands else SITS.late for _ in range(2))
     back = seat.back and rng.random() < SITS.against_back
-    return Manner(
+    return SitManner(
         float(rng.uniform(*pace[0])),
         float(rng.uniform(*pace[1])),
         float(rng.uniform(*pace[2])),
@@ -112,7 +112,7 @@ def act_out(
     span: slice,
     seated: int,
     weight: Array,
-    manner: Manner,
+    manner: SitManner,
     piece: Furniture,
     goal: Array,
     heading: float,
@@ -141,7 +141,7 @@ def act_out(
     motion.rotations[span] = local
 
 
-def _lying(weight: Array, seated: int, manner: Manner) -> Array:
+def _lying(weight: Array, seated: int, manner: SitManner) -> Array:
     """How far (n,) 0..1 the hands are where they lie."""
     (a, b), (c, d) = manner.down, manner.up
     n = np.arange(len(weight))
@@ -149,7 +149,7 @@ def _lying(weight: Array, seated: int, manner: Manner) -> Array:
     return np.asarray(gaussian_smooth(smooth_step((weight - low) / (high - low)), 2.0))
 
 
-def _leant(local: Array, weight: Array, manner: Manner) -> Array:
+def _leant(local: Array, weight: Array, manner: SitManner) -> Array:
     """The trunk leans, and the head looks on ahead."""
     angle = gaussian_smooth(manner.lean * weight**2 + manner.way * 4 * weight * (1 - weight), 3.0)
     local = local.copy()
@@ -182,7 +182,7 @@ def _hanging(hips: Array, local: Array, weight: Array, swing: float) -> Array:
 
 
 def _target(
-    positions: Array, side: int, manner: Manner, goal: Array, heading: float
+    positions: Array, side: int, manner: SitManner, goal: Array, heading: float
 ) -> tuple[Array, Array, Array]:
     """Where the wrist of ``side`` lies, the normal of what it lies on, and where fingers are drawn to: (n, 3)
     each.
@@ -227,4 +227,4 @@ def _palm_down(hips: Array, local: Array, side: int, weight: Array, normal: Arra
     return local
 
 
-__all__ = ["Manner", "act_out", "draw_manner"]
+__all__ = ["SitManner", "act_out", "draw_manner"]
