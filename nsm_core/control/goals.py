@@ -25,6 +25,9 @@ _Kind = TypeVar("_Kind", bound=Prop)
 SPEEDS = {"walk": (min(0.5, WALKED[0]), max(1.6, WALKED[1])), "run": (min(2.0, RUN_AT[0]), RUN_AT[1])}
 
 
+LOADS = ("down", "along")  # a box in the hands is set down first, or carried along
+
+
 @dataclass
 class Steering:
     """What one who is steered should do now, changed by whoever steers: ``velocity`` (2,) m/s, and the
@@ -55,6 +58,8 @@ class Goal:
     followed from its first point to its last, which is the position; ``speed`` m/s, drawn where None;
     ``steering`` that leads instead of a place, until something else is asked for.
     ``by`` seconds from the take's beginning at which it is to be reached, as soon as it can be where None;
+    ``load``, one of LOADS: what becomes of a box that is in the hands when the goal begins.  Who walks, runs
+    or stands can carry it along.
     ``wait`` seconds of standing, or whatever was done before, until it is begun, and ``pace`` the speed of
     its ways as a share of the usual one, bring that about (``timing``).
     """
@@ -73,8 +78,12 @@ class Goal:
     wait: float = 0.0
     pace: float = 1.0
     steering: Steering | None = None
+    load: str = "down"
 
     def __post_init__(self) -> None:
+        if self.load not in LOADS:
+            known = " or ".join(LOADS)
+            raise GoalError(f"The goal '{self.name}' has {self.load} for its load; write {known}.")
         action = require_action(self.action)
         self.position = np.asarray(self.position, dtype=np.float32)
         if (

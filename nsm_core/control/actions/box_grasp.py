@@ -80,6 +80,7 @@ class Carrying:
             ik,
         )
         self.state = "reach"
+        self.kept = False  # held wherever one goes
         self.hold = Hold([0, 1], further)
         self.errors: dict[str, Any] = {}  # of the hands and of the place, in the names of GoalResult
         self._recent: list[Array] = []
@@ -138,8 +139,13 @@ class Carrying:
     def send(self, goal: Array, further: float = 0.0) -> None:
         """Change where a box that is held is set down; one stands ``further`` metres off there."""
         self.goal, self._draw, self._drawn = np.array(goal, dtype=np.float64), 0.0, 0
+        self.kept = False
         self._to = further * heading_to_direction(np.array(self.goal[3] + self.facing))
         self._put = Berth(self.prop, self.goal, self.solids)
+
+    def keep(self) -> None:
+        """Hold the box wherever one goes, until it is sent somewhere."""
+        self.kept, self._draw = True, 0.0
 
     def let_go(self) -> None:
         """End it at any time: hands return, and a box in the air falls onto what is under it."""
@@ -246,7 +252,7 @@ class Carrying:
         # Hands that say they have let go near the place have missed it: the box is set down all the same.
         self._loose = self._loose + 1 if labels.max() < LOOSE else 0
         start = LOOSE_FROM if self._loose > LOOSE_FRAMES else start
-        near = self.ik and self._since * DT > LEAST_HELD and speed < SLOW and far < start
+        near = not self.kept and self.ik and self._since * DT > LEAST_HELD and speed < SLOW and far < start
         drawing = near if not self._draw else far < 2 * DRAW_FURTHER
         if not self._draw:
             self._draw_time = max(DRAW_TIME, (far + float(np.linalg.norm(self._to))) / DRAW_SPEED)

@@ -52,6 +52,18 @@ class Carry(Stage):
             self.grasp = held
             self._bring()
 
+    @classmethod
+    def of_held(cls, goal: Goal, start: StageStart, hands: Carrying) -> Carry:
+        """Set down at ``goal`` what ``hands`` hold; what slips out of them on the way is left there."""
+        made = cls(goal, start.ground, start.moment, start.scene.but(goal.prop), hands, start.ik)
+        made._tries = TRIES
+        return made
+
+    @property
+    def released(self) -> bool:
+        """Whether hands have let go of the box for good."""
+        return self.part % 3 == 2 or self.grasp.state in ("falling", "free")
+
     def _fetch(self, moment: Moment) -> None:
         box = self.box
         self.part, self._count = 3 * self._tries, self.ground.pause()
@@ -125,7 +137,7 @@ class Carry(Stage):
         return self.grasp.goal[:3], float(self.grasp.goal[3]), 3
 
     def end(self, reached: bool, again: bool = False) -> None:
-        if not reached and not (again and self.grasp.state == "held"):
+        if not reached and self.grasp.state != "held":  # what is in the hands is the next goal's concern
             self.grasp.let_go()
 
 

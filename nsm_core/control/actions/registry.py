@@ -19,6 +19,7 @@ from . import carry, climb, open, sit, touch, walk
 from .approach import Ground
 from .base import Grasp, Performer, Stage, StageStart, Way
 from .rise import TurnBack
+from .unload import held_by, with_load
 
 PERFORMERS: dict[str, Performer] = {
     "idle": walk.STAY,
@@ -47,7 +48,15 @@ def begin(
     back = before.leave(goal) if before is not None else None
     if back is not None:
         return TurnBack(goal, back, lambda then: begin(goal, ground, then, grasps, scene, ik))
-    return PERFORMERS[goal.action].begin(goal, StageStart(ground, moment, grasps, scene, ik))
+    start = StageStart(ground, moment, grasps, scene, ik)
+    hands = held_by(start)
+    if hands is not None and hands.prop is not goal.prop:
+        # Hands that have set it down by then are still on the list, and hold nothing.
+        stage = with_load(goal, start, hands, lambda then: begin(goal, ground, then, grasps, scene, ik))
+        if stage is not None:
+            return stage
+        hands.let_go()
+    return PERFORMERS[goal.action].begin(goal, start)
 
 
 def standing_places(

@@ -12,10 +12,11 @@ import numpy as np
 from nsm_core.control.goals import Goal, Moment
 from nsm_core.conventions import SIT
 from nsm_core.distances import STAND_AHEAD
-from nsm_core.rotations import Array, heading_to_direction, wrap_angle
+from nsm_core.rotations import heading_to_direction, wrap_angle
 
 from .approach import Command
 from .base import SeatTarget, Stage
+from .before import Before
 
 TURNED, UP, BESIDE = (
     np.radians(12),
@@ -25,7 +26,7 @@ TURNED, UP, BESIDE = (
 PATIENCE = 75  # frames after which one rises, and after which one goes on, all the same
 
 
-class TurnBack(Stage):
+class TurnBack(Before):
     """Turn on the seat as ``back`` commands, rise to stand beside it, and then do what ``following`` makes of
     the goal.
     """
@@ -37,7 +38,6 @@ class TurnBack(Stage):
         self._stand = np.append(stand, back.heading).astype(np.float32)
         self._rise = Command("idle", np.append(stand, 0.0), back.heading)
         self.command, self._frames = back, 0
-        self.stage: Stage | None = None
 
     def update(self, moment: Moment) -> Command:
         if self.stage is None:
@@ -61,12 +61,6 @@ class TurnBack(Stage):
             and float(np.linalg.norm(moment.root[:2] - self._stand[:2])) < BESIDE
         )
 
-    def arrived(self, moment: Moment) -> bool:
-        return self.stage is not None and self.stage.arrived(moment)
-
-    def target(self) -> tuple[Array | None, float, int]:
-        return super().target() if self.stage is None else self.stage.target()
-
     def seat(self) -> SeatTarget | None:
         if self.stage is not None:
             return self.stage.seat()
@@ -76,22 +70,3 @@ class TurnBack(Stage):
         if self.stage is not None:
             return self.stage.leave(following)
         return self.back if self.command is self.back else None
-
-    def end(self, reached: bool, again: bool = False) -> None:
-        if self.stage is not None:
-            self.stage.end(reached, again)
-
-    @property
-    def part(self) -> int:  # type: ignore[override]
-        """0 while one turns, then one more than that of the stage that follows."""
-        return 0 if self.stage is None else 1 + self.stage.part
-
-    @property
-    def grasp(self) -> object:
-        """The hands that the stage that follows puts to work."""
-        return getattr(self.stage, "grasp", None)
-
-    @property
-    def approach(self) -> object:
-        """How the stage that follows comes to its place, to be looked for anew."""
-        return getattr(self.stage, "approach", None)

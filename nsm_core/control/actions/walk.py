@@ -11,6 +11,7 @@ from nsm_core.control.goals import Goal, Moment
 from nsm_core.conventions import IDLE, SIT
 from nsm_core.distances import STAND_AHEAD
 from nsm_core.rotations import Array, heading_to_direction
+from nsm_core.world.scene.props import Prop
 
 from . import follow
 from .approach import REACH, RUNNING, WALKING, Approach, Command, Gait, Ground
@@ -24,13 +25,15 @@ LED_WALK = 0.6  # the same of a walk along a line, or at a speed that is asked f
 class Stay(Stage):
     """Stand where one is; a sitter rises to stand before the seat."""
 
-    def __init__(self, goal: Goal, moment: Moment) -> None:
+    def __init__(self, goal: Goal, moment: Moment, rest: str = "idle", thing: Prop | None = None) -> None:
+        """``rest`` is what is commanded, with ``thing`` in the hands."""
         super().__init__(goal)
         seated = float(moment.style[SIT]) > 0.5
         at = moment.root[:2] + (STAND_AHEAD if seated else 0.0) * heading_to_direction(
             np.array(moment.heading)
         )
-        self.command = Command("idle", np.append(at, 0).astype(np.float32), float(moment.heading))
+        place = np.append(at, 0).astype(np.float32)
+        self.command = Command(rest, place, float(moment.heading), thing=thing)
 
     def update(self, moment: Moment) -> Command:
         return self.command
@@ -45,13 +48,23 @@ class Stay(Stage):
 class Go(Stage):
     """Walk or run to a place and stand there."""
 
-    def __init__(self, goal: Goal, ground: Ground, reach: float = REACH, gait: Gait = WALKING) -> None:
-        """``reach``: metres from the place at which it is commanded itself."""
+    def __init__(
+        self,
+        goal: Goal,
+        ground: Ground,
+        reach: float = REACH,
+        gait: Gait = WALKING,
+        rest: str = "idle",
+        thing: Prop | None = None,
+        told: Array | None = None,
+    ) -> None:
+        """``reach``: metres from the place at which it is commanded itself, as ``rest``; ``thing`` is in the
+        hands, and ``told`` (3,) where that is to be.
+        """
         super().__init__(goal)
-        final = Command("idle", goal.position, goal.heading)
-        self.approach = Approach(
-            ground, goal.position[:2].astype(np.float64), goal.heading, final, reach, gait
-        )
+        final = Command(rest, goal.position if told is None else told, goal.heading, thing=thing)
+        stand = goal.position[:2].astype(np.float64)
+        self.approach = Approach(ground, stand, goal.heading, final, reach, gait, thing=thing)
 
     def update(self, moment: Moment) -> Command:
         return self.approach.update(moment, self.arrived)

@@ -1,0 +1,45 @@
+"""What is done before a goal's own stage may begin: turning back on a seat, setting down what is in hand."""
+
+from __future__ import annotations
+
+from nsm_core.control.goals import Moment
+from nsm_core.rotations import Array
+
+from .base import SeatTarget, Stage
+
+
+class Before(Stage):
+    """Something that is done first; ``stage`` is what then performs the goal, None until it begins."""
+
+    stage: Stage | None = None
+
+    def arrived(self, moment: Moment) -> bool:
+        return self.stage is not None and self.stage.arrived(moment)
+
+    def target(self) -> tuple[Array | None, float, int]:
+        return super().target() if self.stage is None else self.stage.target()
+
+    def seat(self) -> SeatTarget | None:
+        return None if self.stage is None else self.stage.seat()
+
+    def end(self, reached: bool, again: bool = False) -> None:
+        if self.stage is not None:
+            self.stage.end(reached, again)
+
+    @property
+    def part(self) -> int:  # type: ignore[override]
+        """0 at first, then one more than that of the stage that follows."""
+        return 0 if self.stage is None else 1 + self.stage.part
+
+    @property
+    def grasp(self) -> object:
+        """The hands that the stage that follows puts to work."""
+        return getattr(self.stage, "grasp", None)
+
+    @property
+    def approach(self) -> object:
+        """How the stage that follows comes to its place, to be looked for anew."""
+        return getattr(self.stage, "approach", None)
+
+
+__all__ = ["Before"]
