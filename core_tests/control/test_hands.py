@@ -14,7 +14,7 @@ from nsm_core.control.actions.hold import Lead
 from nsm_core.control.goals import Goal
 from nsm_core.control.hands import AT_WORK, hands_of
 from nsm_core.errors import GoalError
-from nsm_core.rotations import quat_from_rotvec, quat_rotate
+from nsm_core.rotations import quat_conjugate, quat_from_rotvec, quat_rotate
 from nsm_core.world.affordances.standing import further_off
 from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.scene.props import Box, Leaf, sense
@@ -112,3 +112,25 @@ def test_a_longer_trunk_takes_hands_and_neck_no_lower_than_the_network(bending):
     gap = [abs(p.positions[just, NECK, 1] - network.positions[just, NECK, 1]) for p in (own, eased)]
     assert gap[0] > 0.1 and gap[1] < 0.03
     assert eased.positions[0] == pytest.approx(own.positions[0], abs=0.02)
+
+
+@pytest.mark.parametrize("palm", [(0.0, 0.0, -1.0), (1.0, 0.0, 0.0)])
+def test_a_handle_lies_across_the_palm_with_fingers_before_the_board(bending, palm):
+    hips, local, _ = bending
+    pose = Pose(BUNDLED.tree, hips, local)
+    bar, ahead, room = np.array((-0.25, -0.5, 0.95)), np.array((0.0, -1.0, 0.0)), 0.04
+    leads = [[] for _ in range(FRAMES)]
+    for t in range(FRAMES)[LED]:
+        leads[t] = [Lead(0, bar - 0.03 * ahead, 1.0, grip=Grip(np.array(palm), ahead, bar, room))]
+    hands = hands_of(leads, pose, BUNDLED)
+    wrist = hands.wrists[LED, 0]
+    assert wrist - hands.beside[LED, 0] == pytest.approx(np.tile(bar - 0.03 * ahead, (20, 1)))
+    from_bar = quat_rotate(quat_conjugate(hands.turns[LED, 0]), bar - wrist)
+    assert from_bar[:, 0].max() < -0.07 and from_bar[:, 2] == pytest.approx(np.full(20, -0.03), abs=1e-6)
+    assert from_bar[:, 1] == pytest.approx(np.zeros(20), abs=1e-6)
+    tips = wrist + quat_rotate(hands.turns[LED, 0], np.tile((-BUNDLED.hand, 0.0, 0.0), (20, 1)))
+    assert (tips @ ahead).max() < bar @ ahead + room
+    own = hands.twisted(local)
+    before, after = (BUNDLED.tree.forward(hips, turns) for turns in (local, own))
+    assert after[0] == pytest.approx(before[0], abs=1e-6)
+    assert after[1][:, WRISTS] == pytest.approx(before[1][:, WRISTS], abs=1e-6)

@@ -18,6 +18,7 @@ _HANDLE_HEIGHTS = (0.6, 1.4)  # between which a handle is looked for, at least
 _HANDLE_WITHIN = 0.3  # of the free edge
 _STICKS_OUT = 0.02  # from the board, at least
 _ALONG_LEVER = 0.04  # from its end at the free edge, a lever is held at most
+_BAR = 1.5  # times as high as wide as a handle that stands is at least
 _HAND = 0.04  # from the board to where a hand holds the handle
 # Hardware of a leaf as shares of the leaf's height: what is no larger, touches the board and lies within its
 # outline hangs on it.
@@ -67,6 +68,12 @@ def find_handle(board: Board, flip: bool) -> tuple[Array, float]:
     place, held = (low + high) / 2, min((high[0] - low[0]) / 2, _ALONG_LEVER)
     place[0] = low[0] + held if flip else high[0] - held
     return place, board.thickness + 2 * min(reach, 0.08)
+
+
+def stands(board: Board, flip: bool) -> bool:
+    """Whether the handle is a bar that stands, rather than a lever or a knob."""
+    found = handle_at(board, board.low if flip else board.high)
+    return found is not None and bool(found[1][2] - found[0][2] > _BAR * (found[1][0] - found[0][0]))
 
 
 def grip_depth(board: Board) -> float:

@@ -19,7 +19,7 @@ from ..world.bodies import GoalBody
 from ..world.frame import WorldFrame
 from ..world.surroundings import Surroundings
 from .door_board import LOWEST, NARROWEST, THICKEST, WIDEST, Board, neighbours, read_board
-from .door_handles import HANDLE_HEIGHT, find_handle, fittings_of, grip_depth
+from .door_handles import HANDLE_HEIGHT, find_handle, fittings_of, grip_depth, stands
 from .door_hinges import find_pivot
 from .door_kinds import furniture_by_name, require_no_track, require_swings, require_way_through
 from .door_openings import AJAR, WallOpening, earlier_headings
@@ -117,6 +117,7 @@ def read_leaf(
         thickness=float(np.clip(thickness, 0.09, 0.2)),
         swing=swing,
         closed=closed,
+        upright=handle is None and stands(board, flip),
     )
 
 

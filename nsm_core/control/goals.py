@@ -149,12 +149,14 @@ class Taken:
     """Where hands should be on a prop at the moment when they take it.
 
     ``hands`` 0 right, 1 left; ``places`` (N, 3) of their wrists in the prop's frame, metres; ``frame`` of the
-    take, -1 unknown.
+    take, -1 unknown.  ``beside`` (N, 3) metres, world, by which wrists lie beside these places, with what
+    they hold across the palm.
     """
 
     hands: list[int]
     places: Array
     frame: int = -1
+    beside: Array | None = None
 
     def errors(self, wrists: Array, pose: Array) -> tuple[float, float]:
         """Mean centimetres of wrists (2, 3), right and left, from their places on the prop at ``pose`` (4,),
@@ -163,6 +165,8 @@ class Taken:
         And, for two hands, degrees by which their axis is turned about the vertical; nan for one.
         """
         places = rotate_planar(np.asarray(self.places, dtype=np.float64), np.float64(pose[3])) + pose[:3]
+        if self.beside is not None:
+            places = places + self.beside
         held = np.asarray(wrists, dtype=np.float64)[self.hands]
         away = 100 * float(np.linalg.norm(held - places, axis=1).mean())
         if len(held) < 2:

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsm_core.body.capsules import BUNDLED, Figure
-from nsm_core.body.ik.grip import laid
+from nsm_core.body.ik.grip import Grip, laid, twist_of, within
 from nsm_core.body.ik.solver import Pose, Task
 from nsm_core.body.ik.tasks import PointTask, TurnTask
 from nsm_core.body.ik.two_bone import place_on
 from nsm_core.body.skeleton import ARMS, INDEX
 from nsm_core.body.tree import HUMAN
-from nsm_core.rotations import Array, quat_mul, quat_slerp
+from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul, quat_rotate, quat_slerp
 from nsm_core.signals import gaussian_smooth, smooth_step
 
 from .actions.hold import Lead
@@ -25,6 +25,11 @@ FIRM = 0.3  # share of its way from which on a hand is led in full
 # left to a neck that is not to come lower, or further ahead, than the network's, metres.
 AT_WORK, NECK = 20, 0.02
 LONGEST = 1.6  # times as long as the network's is a trunk that has to come further ahead for arms to reach
+# Metres from the wrist to what lies across the palm, along fingers and off the palm; from the last sphere of
+# a hand to its tips.
+ACROSS, PALM, FINGERTIP = 0.075, 0.03, 0.015
+SWIVEL = np.radians(40)  # by which a hand turns about what lies across its palm, to meet its forearm
+FOREARM = 0.5  # share of a hand's turn about its forearm that the forearm does
 _WRISTS = [arm[2] for arm in ARMS]
 _NECK = INDEX["Neck"]
 _SPINE = [INDEX[name] for name in ("Chest", "Chest2", "Chest3", "Chest4", "Neck")]
@@ -34,7 +39,8 @@ _SPINE = [INDEX[name] for name in ("Chest", "Chest2", "Chest3", "Chest4", "Neck"
 class Hands:
     """Of both hands, right and left: ``wrists`` (T, 2, 3) world, ``firm`` (T, 2) how firmly they are there,
     0..1, their world ``turns`` (T, 2, 4), and how far they are ``laid`` (T, 2) on what they hold; ``neck``
-    (T, 3) where the network has it, and how far (T,) hands are ``at_work``, 0..1, on another body.
+    (T, 3) where the network has it, and how far (T,) hands are ``at_work``, 0..1, on another body; ``beside``
+    (T, 2, 3) metres by which wrists lie beside where they are led, with what they hold across the palm.
     """
 
     wrists: Array
@@ -43,6 +49,7 @@ class Hands:
     laid: Array
     neck: Array
     at_work: Array
+    beside: Array
 
     def led(self, pose: Pose, firm: Array, turns: Array | None = None) -> Array:
         """Local rotations of a motion with arms that put wrists these shares ``firm`` (T, 2) of their ways on
@@ -56,6 +63,16 @@ class Hands:
                 at = wrist + firm[on, side, None] * (self.wrists[on, side] - wrist)
                 turn = None if turns is None else turns[on, side, None]
                 local[on] = place_on(pose.tree, pose.hips[on], local[on], (arm,), at[:, None], turn)
+        return local
+
+    def twisted(self, local: Array) -> Array:
+        """Local rotations in which the forearms of hands that are laid on something turn with them."""
+        local = np.array(local)
+        for side, (_, elbow, wrist) in enumerate(ARMS):
+            turn = FOREARM * self.laid[:, side] * twist_of(local[:, wrist])
+            own = quat_from_rotvec(turn[:, None] * np.eye(3)[0])
+            local[:, elbow] = quat_mul(local[:, elbow], own)
+            local[:, wrist] = quat_mul(quat_conjugate(own), local[:, wrist])
         return local
 
     def tasks(self) -> list[Task]:
@@ -110,7 +127,15 @@ def hands_of(leads: Sequence[Sequence[Lead]], pose: Pose, figure: Figure) -> Han
         neck = network[:, _NECK]
         bends = figure.offsets[_SPINE, 2].sum() < LONGEST * HUMAN.offsets[_SPINE, 2].sum()
     wrists = own + firm[..., None] * (at - own)
-    hands = Hands(wrists, np.maximum(firm, near), turns, np.zeros_like(firm), neck, near.max(1) * bends)
+    hands = Hands(
+        wrists,
+        np.maximum(firm, near),
+        turns,
+        np.zeros_like(firm),
+        neck,
+        near.max(1) * bends,
+        np.zeros_like(at),
+    )
     _lay(
         hands, first, shares, Pose(pose.tree, pose.hips, hands.led(pose, np.sign(hands.firm), turns)), figure
     )
@@ -130,8 +155,10 @@ def _lay(hands: Hands, leads: Sequence[dict[int, Lead]], shares: Array, pose: Po
     are led.
     """
     for side, (_, elbow, wrist) in enumerate(ARMS):
-        grips = [(t, each[side].grip) for t, each in enumerate(leads) if side in each]
-        grips = [(t, grip) for t, grip in grips if grip is not None]
+        grips: list[tuple[int, Grip]] = []
+        for t, each in enumerate(leads):
+            grip = each[side].grip if side in each else None
+            grips += [(t, grip)] if grip is not None else []
         if not grips:
             continue
         on = np.array([t for t, _ in grips])
@@ -139,9 +166,21 @@ def _lay(hands: Hands, leads: Sequence[dict[int, Lead]], shares: Array, pose: Po
         forearm = pose.positions[on, wrist] - pose.positions[on, elbow]
         forearm /= np.maximum(np.linalg.norm(forearm, axis=1, keepdims=True), 1e-9)
         over = pose.positions[on, wrist, 2] - figure.little_finger
-        turned = laid(palm, ahead, forearm, side, over / figure.hand)
-        hands.laid[on, side] = smooth_step(shares[on, side])
-        hands.turns[on, side] = quat_slerp(hands.turns[on, side], turned, hands.laid[on, side])
+        most = np.array([np.inf if grip.bar is None else SWIVEL for _, grip in grips])
+        turned = laid(palm, ahead, forearm, side, over / figure.hand, most)
+        turned = within(turned, pose.world[on, elbow])
+        held = smooth_step(shares[on, side]) * [grip.share for _, grip in grips]
+        hands.laid[on, side] = held
+        hands.turns[on, side] = quat_slerp(hands.turns[on, side], turned, held)
+        fingers = quat_rotate(turned, np.broadcast_to(np.eye(3)[0] * (1.0 if side else -1.0), palm.shape))
+        facing = quat_rotate(turned, np.broadcast_to((0.0, 0.0, -1.0), palm.shape))
+        for n, (t, grip) in enumerate(grips):
+            if grip.bar is not None:
+                # A hand whose fingers do not bend keeps them before the board.
+                back = max(ACROSS, figure.hand + FINGERTIP - grip.room)
+                wrist_at = grip.bar - back * fingers[n] - PALM * facing[n]
+                hands.beside[t, side] = held[n] * (wrist_at - leads[t][side].target)
+    hands.wrists += hands.beside
 
 
 __all__ = ["Hands", "hands_of"]

@@ -79,6 +79,8 @@ class PostProcess:
     figure: Figure = BUNDLED
     start: Start | None = None  # what the motion goes on from
     notes: list[Note] = field(default_factory=list)
+    # Metres (T, 2, 3) by which wrists lie beside where they were led, once solved.
+    beside: Array = field(init=False)
 
     def note(
         self,
@@ -135,6 +137,7 @@ class PostProcess:
         yield from keep_clear(feet, pose, solids, self.figure.spheres)
         yield
         hands = hands_of([n.leads for n in notes], pose, self.figure)
+        self.beside = hands.beside
         # Arms go first, so that the trunk gives no more than what they lack.
         pose = Pose(pose.tree, pose.hips, hands.led(pose, np.sign(hands.firm), hands.turns))
         tasks = [*_stand(feet), *_sit(pose, seated), *hands.tasks(), *hands.trunk(pose)]
@@ -142,7 +145,7 @@ class PostProcess:
         spheres = self.figure.spheres
         limit = Clearance([*solids, self._floor()], spheres.foot, spheres)
         pose = yield from solve(pose, [*tasks, limit], stiffness())
-        pose = Pose(pose.tree, pose.hips, hands.led(pose, hands.firm))
+        pose = Pose(pose.tree, pose.hips, hands.twisted(hands.led(pose, hands.firm)))
         if before is not None and len(notes) > 3:
             hips, local = _gone_on(before, pose, feet.ankles, feet.rotations)
         else:

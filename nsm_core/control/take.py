@@ -218,6 +218,9 @@ class TakeRunner:
         for t, frame in enumerate(self._frames):
             self._frames[t] = (hips[t].astype(frame[0].dtype), local[t].astype(frame[1].dtype), *frame[2:])
         self._mended = self.frames
+        for taken in [r.taken for r in self.director.results]:
+            if taken is not None and 0 <= taken.frame < self.frames:
+                taken.beside = self._post.beside[taken.frame, taken.hands]
         self._measure_kept()
         return False
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from nsm_core.body.ik.grip import Grip
 from nsm_core.control.goals import Taken
 from nsm_core.conventions import DT, HAND_CONTACTS
 from nsm_core.errors import GoalError
@@ -55,6 +57,7 @@ PULLING, AT_PLACE = (
     0.3,
 )  # radians a second at which a leaf comes at least once the body stands back, within so many metres
 STILL = np.radians(0.2)  # radians a second below which a leaf rests
+_BOARD = 0.02  # metres: half a board, about
 _CLEAR = 0.02  # metres between an open leaf and what stands behind it
 
 
@@ -102,8 +105,14 @@ class Opening:
 
     @property
     def leads(self) -> list[Lead]:
-        """Where its hand is to be in this frame."""
-        return self.hold.leads
+        """Where its hand is to be in this frame: over the handle, which lies across its palm."""
+        leaf, side = self.prop, self.way.side
+        ahead = leaf.to_world((0.0, -side, 0.0)) - leaf.pose[:3]
+        aside = np.array((-ahead[1], ahead[0], 0.0)) * (1.0 if self.way.hand == 0 else -1.0)
+        bar = leaf.to_world(np.asarray(leaf.handle) + (0.0, side * leaf.thickness / 2, 0.0))
+        held = 1 - float(smooth_step(max(self._along / EDGE_FRAMES, self._slip / SLIP_FRAMES)))
+        grip = Grip(aside if leaf.upright else -np.eye(3)[2], ahead, bar, leaf.thickness / 2 - _BOARD, held)
+        return [replace(lead, grip=grip) for lead in self.hold.leads]
 
     def touches(self, hand: int) -> bool:
         """Whether a hand is meant to touch the prop, and so is not kept off it."""

@@ -160,7 +160,8 @@ class Leaf(Prop):
 
     ``width`` metres from hinge to free edge; ``handle`` (3,) own frame, on the leaf's middle plane;
     ``thickness`` metres between the places where a hand holds the handle from either side; ``swing`` +1 or
-    -1: the sense in which the heading changes as it opens; ``closed`` its heading when shut.
+    -1: the sense in which the heading changes as it opens; ``closed`` its heading when shut; ``upright``
+    tells that its handle is a bar that stands.
     """
 
     width: float = 0.85
@@ -168,6 +169,7 @@ class Leaf(Prop):
     thickness: float = 0.12
     swing: float = 1.0
     closed: float = 0.0
+    upright: bool = False
 
     @property
     def angle(self) -> float:
