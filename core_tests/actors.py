@@ -230,6 +230,8 @@ class Actor:
         """Centimetres and degrees by which the kept hands miss what they take, when they do."""
         taken = self.director.results[goal].taken
         wrists = self.joints[taken.frame, [arm[2] for arm in ARMS]]
+        if self.ik:
+            taken.beside = self.post.beside[taken.frame, taken.hands]
         return taken.errors(wrists, self.frames[taken.frame]["props"][self.goals[goal].prop.name])
 
 

@@ -37,6 +37,7 @@ from .actions.base import Grasp, SeatTarget
 from .actions.hold import Lead, SeenBody
 from .goals import Moment
 from .hands import hands_of
+from .load import leant
 from .start import Start
 
 # Standard deviations that are left to what is asked, metres and radians.
@@ -64,6 +65,8 @@ class Note:
     leads: list[Lead]
     # By the prop's name, how far either hand touches it, 0..1, and whether forearms lie along it.
     touching: dict[str, tuple[float, float, bool]]
+    # Kilograms that hands bear, and their middle (3,), world.
+    load: tuple[float, Array]
 
 
 @dataclass
@@ -105,7 +108,11 @@ class PostProcess:
                 shares = {lead.hand: lead.share for lead in grasp.leads}
                 right, left = (shares.get(h, 0.0) if grasp.touches(h) else 0.0 for h in (0, 1))
                 touching[grasp.prop.name] = right, left, grasp.forearms
-        self.notes.append(Note(hips, local, moment.contacts, moment.heading, seat, level, leads, touching))
+        borne = [(grasp.bears, grasp.prop.pose[:3].copy()) for grasp in grasps if grasp.prop is not None]
+        load = max(borne, key=lambda b: b[0], default=(0.0, np.zeros(3)))
+        self.notes.append(
+            Note(hips, local, moment.contacts, moment.heading, seat, level, leads, touching, load)
+        )
 
     def solve(
         self, props: Sequence[tuple[Prop, Array]], others: Sequence[Obstacle] = ()
@@ -136,6 +143,7 @@ class PostProcess:
         yield
         yield from keep_clear(feet, pose, solids, self.figure.spheres)
         yield
+        pose = leant(pose, *(np.array(column) for column in zip(*[n.load for n in notes], strict=True)))
         hands = hands_of([n.leads for n in notes], pose, self.figure)
         self.beside = hands.beside
         # Arms go first, so that the trunk gives no more than what they lack.

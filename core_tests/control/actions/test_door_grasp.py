@@ -123,9 +123,10 @@ def test_hand_stays_on_the_moving_handle(passed):
     way = passage(door(swing), actor.frames[0]["root"][:2])
     leaf = door(swing)
     gaps = []
-    for frame, wrist, state in zip(
-        actor.frames, actor.joints[:, WRISTS[way.hand]], states(actor), strict=True
-    ):
+    led = (
+        actor.joints[:, WRISTS[way.hand]] - actor.post.beside[:, way.hand]
+    )  # with the handle across the palm
+    for frame, wrist, state in zip(actor.frames, led, states(actor), strict=True):
         if state == "held":
             leaf.pose = frame["props"]["Door"]
             # Who pulls may slide from the handle to the free edge.

@@ -84,6 +84,11 @@ class Grasp(Protocol):
         """Go on by one frame and move the prop; ``root`` (3,), network ``contacts`` (5,)."""
 
     @property
+    def bears(self) -> float:
+        """Kilograms that its hands bear in this frame."""
+        ...
+
+    @property
     def leads(self) -> list[Lead]:
         """Where its hands are to be in this frame."""
         ...

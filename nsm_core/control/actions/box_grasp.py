@@ -32,6 +32,7 @@ BENDS, BENT, DRAW_FURTHER, LEAST_HELD = 0.15, 0.2, 0.4, 0.8
 # Hands have let go where their labels are lower and the place is this near (metres); or where they are
 # further apart than the box is wide by so much: for more than so many frames.
 LOOSE, LOOSE_FROM, APART, LOOSE_FRAMES = 0.3, 0.5, 0.5, 6
+LIFTING = 0.5  # seconds in which hands come to bear what they have taken
 HELD_OFF = 0.23  # metres from the root to the near face of a box that is carried, at least
 LOW = 0.65  # metres over the floor of the underside of a box at which knees may meet it
 _AVERAGED = 3  # frames over which the box's place in the hands is smoothed
@@ -114,6 +115,13 @@ class Carrying:
     def holds(self, hand: int) -> float:
         """How far a hand is led by it, 0..1."""
         return self.hold.weight if self.state in ("reach", "held") else 0.0
+
+    @property
+    def bears(self) -> float:
+        """Kilograms that its hands bear: as they lift it more and more, less as they put it down."""
+        if self.state != "held":
+            return 0.0
+        return self.prop.mass * float(smooth_step(self._since * DT / LIFTING) * (1 - smooth_step(self._draw)))
 
     @property
     def leads(self) -> list[Lead]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nsm_core.control.goals import Goal, Moment
+from nsm_core.control.load import pace_with
 from nsm_core.conventions import IDLE
 from nsm_core.rotations import Array, heading_to_direction, wrap_angle
 from nsm_core.world.affordances.standing import (
@@ -46,6 +47,7 @@ class Carry(Stage):
         super().__init__(goal)
         self.box = goal.moves(Box)
         self.ground, self.solids, self.ik, self._tries = ground, solids, ik, 0
+        self._pace = ground.pace
         if held is None:
             self._fetch(moment)
         else:
@@ -68,6 +70,7 @@ class Carry(Stage):
         box = self.box
         self.part, self._count = 3 * self._tries, self.ground.pause()
         self._tries += 1
+        self.ground.pace = self._pace
         facing, stand, further = choose_side(
             box, self.ground.plan, moment.root[:2].astype(np.float64), solids=self.solids
         )
@@ -86,6 +89,7 @@ class Carry(Stage):
     def _bring(self) -> None:
         box, heading = self.box, self.goal.heading
         self.part, self._count = self.part + 1, self.ground.pause()
+        self.ground.pace = self._pace * pace_with(box.mass)
         further = further_off(box, self.grasp.facing, self.goal.position, heading, self.solids)
         self.grasp.send(self._goal_pose(self.grasp.facing), further)
         stand = standing_place(box, self.grasp.facing, self.goal.position, heading, further)

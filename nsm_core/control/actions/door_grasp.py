@@ -67,7 +67,7 @@ class Opening:
     ``state`` is "reach", "held", "released" (the leaf swings on) or "free".
     """
 
-    forearms = False
+    forearms, bears = False, 0.0
 
     def __init__(self, leaf: Leaf, way: Passage, solids: DistanceQuery, ik: bool = True) -> None:
         """Prepare to open ``leaf``, which is moved in place, among ``solids`` (its own wall may be part of

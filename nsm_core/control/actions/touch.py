@@ -67,7 +67,7 @@ def stand_of(goal: Goal, plan: FloorPlan | None = None) -> tuple[Array, float]:
 class Touching:
     """One hand and the point that it touches; one call a frame from its creation until it has come back."""
 
-    forearms = False
+    forearms, bears = False, 0.0
 
     def __init__(self, point: Array, hand: int, solids: DistanceQuery, ik: bool = True) -> None:
         """``point`` (3,) is where the tips of the fingers come to rest, world; on the way the hand goes round

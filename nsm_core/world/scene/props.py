@@ -91,12 +91,14 @@ class Box(Prop):
     ``shown`` (3,) metres by which it is shown to the network beside its place: a box that one leans to is
     shown as far off as one that is not leant to, and lean and arms do the rest.  ``off`` and ``palm``:
     metres by which body and wrists of its carrier keep further off it than those of the bundled body.
+    ``mass`` kilograms, 0 weighs nothing.
     """
 
     size: Array = None  # type: ignore[assignment]
     shown: Array = field(default_factory=lambda: np.zeros(3))
     off: float = 0.0
     palm: float = 0.0
+    mass: float = 0.0
 
     def sensed(self) -> InteractionVolume:
         """The interaction sensor's reading: hands hold the bounding box, so a bin or a basket reads as one
