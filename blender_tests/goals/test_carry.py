@@ -72,6 +72,13 @@ def test_a_box_is_read_in_a_frame_at_its_own_centre(turn):
     np.testing.assert_allclose(prop.sensed().centre, prop.pose[:3], atol=1e-5)
 
 
+def test_a_box_weighs_as_its_size_says_or_as_told():
+    target, there = crate(), empty("There", (2.0, 1.0, 0.4))
+    assert carry(target, there).prop.mass == pytest.approx(150 * 0.4 * 0.3 * 0.25, rel=0.01)
+    asked = GoalSpec("carry", target, to=there, mass=12.5)
+    assert resolve(asked, bpy.context.scene, WorldFrame(), START).prop.mass == 12.5
+
+
 def test_a_box_with_children_a_turn_applied_to_its_mesh_and_a_tilt_is_read_upright():
     target = crate()
     target.data.transform(Matrix.Rotation(0.5, 4, "Z"))

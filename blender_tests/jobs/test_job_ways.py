@@ -1,4 +1,4 @@
-"""Job files ask for ways along curves, and for speeds."""
+"""Job files ask for ways along curves, for speeds, and for the weight of what is carried."""
 
 from __future__ import annotations
 
@@ -21,6 +21,11 @@ def test_a_curve_rounds_and_a_speed(tmp_path):
     assert goal_of(tmp_path, 'object = "Chair", action = "walk", speed = 0.8').speed == 0.8
 
 
+def test_a_box_may_be_given_its_weight(tmp_path):
+    goal = 'object = "Box", action = "carry", to = "There"'
+    assert goal_of(tmp_path, goal).mass is None and goal_of(tmp_path, goal + ", mass = 8").mass == 8
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [
@@ -30,6 +35,8 @@ def test_a_curve_rounds_and_a_speed(tmp_path):
         ('curve = "Path", action = "walk", speed = 3.0', "asks for 3 m/s"),
         ('curve = "Path", action = "walk", rounds = 0', "'rounds'"),
         ('curve = 3, action = "walk"', "'curve'"),
+        ('object = "Chair", action = "sit", mass = 3', "'mass' is that of what is carried"),
+        ('object = "Box", action = "carry", to = "There", mass = -1', "'mass'"),
     ],
 )
 def test_what_is_wrong_is_told(tmp_path, text, told):

@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from nsm_core.control.goals import Goal
+from nsm_core.control.load import by_volume
 from nsm_core.distances import BODY_TO_BOX
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
@@ -50,10 +51,10 @@ class SetDown:
 
 def carry_goal(
     name: str, target: bpy.types.Object, to: bpy.types.Object, point: bpy.types.Object | None, hold: float,
-    around: Surroundings, here: Array,
+    around: Surroundings, here: Array, mass: float | None = None,
 ) -> Goal:  # fmt: skip
     """Build the goal to carry ``target`` onto or to ``to``; ``point`` is the animator's own empty for the
-    place, ``here`` (2,) the start.
+    place, ``here`` (2,) the start, ``mass`` kilograms of the box, by its size where None.
 
     Raises GoalError where hands cannot hold the box, or nothing can be set down there.
     """
@@ -64,6 +65,7 @@ def carry_goal(
         raise GoalError(
             f"{target.name} is opened as a door earlier in the take; choose another object to carry."
         )
+    box.mass = by_volume(box.size) if mass is None else mass
     pose = earlier[1] if earlier else box.pose
     _require_liftable(box, pose, frame)
     if to == target or to in target.children_recursive:
@@ -236,7 +238,7 @@ def _require_liftable(box: Box, pose: Array, frame: WorldFrame) -> None:
 
 def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: Place) -> Goal:
     point = goal_point_of(scene, spec.object, spec.action, spec.to)
-    return carry_goal(spec.label, spec.object, spec.to, point, spec.hold, around, before[0])
+    return carry_goal(spec.label, spec.object, spec.to, point, spec.hold, around, before[0], spec.mass)
 
 
 def _after(goal: Goal, before: Place, around: Surroundings) -> Place:

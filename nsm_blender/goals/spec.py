@@ -14,7 +14,7 @@ class GoalSpec:
 
     Of walk and run: ``along`` tells that the object is a curve to go along, ``rounds`` times where it is
     closed; ``speed`` m/s of the character, drawn where None.  ``by``: the frame at which it is to be
-    reached, as soon as it can be where None.
+    reached, as soon as it can be where None.  ``mass`` kilograms of what is carried, by its size where None.
     """
 
     action: str
@@ -26,6 +26,7 @@ class GoalSpec:
     rounds: int = 1
     speed: float | None = None
     by: float | None = None
+    mass: float | None = None
 
     @property
     def label(self) -> str:

@@ -15,7 +15,7 @@ from ..keys.style import HIPS
 class JobGoal:
     """A goal of a job file: an object's name or a place (3,), world; ``to`` names the destination of what is
     carried; ``curve`` is gone along, ``rounds`` times where it is closed, at ``speed`` m/s; ``by`` is the
-    frame at which it is to be reached.
+    frame at which it is to be reached; ``mass`` kilograms of what is carried.
     """
 
     action: str
@@ -27,6 +27,7 @@ class JobGoal:
     rounds: int = 1
     speed: float | None = None
     by: int | None = None
+    mass: float | None = None
 
 
 @dataclass

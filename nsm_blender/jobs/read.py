@@ -24,7 +24,8 @@ _TAKE_KEYS = (
     "root_motion", "reduce", "goals", "overwrite", *OUTPUTS,
 )  # fmt: skip
 _CAST_KEYS = ("character", "goals")
-_GOAL_KEYS = ("object", "action", "to", "hold", "location", "by", *WAY_KEYS)
+_HEAVIEST = 60.0  # kilograms that a goal may give what is carried
+_GOAL_KEYS = ("object", "action", "to", "hold", "location", "by", "mass", *WAY_KEYS)
 # Blender's first frame, and one that leaves its last 48,574 to the take.
 _FIRST_FRAME, _LAST_START = -1_048_574, 1_000_000
 _LARGEST_SEED = 2**31 - 1
@@ -219,7 +220,14 @@ def _goal(entry: Any, where: str) -> JobGoal:
     by = entry.get("by")
     if by is not None:
         by = validate.whole(by, f"'by' in {where}", JobError, _FIRST_FRAME, _LAST_START)
-    return JobGoal(action.key, target, hold, location, to, curve, rounds, speed, by)
+    mass = entry.get("mass")
+    if mass is not None and not action.needs_destination:
+        raise JobError(
+            f"In {where}, 'mass' is that of what is carried; remove it, or take the action 'carry'."
+        )
+    if mass is not None:
+        mass = validate.number(mass, f"'mass' in {where}", JobError, 0, _HEAVIEST)
+    return JobGoal(action.key, target, hold, location, to, curve, rounds, speed, by, mass)
 
 
 def _known(entry: dict[str, Any], keys: tuple[str, ...], where: str) -> None:

@@ -100,7 +100,9 @@ def _goal(scene: bpy.types.Scene, goal: JobGoal) -> GoalSpec:
             goal.action, curve, goal.hold, along=True, rounds=goal.rounds, speed=goal.speed, by=goal.by
         )
     target = _target(scene, goal.object)
-    return GoalSpec(goal.action, target, goal.hold, goal.location, to, speed=goal.speed, by=goal.by)
+    return GoalSpec(
+        goal.action, target, goal.hold, goal.location, to, speed=goal.speed, by=goal.by, mass=goal.mass
+    )
 
 
 def _wear(character: bpy.types.Object, rig: str | Path) -> None:

@@ -131,6 +131,11 @@ def _draw_goal(layout: Any, goal: Any) -> None:
         column.prop(goal, "object")
     if action.needs_destination:
         column.prop(goal, "destination")
+        weight = column.row(align=True, heading="Weight")
+        weight.prop(goal, "own_mass", text="")
+        kilograms = weight.row()
+        kilograms.active = goal.own_mass
+        kilograms.prop(goal, "mass", text="kg")
     if goal.object is None and action.aim is Aim.PLACE:
         column.prop(goal, "location")
         column.operator("nsm.goal_pick", icon="RESTRICT_SELECT_OFF")

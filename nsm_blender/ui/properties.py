@@ -141,6 +141,23 @@ class NsmGoal(bpy.types.PropertyGroup):
         poll=_is_goal,
         override=OVERRIDABLE,
     )
+    own_mass: BoolProperty(
+        name="Own Weight",
+        description="Give what is carried a weight that you choose; off, it weighs as its size says",
+        override=OVERRIDABLE,
+    )
+    mass: FloatProperty(
+        name="Weight",
+        description="Kilograms of what is carried, for a character of average size: who carries it leans "
+        "back against it, and goes slower with more than seven",
+        default=5.0,
+        min=0.0,
+        soft_max=25.0,
+        max=60.0,
+        step=50,
+        precision=1,
+        override=OVERRIDABLE,
+    )
     follow: BoolProperty(
         name="Go Along",
         description="Go along the curve, as it runs, from its start to its end; a closed one around from "
@@ -396,7 +413,8 @@ def spec_of_row(row: NsmGoal, number: int = 1) -> GoalSpec:
         return GoalSpec(row.action, row.object, row.hold, along=True, rounds=row.rounds, speed=speed, by=by)
     to = row.destination if action.needs_destination else None
     place = tuple(row.location) if row.object is None else None
-    return GoalSpec(row.action, row.object, row.hold, place, to, speed=speed, by=by)
+    mass = row.mass if row.own_mass and to is not None else None
+    return GoalSpec(row.action, row.object, row.hold, place, to, speed=speed, by=by, mass=mass)
 
 
 def show_results(settings: NsmSettings, lines: list[tuple[str, bool]]) -> None:

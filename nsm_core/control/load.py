@@ -35,9 +35,15 @@ MOST_LEAN, MOST_BACK = (
 PELVIS = 0.6  # share of the trunk's lean that is the pelvis's, the rest its spine's
 DROP, MOST_DROP = np.radians(0.45), np.radians(8)  # of a collar, by the kilogram, and at most
 EASY, SLOWEST = 0.1, 0.75  # share of the body's weight that slows nobody; pace of the slowest
+PACKED, MOST_PACKED = 150.0, 25.0  # kilograms a cubic metre, and of a box at most
 _UPRIGHT = (0.7, 0.93)  # cosines of a trunk's pitch between which it comes to lean: who bends does not
 _SPINE = [INDEX[name] for name in ("Chest", "Chest2", "Chest3")]
 _SMOOTH = 5.0  # frames
+
+
+def by_volume(size: Array) -> float:
+    """Kilograms of a box of this ``size`` (3,), metres, of which nothing else is known: as packed goods."""
+    return min(PACKED * float(np.prod(size)), MOST_PACKED)
 
 
 def pace_with(kilograms: float) -> float:
@@ -92,4 +98,4 @@ def _turned(pose: Pose, local: Array, joint: int, turn: Array, world: Array | No
     return np.asarray(quat_mul(own, local[:, joint]))
 
 
-__all__ = ["leant", "pace_with"]
+__all__ = ["by_volume", "leant", "pace_with"]
