@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from nsm_core.evaluation.speed import growth
 from nsm_core.evaluation.speed.network import random_weights, report_batches, report_frame, report_training
 from nsm_core.evaluation.speed.record import add
 from nsm_core.evaluation.speed.takes import report_steered, report_takes
@@ -34,6 +35,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--training", action="store_true", help="also measure training steps (needs PyTorch)")
     parser.add_argument("--no-takes", action="store_true", help="measure the network alone")
     parser.add_argument("--json", help="file that the figures are added to")
+    parser.add_argument("--growth", metavar="PNG", help="also plot how cost grows with the work")
     options = parser.parse_args(arguments)
     wanted = {name: str(options.threads) for name in THREAD_VARIABLES}
     if any(os.environ.get(name) != value for name, value in wanted.items()):
@@ -68,6 +70,15 @@ def main(arguments: list[str]) -> int:
         ratios["real_time_over_frame"] = float(np.median([t["real_time"] for t in told["takes_ms"].values()]))
     if options.training and theirs:
         told["training_samples_per_s"] = report_training(ours.config, options.threads)
+    if options.growth:
+        print("\nhow cost grows, 1 in proportion to")
+        found = growth.measured(ours)
+        growth.draw(found, options.growth)
+        told["growth"] = [
+            {"of": title, "by": what, "sizes": list(sizes), "ms": costs, "slope": growth.slope(sizes, costs)}
+            for title, what, sizes, costs in found
+        ]
+        ratios["steepest_growth"] = max(each["slope"] for each in told["growth"])
     print("\nfigures that hold on other machines, and what is asked of them")
     add(options.json, "core", told, ratios)
     return 0

@@ -19,6 +19,7 @@ TARGETS: dict[str, tuple[str, float]] = {
     "command_line_10_s_take_s": ("<=", 8.0),
     "ten_seconds_after_click_s": ("<=", 6.0),
     "import_ms": ("<=", 50.0),
+    "steepest_growth": ("<=", 1.1),  # linear, and what measuring is off by
     "longest_block_ms": ("<=", 50.0),
     "real_time_over_frame_in_blender": (">=", 8.0),
 }
