@@ -13,6 +13,8 @@ from .errors import NsmError
 COMMANDS = {
     "train": ("nsm_core.commands.train", "train the network from a capture folder"),
     "evaluate": ("nsm_core.commands.evaluate", "print the tables of figures and write them as JSON"),
+    "rivals": ("nsm_core.commands.rivals", "train and judge the networks of the field and the ablations"),
+    "rooms": ("nsm_core.commands.rooms", "try generated rooms by seed and draw the worst"),
     "crowd": ("nsm_core.commands.crowd", "try scenes of several characters and print who got there"),
     "bench": ("nsm_core.commands.bench", "measure the speed of the network"),
     "annotate": ("nsm_core.commands.annotate", "propose labels, contacts, phases and goals of captures"),

@@ -43,6 +43,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         "--run", default="runs/nsm", help="folder for data, checkpoints, log and plot (default: runs/nsm)"
     )
+    parser.add_argument("--data", default=None, help="folder of composed data (default: RUN/data)")
     parser.add_argument(
         "--weights", default=None, help="weights file to write at the end (default: RUN/nsm.npz)"
     )
@@ -149,7 +150,7 @@ def _train(a: argparse.Namespace, settings: TrainingSettings, config: NetworkCon
             print(words, flush=True)
 
     run = Path(a.run)
-    folder = run / "data"
+    folder = Path(a.data) if a.data else run / "data"
     if ranks.first and not (folder / "data.json").exists():
         tell(f"Composing {settings.data_minutes:g} minutes of performances ...")
         export(

@@ -174,7 +174,7 @@ class Order:
     piece: Furniture | None = None
 
 
-def orders(starts: int = 10, pool: Pool | None = None) -> list[Order]:
+def orders(starts: int = 10, pool: Pool | None = None, seed: int = SEED) -> list[Order]:
     """Four directions each for walking and running from a stand, ``starts`` each for sitting down out of a
     walk and of a run.
     """
@@ -185,7 +185,7 @@ def orders(starts: int = 10, pool: Pool | None = None) -> list[Order]:
     ]
     for k, gait in ((2, "walk"), (3, "run")):
         for n in range(starts):
-            rng = np.random.default_rng((SEED, 9, n))
+            rng = np.random.default_rng((seed, 9, n))
             kind = SEATS[n % len(SEATS)]
             piece, _ = rollout.draw_piece(pool, kind, rng)
             room = float(np.linalg.norm(piece.size[:2])) / 2 + 0.5

@@ -58,16 +58,20 @@ class SitTrial:
 
 
 def trials(
-    starts: int = 10, settings: int = len(SEATS), furthest: float = 3.0, pool: Pool | None = None
+    starts: int = 10,
+    settings: int = len(SEATS),
+    furthest: float = 3.0,
+    pool: Pool | None = None,
+    seed: int = SEED,
 ) -> list[SitTrial]:
-    """The same ``starts`` times ``settings`` trials at every call: any direction within ``furthest`` metres,
-    any facing.
+    """Of one ``seed`` the same ``starts`` times ``settings`` trials at every call: any direction within
+    ``furthest`` metres, any facing.
 
     With a ``pool`` (the held-back part of one) the seats are its meshes, scaled as in training.
     """
     result: list[SitTrial] = []
     for n in range(settings):
-        rng = np.random.default_rng(SEED + n)
+        rng = np.random.default_rng(seed + n)
         kind = SEATS[n % len(SEATS)]
         piece, known = rollout.draw_piece(pool, kind, rng)
         lo, hi = piece.mins[:, :2].min(0) - 0.4, piece.maxs[:, :2].max(0) + 0.4
