@@ -47,7 +47,7 @@ def main(arguments: list[str]) -> int:
                 file.write(json.dumps(known[seed]) + "\n")
         print(f"\r{first + len(known)} of {last} rooms", end="", flush=True)
     chosen = {seed: known[seed] for seed in range(first, last)}
-    text = rooms_table([(r["action"], r) for r in chosen.values()])
+    text = rooms_table([(r["action"], _measured(r)) for r in chosen.values()])
     print(f"\n{text}")
     with output(out / "rooms.md", "The table") as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
@@ -77,6 +77,11 @@ def _figures(one: Any) -> dict[str, Any]:
     if isinstance(one, Exception):
         return {"failed": 1.0, "reached": 0.0, "success": 0.0, "error": f"{type(one).__name__}: {one}"}
     return {name: value if math.isfinite(value) else None for name, value in one[2].items()}
+
+
+def _measured(report: dict[str, Any]) -> dict[str, Any]:
+    """A room's figures without what names it."""
+    return {name: value for name, value in report.items() if name not in ("room", "action")}
 
 
 def _draw(model: Model, seed: int, pool: Pool | None, path: Path) -> None:

@@ -28,12 +28,16 @@ from nsm_core.rotations import Array, direction_to_heading, rotate_planar, wrap_
 
 KEEPS = 0.85  # share of a pose's difference from what is played that is left after a frame
 EVERY = 5  # frames between searches
+PACE = {"run": 2.8, "walk": 1.2}  # metres that a second brings one nearer to a far goal
 FAR = 2.0  # metres from which on a goal only has a direction
 STEPPING = 0.25  # m/s of the hips from which on feet are taken to step, so that a root may be steered
 _LIMBS = [INDEX[f"{side}{joint}"] for side in ("Right", "Left") for joint in ("Ankle", "Wrist")]
 _MOVING = [INDEX["RightAnkle"], INDEX["LeftAnkle"], HIPS]
 # What a frame is found by, and how much a deviation of each counts.
-_WEIGHTS = {"limbs": 1.0, "speeds": 1.0, "labels": 1.5, "goal": 2.5, "facing": 2.0, "action": 6.0}
+_WEIGHTS = {
+    "limbs": 1.0, "speeds": 1.0, "labels": 1.5, "goal": 2.5, "facing": 2.0, "action": 6.0,
+    "ahead": 2.0,
+}  # fmt: skip
 _CHUNK = 1000
 _LABELS = [CARRY, OPEN, SIT]
 _ACTIONS = [GOAL_ACTIONS.index(name) for name in ("carry", "open", "sit")]
@@ -75,7 +79,18 @@ def _found_by(x: Array) -> dict[str, Array]:
         "goal": place,
         "facing": near * np.stack((np.sin(heading), np.cos(heading)), axis=1),
         "action": _block(x, "goal", GOAL, "goal_action")[:, PIVOT],
+        "ahead": _block(x, "frame", FRAME, "trajectory_position")[:, -1],
     }
+
+
+def _wanted(x: Array) -> dict[str, Array]:
+    """What a frame is looked for by: as ``_found_by``, but nearer to the goal in a second."""
+    place, _ = _goal(x)
+    runs = _block(x, "goal", GOAL, "goal_action")[:, PIVOT, GOAL_ACTIONS.index("run")] > 0.5
+    away = np.linalg.norm(place[:, :2], axis=1)
+    pace = np.where(runs, PACE["run"], PACE["walk"])
+    ahead = place[:, :2] * (np.minimum(away, pace) / np.maximum(away, 1e-6))[:, None]
+    return _found_by(x) | {"ahead": ahead}
 
 
 class CapturedModel:
@@ -151,7 +166,8 @@ class CapturedModel:
         anew = other | (ended if self.kind == "clips" else ended | (since >= EVERY - 1))
         rows = np.flatnonzero(anew)
         if len(rows):
-            features = self._scaled(_found_by(x[rows]))
+            look = _found_by if self.kind == "clips" else _wanted
+            features = self._scaled(look(x[rows]))
             costs = self._sizes - 2 * features @ self._features.T
             best = costs.argmin(axis=1)
             cost = costs[np.arange(len(rows)), best] + (features**2).sum(axis=1)

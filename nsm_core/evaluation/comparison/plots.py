@@ -71,7 +71,7 @@ def _gating(results: Results, path: Path) -> bool:
             axis.plot(*(np.array(way) @ places).T, lw=0.9, alpha=0.7)
         axis.set(title=name, xlim=(-1.15, 1.15), ylim=(-1.15, 1.15), aspect="equal")
         axis.axis("off")
-    figure.suptitle("Blending of the experts, which stand on the circle, by action (paper: Fig. 7)")
+    figure.suptitle("Blending of experts (Fig. 7)")
     return _save(figure, path)
 
 
@@ -149,5 +149,7 @@ def _gates(results: Results, path: Path) -> bool:
             means.append(by_seed(trials, "all", lambda t, value=value: value(t, "walk")))  # type: ignore[misc]
         axis.barh(titles, [_mean(m) for m in means], xerr=[_deviation(m) for m in means])
         axis.set_xlabel(unit)
+        axis.invert_yaxis()
+    axes[1].set_yticklabels([])
     figure.suptitle("What the gate is fed, times [K] or beside [C] the phase; walks, network alone (Fig. 12)")
     return _save(figure, path)
