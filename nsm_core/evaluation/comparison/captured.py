@@ -28,6 +28,7 @@ from nsm_core.rotations import Array, direction_to_heading, rotate_planar, wrap_
 
 KEEPS = 0.85  # share of a pose's difference from what is played that is left after a frame
 EVERY = 5  # frames between searches
+LOST = 0.3  # metres between a clip that has arrived and its goal, from which on another is chosen
 PACE = {"run": 2.8, "walk": 1.2}  # metres that a second brings one nearer to a far goal
 FAR = 2.0  # metres from which on a goal only has a direction
 STEPPING = 0.25  # m/s of the hips from which on feet are taken to step, so that a root may be steered
@@ -163,11 +164,13 @@ class CapturedModel:
         mine = self.data.arrays["goal_action"][known][:, PIVOT] > 0.5
         other |= (asked != mine).any(axis=1)
         ended = ~self._usable[np.minimum(known + 1, len(self._usable) - 1)]
+        if self.kind == "clips":  # it has arrived, and the goal is somewhere else by now
+            off = np.linalg.norm(self._off(x, known)[0], axis=1)
+            ended |= (self._arrives[known] <= known) & (off > LOST)
         anew = other | (ended if self.kind == "clips" else ended | (since >= EVERY - 1))
         rows = np.flatnonzero(anew)
         if len(rows):
-            look = _found_by if self.kind == "clips" else _wanted
-            features = self._scaled(look(x[rows]))
+            features = self._scaled(_wanted(x[rows]))
             costs = self._sizes - 2 * features @ self._features.T
             best = costs.argmin(axis=1)
             cost = costs[np.arange(len(rows)), best] + (features**2).sum(axis=1)
@@ -193,13 +196,19 @@ class CapturedModel:
         now = _block(x, "frame", FRAME, "joint_position")
         OUTPUT.get(y, "joint_velocity")[:] = (OUTPUT.get(y, "joint_position") - now) / DT
 
-    def _warp(self, x: Array, frame: Array) -> tuple[Array, Array]:
-        """By how much (B, 2), (B,) the root is moved and turned in this frame, in its own frame."""
+    def _off(self, x: Array, frame: Array) -> tuple[Array, Array]:
+        """How far (B, 2) and by what turn (B,) the goal is elsewhere than that of the frame that is played,
+        in the root's frame.
+        """
         place, heading = _goal(x)
         there, faces = _goal(self._inputs(frame))
         turn = wrap_angle(heading - faces)
         # The goal as it would be seen from a root that is turned so.
-        shift = place[:, :2] - rotate_planar(there[:, :2], turn)
+        return place[:, :2] - rotate_planar(there[:, :2], turn), turn
+
+    def _warp(self, x: Array, frame: Array) -> tuple[Array, Array]:
+        """By how much (B, 2), (B,) the root is moved and turned in this frame, in its own frame."""
+        shift, turn = self._off(x, frame)
         left = np.maximum(self._arrives[frame] - frame, 0)
         if self.kind == "clips":
             share = np.where(left > 0, 1 / np.maximum(left, 1), 0.0)
