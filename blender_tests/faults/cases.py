@@ -192,6 +192,8 @@ class Cases:
                 flow.start()
                 flow.finish()
             outcome = self._judged(flow, room, [before], [lambda: self.rooms.whole(room)])
+            if not raised and point[2] > 1:  # how often it is called goes by the clock: an earlier call
+                return self._raise(room, (*point[:2], point[2] // 2), error, replayed)
             if not raised:
                 outcome[1].append("nothing was raised")
             return outcome

@@ -197,7 +197,7 @@ def test_what_a_clip_is_used_for_comes_back(tmp_path, sheet_text):
     (tmp_path / "a.nsm.toml").write_bytes(sheet_text)
     sheet = sidecar.read_sheet(tmp_path / "a.nsm.toml")
     assert sheet.use == Use() and "\n[use]" not in sheet_text.decode()
-    for use in (Use(walk=()), Use(((0, 20), (21, 60)), (), ((3, 40),), 7), Use(stand=0)):
+    for use in (Use(walk=()), Use(((0, 20), (21, 60)), (), ((3, 40),), ((5, 29),), 7), Use(stand=0)):
         sidecar_writer.write_sheet(tmp_path / "b.nsm.toml", replace(sheet, use=use))
         assert sidecar.read_sheet(tmp_path / "b.nsm.toml") == replace(sheet, use=use)
 

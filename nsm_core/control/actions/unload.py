@@ -9,6 +9,7 @@ import numpy as np
 from nsm_core.control.goals import Goal, Moment
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, heading_to_direction
+from nsm_core.world.actions import BY_KEY, Aim
 from nsm_core.world.affordances.standing import further_off, require_room, standing_place
 
 from .approach import CARRYING, Command
@@ -23,7 +24,6 @@ TURNS = np.radians((0, 30, -30, 60, -60, 90, -90, 135, -135, 180))
 AWAY = (0.0, 0.4, 0.8, 1.4)
 ROOM = 0.25  # metres of room that standing there needs
 HELD_AT = 0.95  # metres over the floor of the middle of a box that one stands with, at least
-_ALONG = ("walk", "run", "idle")  # actions that leave the hands free to hold a box
 
 
 def held_by(start: StageStart) -> Carrying | None:
@@ -38,7 +38,12 @@ def with_load(
     """The stage of a goal that begins with a box in ``hands``: as the goal says, it is carried along, or set
     down first and ``following`` then makes the goal's own stage; None where there is no room to set it down.
     """
-    if goal.load == "along" and goal.action in _ALONG and goal.way is None and goal.steering is None:
+    if (
+        goal.load == "along"
+        and not BY_KEY[goal.action].needs_object
+        and goal.way is None
+        and goal.steering is None
+    ):
         return Along(goal, start, hands)
     place = place_before(hands, start)
     return None if place is None else Unloading(goal, Carry.of_held(place, start, hands), following)
@@ -102,7 +107,7 @@ class Along(Stage):
         self.grasp = hands
         hands.keep()
         self._inner: Stage
-        if goal.action == "idle":
+        if BY_KEY[goal.action].aim is Aim.HERE:
             self._inner = Stay(goal, start.moment, "idle+carry", hands.prop)
         else:
             # As in the training data, who stands with a box is told where that is, and walks to before it.
