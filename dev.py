@@ -35,8 +35,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent
 WINDOWS = os.name == "nt"
 SUITES = ("core_tests", "blender_tests")
-# The groups and their order are the conftest's.
-WORKERS = ["-n", str(max(1, min(os.cpu_count() or 1, 8))), "--dist", "loadgroup", "--no-loadscope-reorder"]
+# A file's tests stay together; the order of the files is the conftest's.
+WORKERS = ["-n", str(max(1, min(os.cpu_count() or 1, 8))), "--dist", "loadfile", "--no-loadscope-reorder"]
 
 
 class Failure(Exception):

@@ -17,17 +17,15 @@ from nsm_blender.leaving import leave
 
 # Files that take longest are begun first, so that no core waits for another one at the end.
 LONG = (
-    "test_demo", "test_interruptions", "test_takes", "test_acting", "test_batch", "test_extension",
-    "test_carries", "test_api", "test_reading", "test_odd_doors",
+    "test_window", "test_demo", "test_interruptions", "test_takes", "test_acting", "test_batch",
+    "test_extension", "test_carries", "test_api", "test_reading", "test_odd_doors",
 )  # fmt: skip
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items) -> None:
-    """On several cores a file's tests stay together: they share what was made once."""
+    """On several cores the longest files begin first."""
     if config.pluginmanager.hasplugin("xdist"):
-        for item in items:
-            item.add_marker(pytest.mark.xdist_group(item.path.stem))
         items.sort(key=lambda item: LONG.index(item.path.stem) if item.path.stem in LONG else len(LONG))
 
 

@@ -17,28 +17,18 @@ from nsm_core.model.inference.weights_file import save_weights
 from nsm_core.model.networks.nsm_config import NsmConfig
 
 LAYOUT = layout_description()
-SHARING = (
-    "test_composer",
-    "test_codec",
-    "test_report",
-    "test_fresh_takes",
-    "test_swap_objects",
-    "test_training",
-    "test_single_clips",
-)
 # Files that take longest are begun first, so that no core waits for another one at the end.
-LONG = (*SHARING, "test_goldens", "test_dev", "test_take", "test_database", "test_standing", "test_far_ways")
+LONG = (
+    "test_composer", "test_codec", "test_report", "test_fresh_takes", "test_swap_objects", "test_training",
+    "test_single_clips", "test_goldens", "test_dev", "test_take", "test_database", "test_standing",
+    "test_far_ways",
+)  # fmt: skip
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items) -> None:
-    """On several cores a file's tests stay together, and so do the files that look at the same composed
-    takes.
-    """
+    """On several cores the longest files begin first."""
     if config.pluginmanager.hasplugin("xdist"):
-        for item in items:
-            name = item.path.stem
-            item.add_marker(pytest.mark.xdist_group("composed" if name in SHARING else name))
         items.sort(key=lambda item: LONG.index(item.path.stem) if item.path.stem in LONG else len(LONG))
 
 
