@@ -118,7 +118,8 @@ def _surfaces(corners: Array) -> list[_Surface]:
         for group in _touching(faces[part][..., :2]) if len(part) else []:
             own = faces[part[group]]
             flat = own[..., :2]
-            doubled = np.abs(np.cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]))
+            one, two = flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]
+            doubled = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
             if doubled.sum() / 2 > _SMALL:
                 found.append(_Surface(float(np.median(own[..., 2])), flat))
     return found[:_MOST]
