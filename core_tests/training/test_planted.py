@@ -57,6 +57,5 @@ def test_true_steps_do_not_slip_and_gradients_reach_the_bones_above(steps):
     assert not predicted.grad[:, at : at + 3].any()
 
 
-def test_a_processor_is_asked_which_numbers_it_multiplies_faster():
-    assert half_precision_pays(torch.device("cpu")) in (True, False)
-    assert half_precision_pays(torch.device("meta")) is True
+def test_graphics_cards_multiply_half_precision_unasked():
+    assert half_precision_pays(torch.device("cuda"))  # and none is needed to know it
