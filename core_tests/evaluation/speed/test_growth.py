@@ -15,6 +15,7 @@ def test_a_slope_is_the_power_of_the_size_once_work_that_is_done_once_no_longer_
 
 
 def test_every_series_is_plotted(tmp_path):
+    pytest.importorskip("matplotlib", reason="pictures need matplotlib")
     series = [(f"work {n}", "things", (1, 10, 100), [1.0, 2.0, 15.0 * n]) for n in range(1, 7)]
     picture = draw(series, tmp_path / "growth.png").read_bytes()
     assert picture.startswith(b"\x89PNG") and len(picture) > 10_000
