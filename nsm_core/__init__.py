@@ -13,11 +13,13 @@ from .earlier import keep_names
 
 if TYPE_CHECKING:
     from .control.goals import Goal, GoalResult
+    from .control.inbetween import Gap, fill
     from .control.take import TakeRequest, TakeResult, TakeRunner, roll
     from .data.captures.bvh_writer import write_bvh as write_bvh
     from .errors import NsmError
     from .evaluation.furniture_goals import climb_goal, sit_goal
     from .model.inference.model import Model, load_model
+    from .model.inference.transition_model import load_transitions
     from .world.affordances.passage import passage
     from .world.geometry.distance import Cuboids
     from .world.scene.door import make_door
@@ -29,6 +31,7 @@ __version__ = "0.1.0"
 # Where a public name is kept, and under which name there.
 _KEPT = {
     "Cuboids": "world.geometry.distance:Cuboids",
+    "Gap": "control.inbetween:Gap",
     "Goal": "control.goals:Goal",
     "GoalResult": "control.goals:GoalResult",
     "Model": "model.inference.model:Model",
@@ -39,7 +42,9 @@ _KEPT = {
     "carried_box": "world.scene.furniture:carried_box",
     "climb_goal": "evaluation.furniture_goals:climb_goal",
     "cuboids": "world.scene.furniture:cuboids",
+    "fill": "control.inbetween:fill",
     "load_model": "model.inference.model:load_model",
+    "load_transitions": "model.inference.transition_model:load_transitions",
     "make_door": "world.scene.door:make_door",
     "make_furniture": "world.scene.furniture:make",
     "passage": "world.affordances.passage:passage",
@@ -49,6 +54,7 @@ _KEPT = {
 }
 __all__ = [
     "Cuboids",
+    "Gap",
     "Goal",
     "GoalResult",
     "Model",
@@ -59,7 +65,9 @@ __all__ = [
     "carried_box",
     "climb_goal",
     "cuboids",
+    "fill",
     "load_model",
+    "load_transitions",
     "make_door",
     "make_furniture",
     "passage",

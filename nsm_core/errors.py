@@ -39,6 +39,10 @@ class GoalError(NsmError):
     """A goal is unknown, incomplete or cannot be reached."""
 
 
+class GapError(NsmError):
+    """Missing frames that cannot be filled: too few, too many, or with nothing on one side."""
+
+
 class JobError(NsmError):
     """A job file or one of its entries is wrong."""
 

@@ -16,7 +16,7 @@ from nsm_core.body.capsules import BUNDLED, Figure
 from nsm_core.body.contacts import ANKLES, TOES
 from nsm_core.body.ik.clearance import Clearance, Obstacle
 from nsm_core.body.ik.foot_clearance import keep_clear
-from nsm_core.body.ik.footsteps import FootGround, Footsteps, footsteps
+from nsm_core.body.ik.footsteps import FootGround, footsteps
 from nsm_core.body.ik.seating import settle
 from nsm_core.body.ik.solver import Pose, Task, solve
 from nsm_core.body.ik.stiffness import stiffness
@@ -41,7 +41,7 @@ from .load import leant
 from .start import Start
 
 # Standard deviations that are left to what is asked, metres and radians.
-FOOT, FOOT_TURN, SEAT, HEAD_TURN = 0.001, 0.03, 0.003, 0.1
+SEAT, HEAD_TURN = 0.003, 0.1
 GRASPS = (0.6, 1.0)  # share of its way over which a hand comes to touch what it holds
 # Metres by which a hand that holds a thing may be inside it, and the forearm along it.
 INSIDE, ALONG = 0.3, 0.02
@@ -148,7 +148,7 @@ class PostProcess:
         self.beside = hands.beside
         # Arms go first, so that the trunk gives no more than what they lack.
         pose = Pose(pose.tree, pose.hips, hands.led(pose, np.sign(hands.firm), hands.turns))
-        tasks = [*_stand(feet), *_sit(pose, seated), *hands.tasks(), *hands.trunk(pose)]
+        tasks = [*feet.tasks(), *_sit(pose, seated), *hands.tasks(), *hands.trunk(pose)]
         tasks.append(TurnTask(INDEX["Head"], pose.world[:, INDEX["Head"]], np.full(len(notes), HEAD_TURN)))
         spheres = self.figure.spheres
         limit = Clearance([*solids, self._floor()], spheres.foot, spheres)
@@ -202,16 +202,6 @@ def _gone_on(before: Pose, pose: Pose, ankles: Array, turns: Array) -> tuple[Arr
     soften_turns(part := eased[:, legs], 2)
     eased[:, legs] = part
     return hips[1:], eased[1:]
-
-
-def _stand(feet: Footsteps) -> list[Task]:
-    tasks: list[Task] = []
-    for side, ankle in enumerate(ANKLES):
-        # A swinging foot has some play, one that stands has none.
-        slack = np.where(feet.planted[:, side], 1.0, 4.0)
-        tasks.append(PointTask(ankle, feet.ankles[:, side], FOOT * slack))
-        tasks.append(TurnTask(ankle, feet.rotations[:, side], FOOT_TURN * slack))
-    return tasks
 
 
 def _sit(pose: Pose, weight: Array) -> list[Task]:

@@ -7,12 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsm_core.body.contacts import RESTING, Sole, foot_heading
+from nsm_core.body.contacts import ANKLES, RESTING, Sole, foot_heading
 from nsm_core.conventions import FPS
 from nsm_core.rotations import Array, heading_quat, heading_to_direction, quat_mul, quat_rotate, wrap_angle
 from nsm_core.signals import gaussian_smooth, intervals, smooth_step
 from nsm_core.world.scene.terrain import Terrain
 
+from .solver import Task
+from .tasks import PointTask, TurnTask
+
+FOOT, FOOT_TURN = 0.001, 0.03  # metres and radians that may be left of where feet are to be
 LOCK, UNLOCK = 0.5, 0.3  # of the contact label
 GLIDING, TORN = 0.7, 1.0  # m/s: a foot that moves faster is not planted; one that does is let go
 LOW_TOE, HIGH_TOE = (
@@ -25,6 +29,7 @@ SHORTEST, GAP = 3, 2  # frames of a stand at least; of a lift that is none
 SPREAD, LONG_SPREAD, LONG = 0.14, 0.06, 36
 PIVOT, LONG_PIVOT = np.radians(40), np.radians(25)
 STEP_FRAMES, STEP_LIFT = 12, 0.04
+APART = 0.02  # metres between where a foot stood and where it is to stand from which on it steps there
 FADE = 9  # frames over which a correction fades where the next stand is far
 CLEARANCE, FAST = 0.03, 0.35  # metres that a swinging foot clears the floor by once it is that fast, m/s
 TIP, MIDDLE, HEEL = 0.075, -0.08, -0.17  # metres from the toe joint along the foot
@@ -47,6 +52,15 @@ class Footsteps:
     rotations: Array
     planted: Array
     runs: tuple[list[tuple[int, int]], ...]
+
+    def tasks(self) -> list[Task]:
+        """What they ask of the solver: a swinging foot has some play, one that stands has none."""
+        tasks: list[Task] = []
+        for side, ankle in enumerate(ANKLES):
+            slack = np.where(self.planted[:, side], 1.0, 4.0)
+            tasks.append(PointTask(ankle, self.ankles[:, side], FOOT * slack))
+            tasks.append(TurnTask(ankle, self.rotations[:, side], FOOT_TURN * slack))
+        return tasks
 
 
 @dataclass
@@ -73,13 +87,14 @@ def footsteps(
     ground: FootGround,
     sole: Sole | None = None,
     first: tuple[Array, Array] | None = None,
+    last: tuple[Array, Array] | None = None,
 ) -> Footsteps:
     """Plant the feet of a whole take: toe joints (T, 2, 3), ankle rotations (T, 2, 4), contact labels (T, 2).
 
     In every stand the toe joint keeps one place and the foot one heading, from landing to lift-off; between
     two stands the correction goes over from one to the other with the speed of the foot at both ends.
     ``first``: toe joints (2, 3) and ankle rotations (2, 4) of feet that stood before the first frame and
-    stay.
+    stay; ``last``: of feet that are to stand after the last one.
     """
     sole = sole or Sole()
     toes, feet = toes.copy(), feet.copy()
@@ -90,11 +105,13 @@ def footsteps(
     stands: list[list[tuple[int, int]]] = []
     for side in (0, 1):
         runs = _stands(toes[:, side], labels[:, side], ground)
+        if first is not None and last is not None:
+            runs = _stepped(runs, len(toes), first[0][side], last[0][side])
         runs, steps = _set_anew(toes[:, side], foot_heading(feet[:, side]), runs, steps)
         stands.append(runs)
-        kept = None if first is None else (first[0][side], first[1][side])
+        kept, met = (None if end is None else (end[0][side], end[1][side]) for end in (first, last))
         toes[:, side], feet[:, side] = _pinned(
-            toes[:, side], feet[:, side], runs, ground, sole.toe_height, kept
+            toes[:, side], feet[:, side], runs, ground, sole.toe_height, kept, met
         )
         for a, b in runs:
             planted[a:b, side] = True
@@ -143,6 +160,16 @@ def _speed(toe: Array) -> Array:
     return np.linalg.norm(np.gradient(toe[:, :2], axis=0), axis=1) * FPS
 
 
+def _stepped(runs: list[tuple[int, int]], count: int, first: Array, last: Array) -> list[tuple[int, int]]:
+    """Stands of a foot that stood at ``first`` (3,) and is to stand at ``last``: one that lasts all the time
+    is divided by a step from one to the other, where they are not the same.
+    """
+    if runs != [(0, count)] or np.linalg.norm((last - first)[:2]) < APART:
+        return runs
+    half = min(STEP_FRAMES // 2, max(1, (count - 2) // 2))
+    return [(0, max(1, count // 2 - half)), (min(count - 1, count // 2 + half), count)]
+
+
 def _set_anew(
     toe: Array, heading: Array, runs: Sequence[tuple[int, int]], other: Sequence[int]
 ) -> tuple[list[tuple[int, int]], list[int]]:
@@ -188,9 +215,11 @@ def _pinned(
     ground: FootGround,
     toe_height: float,
     first: tuple[Array, Array] | None = None,
+    last: tuple[Array, Array] | None = None,
 ) -> tuple[Array, Array]:
     """Toe joints (T, 3) and rotations (T, 4) of one foot that stands still in each of ``runs``; one that
-    stands from the beginning on stays where it ``first`` was.
+    stands from the beginning on stays where it ``first`` was, one that stands to the end where it is
+    ``last``.
     """
     heading = np.unwrap(foot_heading(foot))
     shift, turn = np.zeros((len(toe), 3)), np.zeros(len(toe))
@@ -202,6 +231,9 @@ def _pinned(
         if a == 0 and first is not None:
             place = first[0][:2]
             middle = h[0] + float(wrap_angle(foot_heading(first[1]) - h[0]))
+        elif b == len(toe) and last is not None:
+            place = last[0][:2]
+            middle = h[-1] + float(wrap_angle(foot_heading(last[1]) - h[-1]))
         turn[a:b] = firm * (middle - h)
         under = _stand_height(place, middle, float(np.median(toe[a:b, 2])) - toe_height, ground)
         place = place + _off_risers(place, middle, under, ground)

@@ -1,0 +1,89 @@
+"""A motion between two others that stay as they are: it leaves and reaches them without a pop, and its feet
+stand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from nsm_core.body.contacts import ANKLES, LEGS, TOES, detect_foot_contacts
+from nsm_core.body.inertialization import BLEND_FRAMES, soften_places, soften_seam, soften_turns
+from nsm_core.body.tree import HUMAN
+from nsm_core.rotations import Array
+from nsm_core.world.scene.terrain import Terrain
+
+from .footsteps import FootGround, footsteps
+from .solver import Pose, solved
+from .stiffness import stiffness
+from .two_bone import place_on
+
+ENDS = 2  # frames on either side that are kept: where they are, and how fast
+Ground = Callable[[Array], Array]  # world places (N, 2) -> heights (N,), metres
+
+
+class SensedGround(Terrain):
+    """Ground of which every height is asked when it is needed."""
+
+    def __init__(self, query: Ground) -> None:
+        super().__init__()
+        self.query = query
+
+    def __bool__(self) -> bool:
+        return True
+
+    def height(self, points: Array) -> Array:
+        """As ``Terrain.height``."""
+        return np.asarray(self.query(np.asarray(points, dtype=np.float64)), dtype=np.float64)
+
+
+def joined(hips: Array, local: Array) -> tuple[Array, Array]:
+    """A motion, hips (T, 3) and local rotations (T, J, 4), with the jumps of pose and speed taken out behind
+    its first ENDS frames and before its last ENDS, which stay.
+    """
+    hips, local = hips.copy(), local.copy()
+    blend = _blend(len(hips))
+    soften_seam(hips, local, ENDS, blend)
+    back_hips, back_local = hips[::-1].copy(), local[::-1].copy()
+    soften_seam(back_hips, back_local, ENDS, blend)
+    return back_hips[::-1], back_local[::-1]
+
+
+def planted(hips: Array, local: Array, ground: Ground | None = None) -> tuple[Array, Array]:
+    """The same motion with feet that stand from landing to lift-off, on the ``ground`` or, without, on the
+    floor at z = 0; its first and last ENDS frames stay.
+    """
+    span = slice(ENDS - 1, len(hips) - ENDS + 1)  # one frame that stays at either end
+    whole = Pose(HUMAN, hips.astype(np.float64), local.astype(np.float64))
+    pose = whole.part(span)
+    terrain = Terrain() if ground is None else SensedGround(ground)
+    soil = FootGround(terrain, Terrain(), np.zeros(len(pose.hips)))
+    over = whole.positions.copy()
+    over[..., 2] -= soil.height(over[..., :2])
+    labels = detect_foot_contacts(over)[span].astype(np.float64)
+    first, last = ((pose.positions[k, TOES], pose.world[k, ANKLES]) for k in (0, -1))
+    feet = footsteps(pose.positions[:, TOES], pose.world[:, ANKLES], labels, soil, None, first, last)
+    done = solved(pose, feet.tasks(), stiffness())
+
+    def within(old: Array, new: Array) -> Array:
+        return np.concatenate((old[:ENDS], new[1:-1], old[-ENDS:]))
+
+    new_hips, new_local = joined(within(whole.hips, done.hips), within(whole.local, done.local))
+    ankles = within(whole.positions[:, ANKLES], feet.ankles)
+    turns = within(whole.world[:, ANKLES], feet.rotations)
+    blend = _blend(len(hips))
+    for _ in (0, 1):  # forth and back
+        soften_places(ankles, ENDS, blend)
+        soften_turns(turns, ENDS, blend)
+        ankles, turns = ankles[::-1].copy(), turns[::-1].copy()
+    placed = place_on(HUMAN, new_hips, new_local, LEGS, ankles, turns)
+    return new_hips, within(whole.local, placed[ENDS - 1 : len(hips) - ENDS + 1])
+
+
+def _blend(count: int) -> int:
+    """Frames over which a jump fades in a motion of so many, ENDS at either side among them."""
+    return min(BLEND_FRAMES, max(1, count - 2 * ENDS))
+
+
+__all__ = ["ENDS", "Ground", "joined", "planted"]

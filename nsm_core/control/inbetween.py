@@ -1,0 +1,144 @@
+"""Fill: the missing frames of a motion, from what stands before them to what stands after (papers/001).
+
+Past and target are the animator's and stay as they are.  What is between comes from a Recurrent Transition
+Network, or without one from interpolation; then it is made to leave and reach both without a pop, and its
+feet to stand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from nsm_core.body.clip import Clip
+from nsm_core.body.contacts import TOES
+from nsm_core.body.ik.between import ENDS, Ground, joined, planted
+from nsm_core.body.interpolation import interpolated
+from nsm_core.body.skeleton import TOE_HEIGHT
+from nsm_core.conventions import FPS
+from nsm_core.errors import GapError
+from nsm_core.rotations import Array
+
+MIN_FRAMES, MAX_FRAMES = 3, 90  # that can be filled at 30 a second
+PAST = 10  # frames of context that a network reads (section 3.1)
+MISSED = 0.1  # metres from its target, mean over joints, from which on a network's miss is told
+FASTEST = 5.0  # m/s of the hips: who is asked for more is told
+
+
+@dataclass(frozen=True)
+class Gap:
+    """What stands on both sides of missing frames, at 30 Hz.
+
+    ``past``: 1 to PAST frames before the gap, the last of them the last that is kept; ``target``: the first
+    that is kept after it and the one behind it, for its speed.  ``ground`` gives heights (N,) at world places
+    (N, 2), metres; None where none is known, then it is level under the lowest foot.  ``seed`` 0 is the mean,
+    others are variations.
+    """
+
+    past: Clip
+    target: Clip
+    frames: int
+    ground: Ground | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Filled:
+    """The missing frames.
+
+    ``gap_before_blend``: metres, mean over joints, by which the method itself missed the target frame, before
+    anything was corrected.  ``notes`` are sentences.
+    """
+
+    clip: Clip
+    gap_before_blend: float
+    notes: tuple[str, ...]
+
+
+class Transitions(Protocol):
+    """A trained network that fills gaps."""
+
+    def transition(self, gap: Gap) -> tuple[Array, Array, float]:
+        """Hips (frames, 3) and local rotations (frames, 23, 4) of the missing frames, and as
+        ``gap_before_blend``.
+        """
+        ...
+
+
+def check(gap: Gap) -> tuple[str, ...]:
+    """Sentences on what is unusual about a gap; GapError where it cannot be filled."""
+    if not len(gap.past):
+        raise GapError("There is no frame before the gap; begin it after a key.")
+    if not len(gap.target):
+        raise GapError("There is no key after the gap to reach; set one, or end the gap before one.")
+    if not MIN_FRAMES <= gap.frames <= MAX_FRAMES:
+        raise GapError(
+            f"{gap.frames} frames are missing, and from {MIN_FRAMES} to {MAX_FRAMES} at {FPS} a second can "
+            "be filled; choose other keys, or set one in between."
+        )
+    notes = []
+    if len(gap.past) < PAST:
+        known = "frame is" if len(gap.past) == 1 else "frames are"
+        notes.append(
+            f"{len(gap.past)} {known} known before the gap and {PAST} are read; they are extended to the "
+            "front."
+        )
+    if len(gap.target) < 2:
+        notes.append("There is one frame after the gap alone; the motion comes to rest in it.")
+    way = float(np.linalg.norm(gap.target.hips_position[0] - gap.past.hips_position[-1]))
+    speed = way * FPS / (gap.frames + 1)
+    if speed > FASTEST:
+        notes.append(
+            f"The hips have {way:.1f} m to go in {gap.frames} frames, {speed:.1f} m/s; more frames or a "
+            "nearer target would let the character move as people do."
+        )
+    return tuple(notes)
+
+
+def fill(gap: Gap, network: Transitions | None) -> Filled:
+    """Fill a gap by a network, or by interpolation where there is none; GapError as of ``check``."""
+    notes = check(gap)
+    past, target, count = gap.past, gap.target, gap.frames
+    if network is None:
+        hips, local = interpolated(
+            (past.hips_position[-1], target.hips_position[0]),
+            (past.local_rotations[-1], target.local_rotations[0]),
+            count,
+        )
+        hips, local, missed = hips[:-1], local[:-1], 0.0
+        if gap.seed:
+            notes += ("Interpolation has no variations.",)
+    else:
+        hips, local, missed = network.transition(gap)
+    level = 0.0 if gap.ground is not None else min(_level(past), _level(target))
+    hips = np.concatenate((_before(past.hips_position), hips, _after(target.hips_position)))
+    local = np.concatenate((_before(past.local_rotations), local, _after(target.local_rotations)))
+    up = np.array((0.0, 0.0, level))
+    hips, local = planted(*joined(hips.astype(np.float64) - up, local.astype(np.float64)), gap.ground)
+    kept = slice(ENDS, ENDS + count)
+    clip = Clip("fill", (hips[kept] + up).astype(np.float32), local[kept].astype(np.float32))
+    filled = Filled(clip, missed, notes)
+    if filled.gap_before_blend > MISSED:
+        told = f"The network came to {100 * missed:.0f} cm from the target; the rest was blended."
+        return replace(filled, notes=(*notes, told))
+    return filled
+
+
+def _level(clip: Clip) -> float:
+    """Height of a floor on which its lower foot stands, metres."""
+    return float(clip.world()[0][:, TOES, 2].min()) - TOE_HEIGHT
+
+
+def _before(values: Array) -> Array:
+    """The last ENDS of (T, ...) frames; one alone is at rest."""
+    return values[-ENDS:] if len(values) >= ENDS else np.repeat(values, ENDS, axis=0)
+
+
+def _after(values: Array) -> Array:
+    """The first ENDS of (T, ...) frames; one alone is at rest."""
+    return values[:ENDS] if len(values) >= ENDS else np.repeat(values, ENDS, axis=0)
+
+
+__all__ = ["MAX_FRAMES", "MIN_FRAMES", "PAST", "Filled", "Gap", "Transitions", "check", "fill"]
