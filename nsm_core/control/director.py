@@ -26,7 +26,7 @@ from nsm_core.world.sensors.interaction import InteractionVolume
 
 from .actions.approach import Command, Ground
 from .actions.base import Grasp, Stage
-from .actions.registry import begin, check_reachable
+from .actions.registry import begin, check_reachable, standing_places
 from .goals import Goal, GoalResult, Moment
 from .start import Trail
 
@@ -222,10 +222,27 @@ class Director:
         self._ground.pace = following.pace
         try:
             self.stage = begin(following, self._ground, moment, self.grasps, self._scene, self._ik, before)
+            onward = self._onward(index)
+            if onward is not None:
+                self.stage.pass_on(onward)
         except GoalError as error:
             self._give_up(error)
         self._perform(moment)
         self.way = self.way_left(moment.root[:2])
+
+    def _onward(self, index: int) -> Array | None:
+        """Where (2,) the goal after this one leads first; None where one is to come to rest before it."""
+        goal, following = self.goals[index], self.goals[index + 1 : index + 2]
+        if not following or self.gate is not None or self.plan is None or goal.by is not None:
+            return None
+        if goal.hold + following[0].wait > 0 or (goal.prop is not None and goal.prop is following[0].prop):
+            return None
+        here = np.asarray(goal.position[:2], dtype=np.float64)
+        try:
+            places = standing_places(following[0], here, self.plan, {}, self._scene.environment)
+        except GoalError:
+            return None
+        return places[0] if places else None
 
     def _perform(self, moment: Moment) -> None:
         """Let the stage command, and put the hands to work that it wants."""
@@ -280,15 +297,18 @@ class Director:
             if self._hold <= 0:
                 self._begin(self.index + 1, moment)
             return
-        if stage.part != self._part:  # type: ignore[union-attr]
-            self._part, self._since, self._left = stage.part, self._frame, np.inf  # type: ignore[union-attr]
+        assert stage is not None
+        if stage.part != self._part:
+            self._part, self._since, self._left = stage.part, self._frame, np.inf
         left = self.way_left(moment.root[:2])
         if left < self._left - STEP_ON:
             self._since, self._left = self._frame, left
-        self._rest = self._rest + 1 if stage.arrived(moment) else 0  # type: ignore[union-attr]
-        late = not stage.endless and (self._frame - self._since) / FPS > self.time_limit  # type: ignore[union-attr]
-        if self._rest >= SETTLE or late:
-            result.reached = self._rest >= SETTLE
+        there = stage.passed(moment) if stage.passing else stage.arrived(moment)
+        self._rest = self._rest + 1 if there else 0
+        settled = self._rest >= (1 if stage.passing else SETTLE)
+        late = not stage.endless and (self._frame - self._since) / FPS > self.time_limit
+        if settled or late:
+            result.reached = settled
             result.seconds, result.end_frame = (self._frame - self._started) / FPS, self._frame
             following = self.goals[self.index + 1 : self.index + 2]
             stay = self.goals[self.index].hold + sum(goal.wait for goal in following)

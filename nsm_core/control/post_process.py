@@ -35,6 +35,7 @@ from nsm_core.world.scene.terrain import Terrain
 
 from .actions.base import Grasp, SeatTarget
 from .actions.hold import Lead, SeenBody
+from .gaze import looking
 from .goals import Moment
 from .hands import hands_of
 from .load import leant
@@ -130,7 +131,7 @@ class PostProcess:
             contacts[:, HIP_CONTACT],
             [n.seat for n in notes],
         )
-        pose = Pose(self.figure.tree, hips, local)
+        pose = looking(Pose(self.figure.tree, hips, local), [n.leads for n in notes])
         yield
         ground = FootGround(self.terrain, self.low, np.array([n.level for n in notes]))
         solids = [*self._solids(props), *others]

@@ -15,7 +15,7 @@ import numpy as np
 from nsm_core.control.goals import Moment
 from nsm_core.conventions import SIT
 from nsm_core.errors import GoalError
-from nsm_core.rotations import Array
+from nsm_core.rotations import Array, direction_to_heading
 from nsm_core.world.geometry.distance import Union
 from nsm_core.world.planning.floor_plan import FloorPlan, path_length
 from nsm_core.world.planning.path import Course
@@ -34,6 +34,7 @@ STALL, LED = (
 )  # frames of standing still short of a goal before one is led on, and for how long at most
 _STIRRED = 0.02  # metres or radians by which a thing may have moved before the floor is looked at again
 STANDS_OPEN = np.radians(20)  # a leaf that is open by more stands in the way
+PASSED, LEAST_ONWARD = 0.12, 0.5  # metres before a place that count as through it; of way that go on from it
 LEAST_RUN = 2.5  # metres: a shorter way is walked
 
 
@@ -174,6 +175,20 @@ class Approach:
         self.gait, self.ready, self.thing, self.anyway = gait, ready, thing, anyway
         self.command: Command | None = None
         self._stall = self._led = 0
+        self._onward: Array | None = None
+        self._through = np.inf  # metres of the course up to the standing place, of one who goes on
+
+    def through(self, onward: Array) -> None:
+        """Do not come to rest at the standing place, but go on from there to ``onward`` (2,)."""
+        onward = np.asarray(onward, dtype=np.float64)
+        if np.linalg.norm(onward - self.stand) > LEAST_ONWARD:
+            self._onward = onward
+
+    @property
+    def passed(self) -> bool:
+        """Whether one who goes on has come through the standing place."""
+        course = None if self.command is None else self.command.course
+        return course is not None and course.progress > self._through - PASSED
 
     @property
     def given(self) -> bool:
@@ -202,6 +217,8 @@ class Approach:
         return self.command
 
     def _ready(self, moment: Moment, distance: float) -> bool:
+        if self._onward is not None:
+            return False
         if self.ready is not None:
             return self.ready(moment)
         return distance < self.reach and (
@@ -218,10 +235,25 @@ class Approach:
         gait = WALKING if self.gait is RUNNING and path_length(way) < LEAST_RUN else self.gait
         speed = self.ground.pace * float(self.ground.rng.uniform(*gait.speeds))
         stairs = self.ground.stairs
-        course = Course(way, self.heading, speed, gait.turn_distance, gait.acceleration, gait.deceleration)
+        heading, self._through = self.heading, np.inf
+        if self._onward is not None:
+            onward = self._on_from(self._onward)
+            if onward is not None:
+                self._through = path_length(way)
+                heading = float(direction_to_heading(onward[-1] - onward[-2]))
+                way = np.concatenate((way, onward[1:]))
+        course = Course(way, heading, speed, gait.turn_distance, gait.acceleration, gait.deceleration)
         if stairs:
             course.most = stairs.pace(way, speed)
         return Command(gait.action, course=course, thing=self.thing)
+
+    def _on_from(self, onward: Array) -> Array | None:
+        """Way (N, 2) from the standing place on; None, and one stops there, where none is free."""
+        try:
+            return self.ground.way(self.stand, onward, self.thing)
+        except GoalError:
+            self._onward = None
+            return None
 
     def _watch(self, moment: Moment, arrived: Callable[[Moment], bool]) -> None:
         """Where the network has come to rest short of its goal, lead it on to the standing place, then ask

@@ -28,6 +28,7 @@ class Stage:
 
     part = 0  # counts the parts of a stage; each has its own time limit
     endless = False  # whether it goes on until something else is asked for
+    passing = False  # whether the next goal begins at once, so that one need not come to rest
 
     def __init__(self, goal: Goal) -> None:
         self.goal = goal
@@ -39,6 +40,14 @@ class Stage:
     def arrived(self, moment: Moment) -> bool:
         """Whether the goal is reached now."""
         raise NotImplementedError
+
+    def pass_on(self, onward: Array) -> None:
+        """Have the next goal, which leads to ``onward`` (2,), begin as soon as this one has been done."""
+        self.passing = True
+
+    def passed(self, moment: Moment) -> bool:
+        """Whether one who passes on has done what the goal asks for."""
+        return self.arrived(moment)
 
     def target(self) -> tuple[Array | None, float, int]:
         """Place (None: any) and heading that the hips, or the box, should have in the end, and over how many

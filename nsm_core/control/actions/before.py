@@ -12,6 +12,22 @@ class Before(Stage):
     """Something that is done first; ``stage`` is what then performs the goal, None until it begins."""
 
     stage: Stage | None = None
+    _onward: Array | None = None
+
+    def begin(self, stage: Stage) -> None:
+        """Have ``stage`` perform the goal from now on."""
+        self.stage = stage
+        if self._onward is not None:
+            stage.pass_on(self._onward)
+
+    def pass_on(self, onward: Array) -> None:
+        super().pass_on(onward)
+        self._onward = onward
+        if self.stage is not None:
+            self.stage.pass_on(onward)
+
+    def passed(self, moment: Moment) -> bool:
+        return self.stage is not None and self.stage.passed(moment)
 
     def arrived(self, moment: Moment) -> bool:
         return self.stage is not None and self.stage.arrived(moment)

@@ -137,6 +137,9 @@ class Carry(Stage):
             and moment.speed < 0.15
         )
 
+    def passed(self, moment: Moment) -> bool:
+        return self.part % 3 == 2 and self._stands()  # hands return on the way
+
     def target(self) -> tuple[Array | None, float, int]:
         return self.grasp.goal[:3], float(self.grasp.goal[3]), 3
 

@@ -116,9 +116,12 @@ class Pass(Stage):
         )
 
     def arrived(self, moment: Moment) -> bool:
+        return self.passed(moment) and moment.speed < 0.15
+
+    def passed(self, moment: Moment) -> bool:
         far = float(np.linalg.norm(moment.root[:2] - self.way.beyond))
         ahead = float((moment.root[:2] - self.way.middle) @ heading_to_direction(np.array(self.way.heading)))
-        return self.part == 2 and (far < ARRIVED or ahead > 1.0 > far) and moment.speed < 0.15
+        return self.part == 2 and (far < ARRIVED or ahead > 1.0 > far)
 
     def target(self) -> tuple[Array | None, float, int]:
         return np.append(self.way.beyond, 0.0), self.way.heading, 2

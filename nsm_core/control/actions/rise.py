@@ -46,7 +46,7 @@ class TurnBack(Before):
                 self.command, self._frames = self._rise, 0
             elif self.command is self._rise and (self._up(moment) or self._frames > PATIENCE):
                 # What follows is planned from where one is about to stand: the way there leads off the seat.
-                self.stage = self.following(replace(moment, root=self._stand, heading=self.back.heading))
+                self.begin(self.following(replace(moment, root=self._stand, heading=self.back.heading)))
         return self.command if self.stage is None else self.stage.update(moment)
 
     def _turned(self, moment: Moment) -> bool:

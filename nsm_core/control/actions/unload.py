@@ -85,7 +85,8 @@ class Unloading(Before):
             command = self._carry.update(moment)
             if not self._carry.released:
                 return command
-            self.stage = self._following(moment)
+            self.begin(stage := self._following(moment))
+            return stage.update(moment)
         return self.stage.update(moment)
 
     def end(self, reached: bool, again: bool = False) -> None:

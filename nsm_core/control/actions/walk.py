@@ -66,6 +66,13 @@ class Go(Stage):
         stand = goal.position[:2].astype(np.float64)
         self.approach = Approach(ground, stand, goal.heading, final, reach, gait, thing=thing)
 
+    def pass_on(self, onward: Array) -> None:
+        super().pass_on(onward)
+        self.approach.through(onward)
+
+    def passed(self, moment: Moment) -> bool:
+        return self.approach.passed or self.arrived(moment)
+
     def update(self, moment: Moment) -> Command:
         return self.approach.update(moment, self.arrived)
 
