@@ -10,7 +10,7 @@ import numpy as np
 from nsm_core.control.goals import Goal, Moment
 from nsm_core.conventions import IDLE, SIT
 from nsm_core.distances import STAND_AHEAD
-from nsm_core.rotations import Array, heading_to_direction
+from nsm_core.rotations import Array, heading_to_direction, wrap_angle
 from nsm_core.world.scene.props import Prop
 
 from . import follow
@@ -19,6 +19,7 @@ from .base import EXECUTED, Performer, Stage, StageStart, Way
 from .steer import Steer
 
 LED_RUN = 1.0  # metres from its end up to which a run is led, as in the training data
+FACED = np.radians(25)  # of the goal's heading within which one is there
 LED_WALK = 0.6  # the same of a walk along a line, or at a speed that is asked for
 
 
@@ -77,7 +78,9 @@ class Go(Stage):
         return self.approach.update(moment, self.arrived)
 
     def arrived(self, moment: Moment) -> bool:
-        return float(np.linalg.norm(moment.root[:2] - self.goal.position[:2])) < 0.3 and moment.speed < 0.15
+        near = float(np.linalg.norm(moment.root[:2] - self.goal.position[:2])) < 0.3
+        facing = abs(float(wrap_angle(moment.heading - self.goal.heading))) < FACED
+        return near and facing and moment.speed < 0.15
 
 
 def _goer(gait: Gait, reach: float, led: float) -> Callable[[Goal, StageStart], Stage]:
