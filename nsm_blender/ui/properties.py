@@ -105,7 +105,8 @@ class NsmGoal(bpy.types.PropertyGroup):
     )
     hold: FloatProperty(
         name="Stay",
-        description="How long the character stays before the next goal, in seconds",
+        description="How long the character stays before the next goal, in seconds; 0: it goes on into the "
+        "next one without coming to rest",
         default=2.0,
         min=0.0,
         soft_max=20.0,

@@ -8,6 +8,8 @@ from typing import Any
 
 import bpy
 
+from nsm_core.world.actions import BY_KEY
+
 
 def queue_of(scene: bpy.types.Scene) -> Any:
     """Return what holds the ``goals`` and the ``active_goal`` that the sidebar shows, the chosen character's.
@@ -20,6 +22,12 @@ def queue_of(scene: bpy.types.Scene) -> Any:
         return settings
     own = settings.character.nsm_queue
     return own if len(own.goals) or not len(settings.goals) else settings
+
+
+def flow_on(goal: Any) -> None:
+    """Have a new row go on to the next one without a stay, where its action is a stretch of the way."""
+    if not BY_KEY[goal.action].stays:
+        goal.hold = 0.0
 
 
 def cast_of(scene: bpy.types.Scene) -> list[tuple[bpy.types.Object, Any]]:

@@ -57,6 +57,11 @@ class Action:
         return self.aim is Aim.OBJECT
 
     @property
+    def stays(self) -> bool:
+        """Whether one usually stays once it is done; else it is a stretch of the way to what follows."""
+        return self.aim is not Aim.PLACE and not self.moved
+
+    @property
     def moves(self) -> bool:
         """Whether its object is moved and keyed with the character."""
         return bool(self.moved)

@@ -12,6 +12,7 @@ from nsm_core.errors import NsmError
 from nsm_core.world.actions import ACTIONS, Aim
 
 from ..properties import GOAL_TYPES, NsmGoal, action_of, queue_of, settings_of, spec_of_row
+from ..queue import flow_on
 from ..session import TakeSession
 from .modal import Modal
 from .reporting import WhileIdle, sentences
@@ -46,10 +47,12 @@ class NSM_OT_goal_add(WhileIdle, bpy.types.Operator):
         for asked in asked_of(chosen, _frame_of(settings.character, context.scene), context.active_object):
             goal = queue.goals.add()
             goal.object, goal.action, goal.destination = asked.target, asked.action, asked.to
+            flow_on(goal)
         if not chosen:
             goal = queue.goals.add()
             goal.action = next(a.key for a in ACTIONS if a.aim is Aim.PLACE)
             goal.location = context.scene.cursor.location
+            flow_on(goal)
         queue.active_goal = len(queue.goals) - 1
         return {"FINISHED"}
 

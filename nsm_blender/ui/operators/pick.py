@@ -15,6 +15,7 @@ from nsm_core.world.actions import ACTIONS, Aim
 
 from .. import running
 from ..properties import NsmGoal, action_of, queue_of, settings_of
+from ..queue import flow_on
 from .modal import VIEW_EVENTS
 from .reporting import WhileIdle
 
@@ -39,6 +40,7 @@ class NSM_OT_goal_pick(WhileIdle, bpy.types.Operator):
         if goal is None or not _has_place(goal):
             goal = queue.goals.add()
             goal.action = next(a.key for a in ACTIONS if a.aim is Aim.PLACE)
+            flow_on(goal)
             queue.active_goal = len(queue.goals) - 1
         goal.location = self.location
         return {"FINISHED"}
