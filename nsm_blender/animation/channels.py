@@ -99,6 +99,19 @@ def new_action(name: str, slot_name: str) -> ActionChannels:
     return ActionChannels(action, slot, _channelbag(action, slot))
 
 
+def copied_channels(channels: ActionChannels, name: str) -> ActionChannels:
+    """Copy an action with all that it holds, the channels of one object in hand; the copy is not assigned to
+    anything yet.
+    """
+    action = channels.action.copy()
+    _made.append(identity(action))
+    action.name = name
+    if channels.slot is None:
+        return ActionChannels(action, None, action)
+    slot = next(s for s in action.slots if s.handle == channels.slot.handle)
+    return ActionChannels(action, slot, _channelbag(action, slot))
+
+
 def made_so_far() -> int:
     """A mark in the add-on's making of actions, for ``made_since``."""
     return len(_made)

@@ -72,7 +72,7 @@ def note_made(channels: ActionChannels, first: float, kept: KeptEdits) -> None:
     """Note the keys that an action has now as the add-on's, but for those ``kept``, and the frame that its
     take begins with.
     """
-    made = np.concatenate([np.zeros(0, np.uint32), *(_prints(curve) for curve in channels.bag.fcurves)])
+    made = np.concatenate([np.zeros(0, np.uint32), *(prints(curve) for curve in channels.bag.fcurves)])
     theirs = np.concatenate([np.zeros(0, np.uint32), *kept.prints])
     channels.action[_MADE] = np.setdiff1d(made, theirs).tobytes()
     channels.action[_FIRST] = float(first)
@@ -82,7 +82,7 @@ def edited_keys(action: bpy.types.Action, slot: Any | None) -> Iterator[tuple[bp
     """Curves of a take's action with keys of the animator's, and which these are, (N,) bool."""
     made = np.frombuffer(action.get(_MADE, b""), np.uint32)
     for curve in curves_in(action, slot):
-        edited = ~np.isin(_prints(curve), made)
+        edited = ~np.isin(prints(curve), made)
         if edited.any():
             yield curve, edited
 
@@ -125,7 +125,7 @@ def keep_edits(
         group = old[listed[0]].group
         bone = name.startswith("pose.bones") and group is not None
         kept.add(group.name if bone else name, frames)
-        kept.prints += [_prints(edited[p][0])[edited[p][1]] for p in listed]
+        kept.prints += [prints(edited[p][0])[edited[p][1]] for p in listed]
     return kept
 
 
@@ -216,7 +216,7 @@ def _change(old: list[Any], new: list[Any], frame: float, quaternion: bool) -> A
     return quat_to_rotvec(turn if turn[0] >= 0 else -turn)
 
 
-def _prints(curve: bpy.types.FCurve) -> Array:
+def prints(curve: bpy.types.FCurve) -> Array:
     """A number (N,) uint32 for each key of a curve."""
     count = len(curve.keyframe_points)
     kinds = np.empty(count, np.intc)

@@ -1,0 +1,1 @@
+"""Fill: missing frames between keys that stand, made and keyed on the animator's own action."""
