@@ -14,6 +14,8 @@ import bpy
 from nsm_core.earlier import keep_names
 
 if TYPE_CHECKING:
+    from .fill.fill import FilledGap, fill_gap
+    from .fill.spec import FillSpec
     from .goals.spec import GoalSpec
     from .keys.report import goal_line
     from .pictures.outputs import save_blend, write_json
@@ -27,12 +29,15 @@ keep_names()
 
 # Where a public name is kept.
 _KEPT = {
+    "FillSpec": "fill.spec",
+    "FilledGap": "fill.fill",
     "GoalSpec": "goals.spec",
     "Progress": "progress",
     "Take": "takes",
     "TakeSpec": "prepare",
     "add_character": "rigs.character",
     "contact_sheet": "pictures.render",
+    "fill_gap": "fill.fill",
     "finish": "progress",
     "generate": "takes",
     "goal_line": "keys.report",
@@ -41,12 +46,15 @@ _KEPT = {
     "write_json": "pictures.outputs",
 }
 __all__ = [
+    "FillSpec",
+    "FilledGap",
     "GoalSpec",
     "Progress",
     "Take",
     "TakeSpec",
     "add_character",
     "contact_sheet",
+    "fill_gap",
     "finish",
     "generate",
     "goal_line",
@@ -106,6 +114,7 @@ def _register() -> None:
             type=properties.NsmQueue, override=properties.OVERRIDABLE
         )
     operators.help.install()
+    operators.fill.install()
     overlays.install()
     watch.install()
 
@@ -117,6 +126,7 @@ def unregister() -> None:
     running.interrupt("The add-on was switched off meanwhile, so Generate stopped and nothing was keyed.")
     watch.uninstall()
     operators.help.uninstall()
+    operators.fill.uninstall()
     overlays.uninstall()
     if hasattr(bpy.types.Scene, "nsm"):
         del bpy.types.Scene.nsm

@@ -43,7 +43,7 @@ class Stretch:
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedGap:
     """The ``stretches`` to fill from the pose at ``start`` to the one at ``end``; ``again`` where these very
     frames were filled before.  ``first`` and ``last`` are the frames between which there are keys.
     """
@@ -120,7 +120,7 @@ def selected_span(character: bpy.types.Object) -> tuple[float, float] | None:
     return (min(frames), max(frames)) if frames and max(frames) - min(frames) > _SAME else None
 
 
-def find(spec: FillSpec, channels: ActionChannels, now: float, fps: float) -> Asked:
+def find(spec: FillSpec, channels: ActionChannels, now: float, fps: float) -> AskedGap:
     """What a spec asks for among the keys of its character; GapError where there is nothing to fill."""
     who, curves = spec.character.name, body_curves(spec.character, channels)
     made = made_keys(channels)
@@ -139,7 +139,9 @@ def find(spec: FillSpec, channels: ActionChannels, now: float, fps: float) -> As
         start, end = _around(at, every, who)
     again = bool(last_fill) and max(abs(start - last_fill[0]), abs(end - last_fill[1])) < _SAME
     if not end - start > _SAME:
-        raise GapError(f"The gap ends at frame {end:g}, not after frame {start:g}; give its end a later frame.")
+        raise GapError(
+            f"The gap ends at frame {end:g}, not after frame {start:g}; give its end a later frame."
+        )
     keyed = poses(curves, made) if again else every
     if not (keyed <= start + _SAME).any():
         raise GapError(
@@ -160,7 +162,7 @@ def find(spec: FillSpec, channels: ActionChannels, now: float, fps: float) -> As
         )
     for stretch in stretches:
         _require_short(stretch, fps)
-    return Asked(start, end, tuple(stretches), again, float(keyed[0]), float(keyed[-1]))
+    return AskedGap(start, end, tuple(stretches), again, float(keyed[0]), float(keyed[-1]))
 
 
 def _around(at: float, keyed: Array, who: str) -> tuple[float, float]:

@@ -1,5 +1,4 @@
-"""The keys of a curve as arrays, so that some are added or taken out and all others stay as they are, byte for
-byte.
+"""The keys of a curve as arrays: some are added or taken out, and all others stay as they are, byte for byte.
 
 Blender's own ways of adding a key reckon the automatic handles of its neighbours anew, and what they show
 with them.

@@ -13,7 +13,7 @@ from nsm_core.rotations import Array
 
 from ..animation.channels import ActionChannels
 from ..keys.edits import prints
-from .gap import MADE, SPAN, Asked, made_keys
+from .gap import MADE, SPAN, AskedGap, made_keys
 from .key_arrays import Keys, frames_of, generated, merged, read_keys, taken, write_keys
 from .values import Moves, led_places, led_turns, path_of, rotation_path
 
@@ -24,16 +24,18 @@ _SHAPED = 1e-5  # by which a curve may differ from a straight line
 
 @dataclass
 class GapKeys:
-    """Keys being made in the gap from ``start`` to ``end``, in ``channels`` of their own.
+    """Keys being made in the gap from ``start`` to ``end``, one of those between the poses ``outer``, in
+    ``channels`` of their own.
 
     ``kept`` counts the animator's keys in the gap that stay, by their bone.
     """
 
     character: bpy.types.Object
     channels: ActionChannels
-    start: float
-    end: float
+    outer: tuple[float, float]
     replace: bool = False
+    start: float = 0.0
+    end: float = 0.0
     kept: dict[str, int] = field(default_factory=dict)
     _made: list[Array] = field(default_factory=list)
 
@@ -47,8 +49,10 @@ class GapKeys:
             elif mine.any():
                 write_keys(curve, taken(read_keys(curve), ~mine))
 
-    def note(self, asked: Asked) -> None:
+    def note(self, asked: AskedGap) -> None:
         """Note on the action which keys were made, and between which poses."""
+        if MADE in self.channels.action:  # bytes set over others would end with their first zero
+            del self.channels.action[MADE]
         self.channels.action[MADE] = np.concatenate([np.zeros(0, np.uint32), *self._made]).tobytes()
         self.channels.action[SPAN] = [float(asked.start), float(asked.end)]
 
@@ -79,6 +83,8 @@ class GapKeys:
             return
         if old is None:
             frames, values = np.insert(frames, 0, self.start), np.insert(values, 0, now)
+        else:
+            self._hold_shape(old)
         self._add(path, 0, bone, frames, values, np.ones(len(frames), bool))
 
     def _anchors(
@@ -91,8 +97,8 @@ class GapKeys:
             for curve in old.values():
                 keys = read_keys(curve)
                 gone = np.array([self._inside(f) for f in keys["co"][:, 0]], bool)
-                if gone.any() and not gone.all():
-                    self._hold_shape(path, curve)  # while it is still what is seen outside
+                if gone.any():
+                    self._hold_shape(curve)  # while it is still what is seen outside
                     keys = read_keys(curve)
                     gone = np.array([self._inside(f) for f in keys["co"][:, 0]], bool)
                     write_keys(curve, taken(keys, ~gone))
@@ -127,10 +133,10 @@ class GapKeys:
                 frames, own = rows, np.concatenate((now[index : index + 1], own, now[index : index + 1]))
                 hold = None if held is None else np.concatenate(([False], holds, [False]))
             else:
-                self._hold_shape(path, old[index])
+                self._hold_shape(old[index])
             self._add(path, index, bone, frames, own, hold)
 
-    def _hold_shape(self, path: str, curve: bpy.types.FCurve) -> None:
+    def _hold_shape(self, curve: bpy.types.FCurve) -> None:
         """Give a curve keys where it would else look otherwise outside the gap: at the ends of the gap, and
         up to its next key beyond them where it is no straight line there.
         """
@@ -140,7 +146,7 @@ class GapKeys:
         for beyond, end in ((before[-1:], self.start), (after[:1], self.end)):
             if len(beyond) and abs(beyond[0] - end) < _SAME:
                 continue
-            if not len(beyond):
+            if not len(beyond) or end not in self.outer:
                 wanted.append(np.array([end]))
                 continue
             low, high = sorted((float(beyond[0]), float(end)))

@@ -79,9 +79,7 @@ def led_places(values: Array, anchors: Array, there: Array) -> Array:
     return values + _faded(there - values[anchors], anchors, len(values))
 
 
-def led_turns(
-    mode: str, turns: Array, anchors: Array, there: Array
-) -> tuple[Array, Array]:
+def led_turns(mode: str, turns: Array, anchors: Array, there: Array) -> tuple[Array, Array]:
     """Values (N, 3 or 4) of the channel of a rotation mode for ``turns`` (N, 4), led through the values
     ``there`` (K, 3 or 4) in the rows ``anchors`` (K,), and whether what follows a row (N,) is another way to
     say a turn, so that nothing may be drawn in between.
@@ -96,9 +94,7 @@ def led_turns(
     for row in range(len(values), len(turns)):
         before = values[-1] if values else None
         values.append(
-            np.asarray(fixed[row], dtype=np.float64)
-            if row in fixed
-            else _like(mode, turns[row], before)
+            np.asarray(fixed[row], dtype=np.float64) if row in fixed else _like(mode, turns[row], before)
         )
     told = np.array(values)
     return told, np.append(_elsewhere(mode, told), False)

@@ -13,6 +13,7 @@ from . import running
 from .bones_panel import NSM_PT_bones
 from .character_panel import NSM_PT_character
 from .drawing import Sidebar
+from .fill_panel import NSM_PT_fill
 from .generate_panel import NSM_PT_generate
 from .goals_panel import NSM_MT_queues, NSM_PT_goals, NSM_UL_goals
 from .keys_panel import NSM_PT_keys
@@ -52,6 +53,7 @@ CLASSES = (
     NSM_PT_goals,
     NSM_PT_generate,
     NSM_PT_keys,
+    NSM_PT_fill,
     NSM_PT_takes,
     NSM_PT_overlays,
 )

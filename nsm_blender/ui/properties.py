@@ -336,6 +336,41 @@ class NsmKeyOptions(bpy.types.PropertyGroup):
     )
 
 
+class NsmFillOptions(bpy.types.PropertyGroup):
+    """Which missing frames Fill makes, and how."""
+
+    where: EnumProperty(
+        name="Frames",
+        description="Which frames are filled",
+        items=(
+            ("AROUND", "Around the Playhead", "Between the poses keyed before and after the current frame"),
+            ("SELECTED", "Selected Keys", "Between the first and the last selected keys of the character"),
+            ("PREVIEW", "Preview Range", "Between the first and the last frame of the preview range"),
+        ),
+    )
+    method: EnumProperty(
+        name="Method",
+        description="What makes the frames",
+        items=(
+            ("network", "Transition Network", "Motion as people move, by a Recurrent Transition Network "
+             "that has learned from captures and senses the ground below"),
+            ("interpolate", "Interpolation", "The shortest way from pose to pose, with planted feet"),
+        ),
+    )  # fmt: skip
+    replace: BoolProperty(
+        name="Replace Keys",
+        description="Make the keys between the two ends anew; off, poses there are reached and single keys "
+        "kept",
+        default=False,
+    )
+    seed: IntProperty(
+        name="Variation",
+        description="0 is the likeliest motion; other numbers give others",
+        default=0,
+        min=0,
+    )
+
+
 class NsmSettings(bpy.types.PropertyGroup):
     """Everything the sidebar shows for a scene."""
 
@@ -377,9 +412,21 @@ class NsmSettings(bpy.types.PropertyGroup):
     takes: CollectionProperty(type=NsmTake)
     active_take: IntProperty(name="Take", default=0, min=0)
     keys: PointerProperty(type=NsmKeyOptions)
+    fill: PointerProperty(type=NsmFillOptions)
 
 
-CLASSES = (NsmGoal, NsmQueue, NsmResult, NsmKeyed, NsmTake, NsmBone, NsmRig, NsmKeyOptions, NsmSettings)
+CLASSES = (
+    NsmGoal,
+    NsmQueue,
+    NsmResult,
+    NsmKeyed,
+    NsmTake,
+    NsmBone,
+    NsmRig,
+    NsmKeyOptions,
+    NsmFillOptions,
+    NsmSettings,
+)
 
 
 def settings_of(scene: bpy.types.Scene) -> NsmSettings:

@@ -114,7 +114,7 @@ def reason_no_cast(context: bpy.types.Context) -> str:
     if len(cast) < 2:
         return "Fewer than two characters have enabled goals; choose another character and add goals to it."
     for character, queue in cast:
-        reason = _reason_of(character, context.scene)
+        reason = reason_of(character, context.scene)
         reason = reason or _reason_no_goals(queue.goals, context.scene)
         if reason:
             return reason if character.name in reason else f"{character.name}: {reason}"
@@ -139,10 +139,10 @@ def reason_no_character(scene: bpy.types.Scene) -> str:
     """Why the chosen character cannot act, as a sentence with what to do; empty when it can."""
     if scene.nsm.character is None:
         return "No character is chosen; choose its armature, or add the bundled character."
-    return _reason_of(scene.nsm.character, scene)
+    return reason_of(scene.nsm.character, scene)
 
 
-def _reason_of(character: bpy.types.Object, scene: bpy.types.Scene) -> str:
+def reason_of(character: bpy.types.Object, scene: bpy.types.Scene) -> str:
     """Why a character cannot act, as a sentence with what to do; empty when it can."""
     from ..rigs.bone_map import told_map
     from ..world.frame import holds

@@ -1,0 +1,98 @@
+"""Fill as a button and a menu entry: reviewed, undone and varied as takes are."""
+
+from __future__ import annotations
+
+import bpy
+import pytest
+from gaps import cut, outside, playing, walk, walking
+
+import nsm_blender
+from nsm_blender.rigs.character import add_character
+from nsm_blender.ui.reviews import pending
+
+START, END = 40, 66
+
+
+@pytest.fixture(scope="module", autouse=True)
+def addon():
+    walk()
+    nsm_blender.register()
+    yield
+    nsm_blender.unregister()
+
+
+@pytest.fixture
+def hero():
+    """A character whose walk lacks some frames, with the playhead in the gap."""
+    character = add_character((0.0, 0.0, 0.0))
+    walking(character, 30)
+    cut(character, START, END)
+    scene = bpy.context.scene
+    scene.nsm.character, scene.nsm.fill.method = character, "interpolate"
+    scene.frame_set(50)
+    return character
+
+
+def test_a_fill_is_accepted_or_rejected_and_varied(hero):
+    scene, old, before = bpy.context.scene, hero.animation_data.action, outside(hero, START, END)
+    assert bpy.ops.nsm.fill() == {"FINISHED"}
+    first = hero.animation_data.action
+    assert first != old and old.use_fake_user
+    record = pending(scene)
+    assert record.character.action == first and (record.frame_start, record.frame_end) == (START + 1, END - 1)
+    assert scene.nsm.results[0].text.startswith("25 frames filled between 40 and 66")
+    # Another variation begins from the same keys and leaves the first on the list.
+    assert bpy.ops.nsm.another_fill() == {"FINISHED"}
+    second = hero.animation_data.action
+    assert second not in (old, first) and len(scene.nsm.takes) == 2 and scene.nsm.fill.seed == 1
+    assert {p: k for p, k in outside(hero, START, END).items() if p in before} == before
+    assert bpy.ops.nsm.take_reject() == {"FINISHED"}
+    assert hero.animation_data.action == old and outside(hero, START, END) == before
+    assert bpy.ops.nsm.take_show(index=0) == {"FINISHED"}
+    assert hero.animation_data.action == first
+    assert bpy.ops.nsm.take_accept() == {"FINISHED"}
+    assert pending(scene) is None
+
+
+def test_filling_again_takes_the_place_of_the_first_and_keeps_what_was_edited(hero):
+    old = hero.animation_data.action
+    assert bpy.ops.nsm.fill() == {"FINISHED"}
+    count = len(bpy.data.actions)
+    assert bpy.ops.nsm.fill() == {"FINISHED"}  # the playhead is still in the gap
+    assert len(bpy.data.actions) == count and len(bpy.context.scene.nsm.takes) == 1
+    arm = hero.pose.bones["RightElbow"]
+    arm.rotation_quaternion = (0.9, 0.4, 0.1, 0.0)
+    arm.keyframe_insert("rotation_quaternion", frame=52)
+    assert bpy.ops.nsm.fill() == {"FINISHED"}
+    curves = {(c.data_path, c.array_index): c for c in playing(hero)}
+    path = arm.path_from_id("rotation_quaternion")
+    assert curves[path, 1].evaluate(52) == pytest.approx(0.4, abs=1e-6)
+    assert "RightElbow" in bpy.context.scene.nsm.results[1].text
+    bpy.ops.nsm.take_reject()  # the edited one was kept as if accepted
+    bpy.ops.nsm.take_remove(index=0)
+    assert hero.animation_data.action == old
+
+
+def test_the_menus_fill_between_selected_keys(hero):
+    cut(hero, 20, 34)
+    for curve in playing(hero):
+        for key in curve.keyframe_points:
+            key.select_control_point = key.co.x in (20, 34)
+    assert bpy.ops.nsm.fill(where="MENU") == {"FINISHED"}
+    assert pending(bpy.context.scene).frame_start == 21 and pending(bpy.context.scene).frame_end == 33
+    for curve in playing(hero):
+        for key in curve.keyframe_points:
+            key.select_control_point = False
+    assert bpy.ops.nsm.fill(where="MENU") == {"FINISHED"}
+    assert pending(bpy.context.scene).frame_start == START + 1
+
+
+def test_one_undo_step_takes_a_fill_back(hero):
+    before, old = outside(hero, START, END), hero.animation_data.action.name
+    bpy.ops.ed.undo_push(message="before")
+    assert bpy.ops.nsm.fill() == {"FINISHED"}
+    bpy.ops.ed.undo_push(message="filled")
+    bpy.ops.ed.undo()
+    hero = bpy.data.objects["Character"]
+    assert hero.animation_data.action.name == old and outside(hero, START, END) == before
+    assert not len(bpy.context.scene.nsm.takes)

@@ -1,0 +1,35 @@
+"""Fill: missing frames between keys that stand."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import running
+from .drawing import Sidebar, sentence
+from .operators.fill import filled_before, reason_not
+from .properties import settings_of
+
+
+class NSM_PT_fill(Sidebar, bpy.types.Panel):
+    bl_label = "Fill"
+    bl_idname = "NSM_PT_fill"
+    bl_parent_id = "NSM_PT_motion"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, options = self.layout, settings_of(context.scene).fill
+        column = layout.column(align=True)
+        column.enabled = running.current() is None
+        column.use_property_split, column.use_property_decorate = True, False
+        column.prop(options, "where")
+        column.prop(options, "method")
+        column.prop(options, "seed")
+        column.prop(options, "replace")
+        big = layout.column()
+        big.scale_y = 1.5
+        big.operator("nsm.fill", icon="KEYFRAME").where = "PANEL"
+        if filled_before(context) is not None:
+            layout.operator("nsm.another_fill", icon="FILE_REFRESH")
+        reason = reason_not(context)
+        if reason:
+            sentence(context, layout, reason, "INFO")
