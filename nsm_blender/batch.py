@@ -32,12 +32,13 @@ from nsm_core.errors import JobError, NsmError, OutputError
 from . import register, unregister
 from .exports.bvh import export_bvh
 from .exports.glb import export_glb
+from .fill.fill import FilledGap, fill_gap
 from .jobs.farm import end_with_worker, run_on
 from .jobs.job import Job, JobTake
 from .jobs.options import of_shard, read_options
 from .jobs.paths import refuse_used
 from .jobs.read import read_job
-from .jobs.spec import group_of, merged, open_scene, spec_of
+from .jobs.spec import fill_of, group_of, merged, open_scene, spec_of
 from .leaving import leave
 from .pictures.outputs import require_writable, save_blend, write_json
 from .pictures.render import contact_sheet, video
@@ -102,7 +103,7 @@ def run_take(job: Job, entry: JobTake, title: str, say: Callable[[str], None], w
         _require_writable(entry)
         take = _make(job, entry, title, say)
         report = {**take.report, "name": entry.name, "seed": entry.seed, **by}
-        missed = [g for g in report["goals"] if not g["reached"]]
+        missed = [g for g in report.get("goals", ()) if not g["reached"]]
         if missed:
             report["error"] = (
                 f"{len(missed)} of {len(report['goals'])} goals were not reached "
@@ -145,7 +146,7 @@ def _broken(entry: JobTake, error: Exception) -> dict[str, str]:
     }
 
 
-def _make(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -> Take:
+def _make(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -> Take | FilledGap:
     scene = open_scene(job.scene, job.scripts)
     refuse_used(entry, bpy.utils.blend_paths(absolute=True))
     if bpy.app.autoexec_fail:
@@ -155,7 +156,12 @@ def _make(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -> T
             "true` in the job file."
         )
     group = group_of(entry, scene) if entry.characters else None
-    steps = generate(spec_of(entry, scene), scene) if group is None else generate_together(group, scene)
+    if entry.fill is not None:
+        steps = fill_gap(fill_of(entry, entry.fill, scene), scene)
+    elif group is None:
+        steps = generate(spec_of(entry, scene), scene)
+    else:
+        steps = generate_together(group, scene)
     begun = said = time.monotonic()
     frames = 0
     while True:
@@ -168,7 +174,8 @@ def _make(job: Job, entry: JobTake, title: str, say: Callable[[str], None]) -> T
         if time.monotonic() - said > _SAY_EVERY:
             said = time.monotonic()
             say(f"{title}: {progress.stage} {progress.fraction:.0%}, {frames} frames")
-    scene.frame_start, scene.frame_end = take.keyed.frame_start, take.keyed.frame_end
+    if entry.fill is None:
+        scene.frame_start, scene.frame_end = take.keyed.frame_start, take.keyed.frame_end
     say(f"{title}: {take.report['frames']} frames in {time.monotonic() - begun:.1f} s")
     return take
 
@@ -179,7 +186,7 @@ def _require_writable(entry: JobTake) -> None:
         require_writable(path, what=f"'{key}'")
 
 
-def _write(take: Take, entry: JobTake, title: str, say: Callable[[str], None]) -> None:
+def _write(take: Take | FilledGap, entry: JobTake, title: str, say: Callable[[str], None]) -> None:
     """Write what the take's entry asks for; what fails keeps the others from nothing.  Raises OutputError
     with all that failed.
     """

@@ -30,6 +30,18 @@ class JobGoal:
     mass: float | None = None
 
 
+@dataclass(frozen=True)
+class JobFill:
+    """A gap of a job file: the frames of the pose that is left and of the one that is reached; see
+    ``fill.spec.FillSpec``.
+    """
+
+    start: float
+    end: float
+    replace: bool
+    method: str
+
+
 @dataclass
 class JobTake:
     """A take of a job file; ``error`` is the sentence about what is wrong with its entry, if anything."""
@@ -47,6 +59,7 @@ class JobTake:
     goals: list[JobGoal] = field(default_factory=list)
     # Of several that act together: their names, each with its goals, instead of ``character`` and ``goals``.
     characters: list[tuple[str, list[JobGoal]]] = field(default_factory=list)
+    fill: JobFill | None = None  # instead of goals
     outputs: dict[str, Path] = field(default_factory=dict)
     error: str | None = None
 

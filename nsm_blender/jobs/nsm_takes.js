@@ -14,7 +14,8 @@ const JOB_TYPE = {
         {
             key: "tasks", type: "int32", required: true, default: 4, propargs: { min: 1, max: 10000 },
             visible: "submission",
-            eval: "max(1, Path(bpy.path.abspath(settings.job_file)).read_text(encoding='utf-8').count('[[take]]'))",
+            eval: "max(1, sum(map(Path(bpy.path.abspath(settings.job_file)).read_text(encoding='utf-8').count,"
+                + " ('[[take]]', '[[fill]]'))))",
             evalInfo: { showLinkButton: true, description: "As many tasks as the job file has takes" },
             description: "Number of tasks; as many as takes makes each take a task of its own",
         },

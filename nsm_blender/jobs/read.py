@@ -13,12 +13,25 @@ from nsm_core.world.actions import Aim, require_action
 
 from ..begin import POSE, STAND
 from ..keys.style import KINDS
+from .entries import (
+    FIRST_FRAME,
+    LARGEST_SEED,
+    LAST_START,
+    begun,
+    flag,
+    frame,
+    known,
+    needed,
+    one_of,
+    rig,
+)
+from .fills import read_fill
 from .job import Job, JobGoal, JobTake
 from .paths import refuse_clashes, require_path, require_words
 from .ways import WAY_KEYS, read_way
 
 OUTPUTS = ("report", "out", "sheet", "video", "bvh", "glb")
-_JOB_KEYS = ("scene", "scripts", "take")
+_JOB_KEYS = ("scene", "scripts", "take", "fill")
 _TAKE_KEYS = (
     "name", "character", "characters", "rig", "seed", "variations", "start", "start_frame", "contact_ik",
     "root_motion", "reduce", "goals", "overwrite", *OUTPUTS,
@@ -26,9 +39,6 @@ _TAKE_KEYS = (
 _CAST_KEYS = ("character", "goals")
 _HEAVIEST = 60.0  # kilograms that a goal may give what is carried
 _GOAL_KEYS = ("object", "action", "to", "hold", "location", "by", "mass", *WAY_KEYS)
-# Blender's first frame, and one that leaves its last 48,574 to the take.
-_FIRST_FRAME, _LAST_START = -1_048_574, 1_000_000
-_LARGEST_SEED = 2**31 - 1
 _MOST_VARIATIONS = 1000
 _LONGEST_HOLD = 600.0  # seconds
 _FARTHEST = 1e6  # of a coordinate
@@ -48,17 +58,18 @@ def read_job(path: str | Path) -> Job:
             f"The job file {validate.shown(str(path))} cannot be read ({error}); check its path."
         ) from error
     data = validate.read_toml(path, JobError)
-    _known(data, _JOB_KEYS, "the job file")
-    scene = require_path(_needed(data, "scene", "the job file"), "'scene' in the job file", path.parent)
-    scripts = _flag(data, "scripts", "the job file", False)
-    entries = data.get("take")
-    if not isinstance(entries, list) or not entries:
-        raise JobError("The job file has no takes; add at least one [[take]].")
+    known(data, _JOB_KEYS, "the job file")
+    scene = require_path(needed(data, "scene", "the job file"), "'scene' in the job file", path.parent)
+    scripts = flag(data, "scripts", "the job file", False)
+    entries, gaps = data.get("take", []), data.get("fill", [])
+    if not isinstance(entries, list) or not isinstance(gaps, list) or not [*entries, *gaps]:
+        raise JobError("The job file has no takes; add at least one [[take]] or [[fill]].")
     takes = [
         take
         for number, entry in enumerate(entries, 1)
         for take in _variations(_take(entry, number, path.parent), entry)
     ]
+    takes += [read_fill(entry, number, path.parent) for number, entry in enumerate(gaps, 1)]
     refuse_clashes(path, scene, takes)
     return Job(path, scene, takes, scripts)
 
@@ -66,36 +77,23 @@ def read_job(path: str | Path) -> Job:
 def _take(entry: Any, number: int, folder: Path) -> JobTake:
     take = JobTake(f"take {number}")
     try:
-        validate.table(entry, f"take {number}", JobError)
-        name = entry.get("name")
-        if isinstance(name, str) and name.isprintable() and name.strip():
-            take.name = name if len(name) <= 80 else name[:77] + "..."
-        where = f"take '{take.name}'"
-        wrong = None
-        for key in OUTPUTS:  # first, so that whatever else is wrong can be reported there
-            try:
-                if key in entry:
-                    take.outputs[key] = require_path(entry[key], f"'{key}' in {where}", folder, key)
-            except JobError as error:
-                wrong = wrong or error
-        _known(entry, _TAKE_KEYS, where)
-        take.name = require_words(_needed(entry, "name", where), f"'name' in {where}")
+        where, wrong = begun(take, entry, "take", OUTPUTS, folder)
+        known(entry, _TAKE_KEYS, where)
+        take.name = require_words(needed(entry, "name", where), f"'name' in {where}")
         if wrong:
             raise wrong
         take.character = require_words(entry.get("character", take.character), f"'character' in {where}")
-        take.rig = _rig(entry, where, folder)
+        take.rig = rig(entry, where, folder)
         take.seed = validate.whole(
-            entry.get("seed", take.seed), f"'seed' in {where}", JobError, 0, _LARGEST_SEED
+            entry.get("seed", take.seed), f"'seed' in {where}", JobError, 0, LARGEST_SEED
         )
         validate.whole(entry.get("variations", 1), f"'variations' in {where}", JobError, 1, _MOST_VARIATIONS)
-        take.start = _one_of(entry, "start", where, (STAND, POSE))
-        take.root_motion = _one_of(entry, "root_motion", where, KINDS)
+        take.start = one_of(entry, "start", where, (STAND, POSE))
+        take.root_motion = one_of(entry, "root_motion", where, KINDS)
         take.reduce = _bound(entry, where)
-        start = entry.get("start_frame", take.start_frame)
-        read = validate.number if isinstance(start, float) else validate.whole  # or between two frames
-        take.start_frame = read(start, f"'start_frame' in {where}", JobError, _FIRST_FRAME, _LAST_START)
-        take.contact_ik = _flag(entry, "contact_ik", where, take.contact_ik)
-        take.overwrite = _flag(entry, "overwrite", where, take.overwrite)
+        take.start_frame = frame(entry.get("start_frame", take.start_frame), f"'start_frame' in {where}")
+        take.contact_ik = flag(entry, "contact_ik", where, take.contact_ik)
+        take.overwrite = flag(entry, "overwrite", where, take.overwrite)
         if "characters" in entry:
             take.characters = _characters(entry, where)
         else:
@@ -106,7 +104,7 @@ def _take(entry: Any, number: int, folder: Path) -> JobTake:
 
 
 def _goals(entry: dict[str, Any], where: str) -> list[JobGoal]:
-    goals = validate.listed(_needed(entry, "goals", where), f"'goals' in {where}", JobError, 1000)
+    goals = validate.listed(needed(entry, "goals", where), f"'goals' in {where}", JobError, 1000)
     if not goals:
         raise JobError(f"In {where}, 'goals' is empty; give at least one goal.")
     return [_goal(goal, f"goal {i} of {where}") for i, goal in enumerate(goals, 1)]
@@ -125,8 +123,8 @@ def _characters(entry: dict[str, Any], where: str) -> list[tuple[str, list[JobGo
     for number, row in enumerate(rows, 1):
         here = f"character {number} of {where}"
         validate.table(row, here, JobError)
-        _known(row, _CAST_KEYS, here)
-        name = require_words(_needed(row, "character", here), f"'character' in {here}")
+        known(row, _CAST_KEYS, here)
+        name = require_words(needed(row, "character", here), f"'character' in {here}")
         if name in cast:
             raise JobError(f"In {where}, '{name}' is among the characters twice; put its goals together.")
         cast[name] = _goals(row, here)
@@ -144,22 +142,11 @@ def _variations(take: JobTake, entry: Any) -> list[JobTake]:
         replace(
             take,
             name=f"{take.name} {number}",
-            seed=(take.seed + number - 1) % (_LARGEST_SEED + 1),
+            seed=(take.seed + number - 1) % (LARGEST_SEED + 1),
             outputs={k: path.with_stem(f"{path.stem}-{number}") for k, path in take.outputs.items()},
         )
         for number in range(1, count + 1)
     ]
-
-
-def _one_of(entry: dict[str, Any], key: str, where: str, words: tuple[str, ...]) -> str:
-    """One of some words, the first where the entry has none."""
-    found = entry.get(key, words[0])
-    if found not in words:
-        listed = ", ".join(f'"{word}"' for word in words[:-1])
-        raise JobError(
-            f"'{key}' in {where} is {validate.shown(found)}; it must be {listed} or \"{words[-1]}\"."
-        )
-    return found
 
 
 def _bound(entry: dict[str, Any], where: str) -> Bound | None:
@@ -170,26 +157,18 @@ def _bound(entry: dict[str, Any], where: str) -> Bound | None:
     what = f"'reduce' in {where}"
     if not isinstance(found, dict):
         found = {"mm": validate.number(found, what, JobError, *_MILLIMETRES)}
-    _known(found, ("mm", "degrees"), what)
+    known(found, ("mm", "degrees"), what)
     return Bound(
         validate.number(found.get("mm", Bound.mm), f"'mm' of {what}", JobError, *_MILLIMETRES),
         validate.number(found.get("degrees", Bound.degrees), f"'degrees' of {what}", JobError, *_DEGREES),
     )
 
 
-def _rig(entry: dict[str, Any], where: str, folder: Path) -> str | Path:
-    """The bone map that a take asks for: a file where it ends as one, else the name of a preset."""
-    if "rig" not in entry:
-        return ""
-    words = require_words(entry["rig"], f"'rig' in {where}")
-    return require_path(words, f"'rig' in {where}", folder) if words.lower().endswith(".toml") else words
-
-
 def _goal(entry: Any, where: str) -> JobGoal:
     if not isinstance(entry, dict):
         raise JobError(f'In {where}, a table is needed, such as {{ object = "Chair", action = "sit" }}.')
-    _known(entry, _GOAL_KEYS, where)
-    action = require_action(require_words(_needed(entry, "action", where), f"'action' in {where}"))
+    known(entry, _GOAL_KEYS, where)
+    action = require_action(require_words(needed(entry, "action", where), f"'action' in {where}"))
     target = _object(entry, "object", where, action.needs_object)
     to = _object(entry, "to", where, action.needs_destination)
     if to is not None and not action.needs_destination:
@@ -219,7 +198,7 @@ def _goal(entry: Any, where: str) -> JobGoal:
         )
     by = entry.get("by")
     if by is not None:
-        by = validate.whole(by, f"'by' in {where}", JobError, _FIRST_FRAME, _LAST_START)
+        by = validate.whole(by, f"'by' in {where}", JobError, FIRST_FRAME, LAST_START)
     mass = entry.get("mass")
     if mass is not None and not action.needs_destination:
         raise JobError(
@@ -230,28 +209,7 @@ def _goal(entry: Any, where: str) -> JobGoal:
     return JobGoal(action.key, target, hold, location, to, curve, rounds, speed, by, mass)
 
 
-def _known(entry: dict[str, Any], keys: tuple[str, ...], where: str) -> None:
-    for key in entry:
-        if key not in keys:
-            raise JobError(
-                f"The key {validate.shown(key)} in {where} is unknown; the keys are {', '.join(keys)}."
-            )
-
-
-def _needed(entry: dict[str, Any], key: str, where: str) -> Any:
-    if key not in entry:
-        raise JobError(f"The key '{key}' is missing in {where}; add it.")
-    return entry[key]
-
-
-def _object(entry: dict[str, Any], key: str, where: str, needed: bool) -> str | None:
-    if key not in entry and not needed:
+def _object(entry: dict[str, Any], key: str, where: str, must: bool) -> str | None:
+    if key not in entry and not must:
         return None
-    return require_words(_needed(entry, key, where), f"'{key}' in {where}")
-
-
-def _flag(entry: dict[str, Any], key: str, where: str, default: bool) -> bool:
-    value = entry.get(key, default)
-    if not isinstance(value, bool):
-        raise JobError(f"'{key}' in {where} is {validate.shown(value)}; it must be true or false.")
-    return value
+    return require_words(needed(entry, key, where), f"'{key}' in {where}")

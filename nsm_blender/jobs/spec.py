@@ -9,6 +9,7 @@ import bpy
 
 from nsm_core.errors import GoalError, JobError, SkeletonError
 
+from ..fill.spec import FillSpec
 from ..goals.spec import GoalSpec
 from ..prepare import TakeSpec
 from ..rigs.bone_map import store_map
@@ -16,16 +17,13 @@ from ..rigs.detect import judged_on
 from ..rigs.presets import load_preset, named_preset
 from ..takes import Take
 from ..together import GroupSpec
-from .job import JobGoal, JobTake
+from .job import JobFill, JobGoal, JobTake
 
 
 def spec_of(entry: JobTake, scene: bpy.types.Scene) -> TakeSpec:
     """What to generate for an entry; JobError, SkeletonError and GoalError say what the scene lacks."""
-    character = _armature(scene, entry.character)
-    if entry.rig:
-        _wear(character, entry.rig)
     return TakeSpec(
-        character=character,
+        character=_dressed(entry, scene),
         goals=[_goal(scene, g) for g in entry.goals],
         name=entry.name,
         start_frame=entry.start_frame,
@@ -34,6 +32,20 @@ def spec_of(entry: JobTake, scene: bpy.types.Scene) -> TakeSpec:
         begin=entry.start,
         root_motion=entry.root_motion,
         reduce=entry.reduce,
+    )
+
+
+def fill_of(entry: JobTake, gap: JobFill, scene: bpy.types.Scene) -> FillSpec:
+    """What to fill for an entry; raises as ``spec_of``."""
+    character = _dressed(entry, scene)
+    return FillSpec(
+        character,
+        gap.start,
+        gap.end,
+        seed=entry.seed,
+        replace=gap.replace,
+        method=gap.method,
+        name=entry.name,
     )
 
 
@@ -72,6 +84,14 @@ def open_scene(path: Path, scripts: bool) -> bpy.types.Scene:
     scene = bpy.context.scene
     bpy.context.view_layer.update()
     return scene
+
+
+def _dressed(entry: JobTake, scene: bpy.types.Scene) -> bpy.types.Object:
+    """The armature of an entry, with the bone map that it asks for."""
+    character = _armature(scene, entry.character)
+    if entry.rig:
+        _wear(character, entry.rig)
+    return character
 
 
 def _named(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
