@@ -35,10 +35,12 @@ from nsm_core.world.scene.terrain import Terrain
 
 from .actions.base import Grasp, SeatTarget
 from .actions.hold import Lead, SeenBody
+from .actions.seat_manner import SeatedManner
 from .gaze import looking
 from .goals import Moment
 from .hands import hands_of
 from .load import leant
+from .seated import sat
 from .start import Start
 
 # Standard deviations that are left to what is asked, metres and radians.
@@ -68,6 +70,7 @@ class Note:
     touching: dict[str, tuple[float, float, bool]]
     # Kilograms that hands bear, and their middle (3,), world.
     load: tuple[float, Array]
+    manner: SeatedManner | None = None  # in which the seat is taken
 
 
 @dataclass
@@ -94,10 +97,11 @@ class PostProcess:
         seat: SeatTarget | None,
         grasps: Sequence[Grasp],
         level: float,
+        manner: SeatedManner | None = None,
     ) -> None:
         """Note a frame: the network's ``hips`` (3,), ``local`` rotations (23, 4) and ``moment``, on a floor
-        at the height ``level``; ``seat`` what is sat on.  The ``grasps`` go on by a frame and move their
-        props.
+        at the height ``level``; ``seat`` what is sat on, and in which ``manner``.  The ``grasps``
+        go on by a frame and move their props.
         """
         seen = SeenBody(hips.astype(np.float64), local.astype(np.float64), moment.wrists)
         leads: list[Lead] = []
@@ -112,7 +116,7 @@ class PostProcess:
         borne = [(grasp.bears, grasp.prop.pose[:3].copy()) for grasp in grasps if grasp.prop is not None]
         load = max(borne, key=lambda b: b[0], default=(0.0, np.zeros(3)))
         self.notes.append(
-            Note(hips, local, moment.contacts, moment.heading, seat, level, leads, touching, load)
+            Note(hips, local, moment.contacts, moment.heading, seat, level, leads, touching, load, manner)
         )
 
     def solve(
@@ -145,7 +149,8 @@ class PostProcess:
         yield from keep_clear(feet, pose, solids, self.figure.spheres)
         yield
         pose = leant(pose, *(np.array(column) for column in zip(*[n.load for n in notes], strict=True)))
-        hands = hands_of([n.leads for n in notes], pose, self.figure)
+        pose, laid = sat(pose, [n.manner for n in notes], self.figure)
+        hands = hands_of([n.leads or own for n, own in zip(notes, laid, strict=True)], pose, self.figure)
         self.beside = hands.beside
         # Arms go first, so that the trunk gives no more than what they lack.
         pose = Pose(pose.tree, pose.hips, hands.led(pose, np.sign(hands.firm), hands.turns))

@@ -311,8 +311,8 @@ class TakeRunner:
         s, d, level = self.state, self.director, self.relief.level
         hips, rotations = pose_of(s)
         hips = hips + np.array((0, 0, level), dtype=hips.dtype)
-        seat = d.stage.seat() if d.stage is not None else None
-        self._post.note(hips, rotations, self._moment(contact), seat, d.grasps, self.relief.low)
+        seat, manner = (None, None) if d.stage is None else (d.stage.seat(), d.stage.manner)
+        self._post.note(hips, rotations, self._moment(contact), seat, d.grasps, self.relief.low, manner)
         for grasp in d.grasps:
             taken = grasp.errors.get("taken")
             if taken is not None and taken.frame < 0:

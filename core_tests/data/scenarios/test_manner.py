@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from walks import seated_pose
 
+from nsm_core.body.ik.thighs import OVER_THIGH
 from nsm_core.body.skeleton import ARMS, FEET, HIP_OVER_SEAT, INDEX, forward_kinematics, root_of
 from nsm_core.data.scenarios.gaze import MOST, look_ahead
 from nsm_core.data.scenarios.motion import LANDED, Motion
 from nsm_core.data.scenarios.sit.draws import SITS
-from nsm_core.data.scenarios.sit.manner import OVER_THIGH, SitManner, act_out, draw_manner
+from nsm_core.data.scenarios.sit.manner import SitManner, act_out, draw_manner
 from nsm_core.rotations import (
     direction_to_heading,
     heading_quat,

@@ -17,6 +17,7 @@ from nsm_core.world.scene.solids import Scene
 
 from .approach import Command, Ground
 from .hold import Lead, SeenBody
+from .seat_manner import SeatedManner
 
 # Where hips (3,) are to settle, metres, and the heading to sit at; None while one still turns.
 SeatTarget = tuple[Array, float | None]
@@ -28,6 +29,7 @@ class Stage:
 
     part = 0  # counts the parts of a stage; each has its own time limit
     endless = False  # whether it goes on until something else is asked for
+    manner: SeatedManner | None = None  # in which its seat is taken
     passing = False  # whether the next goal begins at once, so that one need not come to rest
 
     def __init__(self, goal: Goal) -> None:

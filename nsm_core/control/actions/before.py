@@ -6,6 +6,7 @@ from nsm_core.control.goals import Moment
 from nsm_core.rotations import Array
 
 from .base import SeatTarget, Stage
+from .seat_manner import SeatedManner
 
 
 class Before(Stage):
@@ -41,6 +42,11 @@ class Before(Stage):
     def end(self, reached: bool, again: bool = False) -> None:
         if self.stage is not None:
             self.stage.end(reached, again)
+
+    @property
+    def manner(self) -> SeatedManner | None:  # type: ignore[override]
+        """In which the stage that follows takes its seat."""
+        return None if self.stage is None else self.stage.manner
 
     @property
     def part(self) -> int:  # type: ignore[override]

@@ -10,10 +10,13 @@ from nsm_core.control.goals import Goal, Moment
 from nsm_core.conventions import SIT
 from nsm_core.distances import STAND_AHEAD
 from nsm_core.rotations import Array, heading_to_direction, wrap_angle
+from nsm_core.world.affordances.arm_rests import arm_rests_beside
+from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan
 
 from .approach import Approach, Command, Ground
 from .base import EXECUTED, Performer, SeatTarget, Stage
+from .seat_manner import draw_seated
 
 # metres of room: an open front has 0.17, and a thin board between two looked at heights seems this far off
 BLOCKED = 0.14
@@ -76,10 +79,13 @@ class Sit(Stage):
     seated.
     """
 
-    def __init__(self, goal: Goal, ground: Ground, moment: Moment) -> None:
+    def __init__(self, goal: Goal, ground: Ground, moment: Moment, solids: DistanceQuery) -> None:
         super().__init__(goal)
         stand, heading = before_seat(goal, ground.plan, moment.root[:2])
         self._side = abs(float(wrap_angle(heading - goal.heading))) > 0.1
+        # Drawn beside the take's own stream of chance, which everything else goes on with.
+        rests = arm_rests_beside(solids, goal.position.astype(np.float64), goal.heading)
+        self.manner = draw_seated(ground.rng.spawn(1)[0], not self._side, rests)
         self._seated = self._on_it(moment)  # whether the seat has been reached
         self._there = Command("sit", goal.position, goal.heading, thing=goal.interaction)
         # One who is sent from the side to sit in another direction would walk round to the front, through
@@ -124,6 +130,6 @@ class Sit(Stage):
 
 
 PERFORMER = Performer(
-    lambda goal, start: Sit(goal, start.ground, start.moment),
+    lambda goal, start: Sit(goal, start.ground, start.moment, start.scene.environment),
     lambda goal, way: [before_seat(goal, way.plan, way.here)[0]],
 )

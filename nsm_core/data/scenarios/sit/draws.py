@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nsm_core.body.ik.thighs import ALONG_THIGH, EARLY, LAP, LATE, LEAN_ON_HANDS, OFF_THIGH, SEATED_LEAN
+
 
 @dataclass(frozen=True)
 class SitDraws:
@@ -50,20 +52,20 @@ class SitDraws:
     rests_over_seat: tuple[float, float] = (0.16, 0.34)
     beside: float = 0.25
     beside_bench: float = 0.55  # the same where there is no back rest
-    lap: float = 0.2
-    along_thigh: tuple[float, float] = (0.38, 0.78)
-    off_thigh: tuple[float, float] = (-0.02, 0.05)  # metres to the inside of its middle
+    lap: float = LAP
+    along_thigh: tuple[float, float] = ALONG_THIGH
+    off_thigh: tuple[float, float] = OFF_THIGH  # metres to the inside of its middle
     beside_hips: tuple[float, float] = (0.23, 0.29)  # metres to the side, and
     ahead_of_hips: tuple[float, float] = (-0.08, 0.1)
     # Seatedness, 0 to 1, at which hands begin to come to where they lie, and arrive; leaning on one's hands
     # they come early and leave late.
-    lean_on_hands: float = 0.45
-    early: tuple[float, float] = (0.0, 0.55)
-    late: tuple[float, float] = (0.45, 1.0)
+    lean_on_hands: float = LEAN_ON_HANDS
+    early: tuple[float, float] = EARLY
+    late: tuple[float, float] = LATE
     swing: tuple[float, float] = (0.0, 0.2)  # metres that free arms swing ahead on the way
     # Lean of the trunk, radians ahead: seated, seated against a back rest (this share of the seats with one),
     # and more on the way down and up.
-    seated_lean: tuple[float, float] = (np.radians(-2), np.radians(10))
+    seated_lean: tuple[float, float] = SEATED_LEAN
     against_back: float = 0.4
     back_lean: tuple[float, float] = (np.radians(-14), np.radians(-5))
     way_lean: tuple[float, float] = (0.0, np.radians(10))

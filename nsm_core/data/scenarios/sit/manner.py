@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nsm_core.body.ik.thighs import on_thighs
 from nsm_core.body.ik.two_bone import place_wrists
-from nsm_core.body.skeleton import ARMS, FEET, HIP_OVER_SEAT, INDEX, forward_kinematics, root_of
+from nsm_core.body.skeleton import ARMS, HIP_OVER_SEAT, INDEX, forward_kinematics, root_of
 from nsm_core.data.scenarios.hands import hands_on_arm_rests, lead_hand
 from nsm_core.data.scenarios.motion import Motion
 from nsm_core.rotations import (
@@ -32,9 +33,8 @@ from nsm_core.world.scene.furniture import Furniture
 from .draws import SITS
 
 ARM_JOINTS = [INDEX[s + n] for s in ("Right", "Left") for n in ("Collar", "Shoulder", "Elbow", "Wrist")]
-OVER_THIGH, OVER_SEAT = 0.085, 0.05  # metres of the wrist over the line from hip to knee, and over a seat
+OVER_SEAT = 0.05  # metres of the wrist over a seat
 FINGERS_AHEAD = 0.8  # how strongly fingers on a seat are drawn ahead, against where the forearm points
-IN_LAP = 0.1  # metres of the wrist off the middle between the thighs
 MOST_ROLLED = np.radians(75)  # by which a hand turns about the forearm to lie palm down
 _OVER = 14  # frames over which arms come from a walk's pose to hanging
 _TRUNK, _NECK = [INDEX[n] for n in ("Chest", "Chest2", "Chest3")], [INDEX[n] for n in ("Neck", "Head")]
@@ -187,28 +187,17 @@ def _target(
     """Where the wrist of ``side`` lies, the normal of what it lies on, and where fingers are drawn to: (n, 3)
     each.
     """
-    hip, knee = positions[:, FEET[side][0]], positions[:, FEET[side][1]]
-    inside = positions[:, FEET[1 - side][0]] - hip
-    inside[:, 2] = 0
-    inside /= np.linalg.norm(inside, axis=-1, keepdims=True)
     first, second = manner.place
     if manner.hands == "beside":
         sign = -1.0 if side == 0 else 1.0
         ahead = np.append(heading_to_direction(np.array(heading)), 0)
         off = rotate_planar(np.array((sign * second, -first)), np.float64(heading))
         at = np.array((goal[0] + off[0], goal[1] + off[1], goal[2] - HIP_OVER_SEAT + OVER_SEAT))
-        place, up, along = (np.broadcast_to(v, hip.shape) for v in (at, _UP, FINGERS_AHEAD * ahead))
+        shape = (len(positions), 3)
+        place, up, along = (np.broadcast_to(v, shape) for v in (at, _UP, FINGERS_AHEAD * ahead))
         return place, up, along
-    thigh = knee - hip
-    along = 0.5 * FINGERS_AHEAD * thigh
-    over = _UP - thigh * thigh[:, 2:] / (thigh**2).sum(-1, keepdims=True)
-    over /= np.maximum(np.linalg.norm(over, axis=-1, keepdims=True), 1e-6)
-    if manner.hands == "lap":
-        middle = positions[:, [FEET[0][0], FEET[1][0]]].mean(1) + first * 0.5 * (
-            positions[:, [FEET[0][1], FEET[1][1]]].mean(1) - positions[:, [FEET[0][0], FEET[1][0]]].mean(1)
-        )
-        return middle - IN_LAP * inside + (OVER_THIGH + 0.02) * over, over, along
-    return hip + first * thigh + second * inside + OVER_THIGH * over, over, along
+    at, over, thigh = on_thighs(positions, side, manner.place, manner.hands == "lap")
+    return at, over, 0.5 * FINGERS_AHEAD * thigh
 
 
 def _palm_down(hips: Array, local: Array, side: int, weight: Array, normal: Array) -> Array:
