@@ -20,7 +20,7 @@ import nsm_blender
 from nsm_core.errors import NsmError
 
 GROUPS = (
-    "escapes", "events", "raised", "states", "reviews", "characters", "points", "disks",
+    "escapes", "events", "raised", "states", "reviews", "characters", "points", "fills", "disks",
 )  # fmt: skip
 AS_BEFORE, WHOLE = "as before", "the whole take"
 
@@ -302,6 +302,9 @@ class Cases:
 
     def points(self) -> Iterator[Case]:
         yield from self._of_operator("Show Goal Points", bpy.ops.nsm.goal_points, "carry")
+
+    def fills(self) -> Iterator[Case]:
+        yield from self._of_operator("Fill", bpy.ops.nsm.fill, "walk")
 
     def _of_operator(self, title: str, call: Callable[[], object], room: str) -> Iterator[Case]:
         for _ in range(2):  # what is kept in memory from the first one is not done again

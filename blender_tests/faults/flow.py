@@ -122,7 +122,7 @@ def _keyed(target: bpy.types.Object, name: str) -> None:
 
 
 def _settle(scene: bpy.types.Scene, hero: bpy.types.Object) -> None:
-    scene.nsm.character = hero
+    scene.nsm.character, scene.nsm.fill.method = hero, "interpolate"
     scene.frame_set(7, subframe=0.5)
     for each in scene.objects:
         each.select_set(each.name in ("Box", "Camera"))

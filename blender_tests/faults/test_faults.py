@@ -11,7 +11,7 @@ from everything import difference, digest
 
 import nsm_blender
 
-DRAWN = {"escapes": 4, "events": 8, "raised": 5, "states": 5, "reviews": 2, "disks": 2}
+DRAWN = {"escapes": 4, "events": 8, "raised": 5, "states": 5, "reviews": 2, "fills": 3, "disks": 2}
 
 
 @pytest.fixture(scope="module")

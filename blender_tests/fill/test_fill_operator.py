@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import bpy
 import pytest
+from everything import difference, digest
 from gaps import cut, outside, playing, walk, walking
+from modal import Modal, Window
 
 import nsm_blender
 from nsm_blender.rigs.character import add_character
+from nsm_blender.ui import running
+from nsm_blender.ui.operators import modal as stepping
+from nsm_blender.ui.operators.fill import NSM_OT_fill
 from nsm_blender.ui.reviews import pending
 
 START, END = 40, 66
@@ -96,3 +101,57 @@ def test_one_undo_step_takes_a_fill_back(hero):
     hero = bpy.data.objects["Character"]
     assert hero.animation_data.action.name == old and outside(hero, START, END) == before
     assert not len(bpy.context.scene.nsm.takes)
+
+
+def test_in_a_window_it_is_done_step_by_step_and_escape_puts_everything_back(hero, monkeypatch):
+    monkeypatch.setattr(stepping, "_BUDGET", 0.0)
+    before = digest()
+    for ticks in (1, 12, 40, 90):
+        window = Modal(Window(), NSM_OT_fill)
+        assert window._start(window.window) == {"RUNNING_MODAL"}
+        for _ in range(ticks):
+            assert window.event("TIMER") == {"RUNNING_MODAL"}
+        assert window.event("ESC") == {"CANCELLED"}
+        assert window.reports[-1][1] == "Fill was cancelled; everything is as it was."
+        assert running.current() is None and not difference(before, digest()), ticks
+    window = Modal(Window(), NSM_OT_fill)
+    window._start(window.window)
+    while (state := window.event("TIMER")) == {"RUNNING_MODAL"}:
+        pass
+    assert state == {"FINISHED"} and pending(bpy.context.scene).frame_start == START + 1
+
+
+def test_a_change_meanwhile_ends_it_with_a_sentence(hero):
+    window = Modal(Window(), NSM_OT_fill)
+    window._start(window.window)
+    window.event("TIMER")
+    hero.pose.bones["Head"].rotation_quaternion = (0.5, 0.5, 0.5, 0.5)
+    while window.event("TIMER") == {"RUNNING_MODAL"}:
+        pass
+    told = bpy.context.scene.nsm.results[0].text
+    assert (
+        told
+        == "Character was moved or posed meanwhile, so Fill stopped and nothing was keyed; generate again."
+    )
+    assert pending(bpy.context.scene) is None
+
+
+def test_buttons_say_why_they_are_off(hero):
+    assert bpy.ops.nsm.fill.poll() and not bpy.ops.nsm.another_fill.poll()
+    hero.animation_data.action = None
+    assert not bpy.ops.nsm.fill.poll()
+    scene = bpy.context.scene
+    scene.nsm.fill.where = "PREVIEW"
+    walking(hero, 30)
+    with pytest.raises(RuntimeError, match="no preview range"):
+        bpy.ops.nsm.fill()
+    scene.nsm.fill.where = "SELECTED"
+    for curve in playing(hero):
+        for key in curve.keyframe_points:
+            key.select_control_point = False
+    with pytest.raises(RuntimeError, match="Fewer than two frames"):
+        bpy.ops.nsm.fill()
+    scene.use_preview_range, scene.nsm.fill.where = True, "PREVIEW"
+    scene.frame_preview_start, scene.frame_preview_end = 20, 40
+    scene.nsm.fill.replace = True
+    assert bpy.ops.nsm.fill() == {"FINISHED"} and pending(scene).frame_end == 39

@@ -38,7 +38,7 @@ from .gap import AskedGap, Stretch, body_bones, body_curves, find, own_channels
 from .keys import GapKeys, require_open
 from .report import build_report
 from .spec import INTERPOLATE, FillSpec
-from .values import moves_of, path_of, read_mounts
+from .values import limb_bones, moves_of, path_of, read_mounts
 
 Pose = tuple[Array, Array]  # hips (3,), core frame, and local rotations (23, 4)
 
@@ -231,8 +231,11 @@ def _key_stretch(
         set_switches(character.pose.bones[bone], values)
     moves = list(moves_of(character, placement, bone_map, mounts, hips, local))
     shown.restore(always=True)
+    changed = [keys.switched(path, value, now) for _, path, value, now in switches]
+    free = any(start for start, _ in changed), any(end for _, end in changed)
+    limbs = limb_bones(bone_map)
     for number, each in enumerate(moves):
-        keys.key(each, rows)
+        keys.key(each, rows, free if each.bone in limbs else (False, False))
         yield Progress("Making keys", number / len(moves))
     for switch in switches:
         keys.switch(*switch)

@@ -56,31 +56,35 @@ class GapKeys:
         self.channels.action[MADE] = np.concatenate([np.zeros(0, np.uint32), *self._made]).tobytes()
         self.channels.action[SPAN] = [float(asked.start), float(asked.end)]
 
-    def key(self, moves: Moves, rows: Array) -> None:
+    def key(self, moves: Moves, rows: Array, free: tuple[bool, bool] = (False, False)) -> None:
         """Key what a bone does: its first and last row are the poses at the gap's ends, ``rows`` (N,) the
-        frames of all.
+        frames of all.  At ends that are ``free`` its channels do not show, whatever they say there.
         """
         bone = self.character.pose.bones[moves.bone]
         if moves.places is not None:
             path, now = path_of(bone.name, "location"), np.array(bone.location)
-            old, anchors, there = self._anchors(path, rows, now)
+            old, anchors, there = self._anchors(path, rows, now, free)
             self._write(path, bone.name, rows, led_places(moves.places, anchors, there), old, now)
         if moves.turns is not None:
             path = rotation_path(bone)
             now = np.array(getattr(bone, path.rpartition(".")[2]))
-            old, anchors, there = self._anchors(path, rows, now)
+            old, anchors, there = self._anchors(path, rows, now, free)
             values, held = led_turns(bone.rotation_mode, moves.turns, anchors, there)
             self._write(path, bone.name, rows, values, old, now, held)
 
+    def switched(self, path: str, value: float, now: float) -> tuple[bool, bool]:
+        """Whether a property has another value than ``value`` at the start and at the end of the gap."""
+        old = self._curves(path).get(0)
+        there = [now if old is None else old.evaluate(end) for end in (self.start, self.end)]
+        return abs(there[0] - value) > _STILL, abs(there[1] - value) > _STILL
+
     def switch(self, bone: str, path: str, value: float, now: float) -> None:
         """Have a property be ``value`` in the gap, and what it was at its ends."""
+        if not any(self.switched(path, value, now)):
+            return
         old = self._curves(path).get(0)
         frames = np.array((np.floor(self.start + _SAME) + 1, self.end))
-        after = now if old is None else old.evaluate(self.end)
-        values = np.array((value, after))
-        before = now if old is None else old.evaluate(self.start)
-        if abs(before - value) < _STILL and abs(after - value) < _STILL:
-            return
+        values = np.array((value, now if old is None else old.evaluate(self.end)))
         if old is None:
             frames, values = np.insert(frames, 0, self.start), np.insert(values, 0, now)
         else:
@@ -88,7 +92,7 @@ class GapKeys:
         self._add(path, 0, bone, frames, values, np.ones(len(frames), bool))
 
     def _anchors(
-        self, path: str, rows: Array, now: Array
+        self, path: str, rows: Array, now: Array, free: tuple[bool, bool]
     ) -> tuple[dict[int, bpy.types.FCurve], Array, Array]:
         """The curves of a property, the rows (K,) at which it has its value already, and these (K, C)."""
         old = self._curves(path)
@@ -103,8 +107,9 @@ class GapKeys:
                     gone = np.array([self._inside(f) for f in keys["co"][:, 0]], bool)
                     write_keys(curve, taken(keys, ~gone))
             inner = []
-        frames = np.unique(np.round([self.start, *inner, self.end], 3))
-        anchors = np.unique([int(np.abs(rows - frame).argmin()) for frame in frames])
+        ends = [end for end, off in ((self.start, free[0]), (self.end, free[1])) if not off]
+        frames = np.unique(np.round([*ends, *inner], 3))
+        anchors = np.unique(np.array([np.abs(rows - frame).argmin() for frame in frames], int))
         there = np.array([[old[i].evaluate(rows[a]) if i in old else now[i] for i in range(len(now))]
                           for a in anchors.tolist()])  # fmt: skip
         return old, anchors, there

@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 from mathutils import Euler, Quaternion
 
+from nsm_core.body.skeleton import ARMS, FEET, JOINTS
 from nsm_core.rotations import (
     Array,
     quat_conjugate,
@@ -76,6 +77,8 @@ def moves_of(
 
 def led_places(values: Array, anchors: Array, there: Array) -> Array:
     """Places (N, C) led through those that hold ``there`` (K, C) in the rows ``anchors`` (K,)."""
+    if not len(anchors):
+        return values
     return values + _faded(there - values[anchors], anchors, len(values))
 
 
@@ -84,11 +87,12 @@ def led_turns(mode: str, turns: Array, anchors: Array, there: Array) -> tuple[Ar
     ``there`` (K, 3 or 4) in the rows ``anchors`` (K,), and whether what follows a row (N,) is another way to
     say a turn, so that nothing may be drawn in between.
     """
-    theirs = np.stack([quaternion(mode, values) for values in there])
-    apart = quat_mul(theirs, quat_conjugate(turns[anchors]))
-    apart = np.where(apart[:, :1] < 0, -apart, apart)
-    turns = quat_mul(quat_from_rotvec(_faded(quat_to_rotvec(apart), anchors, len(turns))), turns)
-    turns = quat_normalize(turns)
+    if len(anchors):
+        theirs = np.stack([quaternion(mode, values) for values in there])
+        apart = quat_mul(theirs, quat_conjugate(turns[anchors]))
+        apart = np.where(apart[:, :1] < 0, -apart, apart)
+        turns = quat_mul(quat_from_rotvec(_faded(quat_to_rotvec(apart), anchors, len(turns))), turns)
+        turns = quat_normalize(turns)
     fixed = dict(zip(anchors.tolist(), there, strict=True))
     values = [np.asarray(fixed[0], dtype=np.float64)] if 0 in fixed else []
     for row in range(len(values), len(turns)):
@@ -109,6 +113,13 @@ def quaternion(mode: str, values: Array) -> Array:
         axis = np.asarray(values[1:], dtype=np.float64)
         return quat_from_axis_angle(axis / max(float(np.linalg.norm(axis)), 1e-9), float(values[0]))
     return np.array(Euler(values, mode).to_quaternion(), dtype=np.float64)
+
+
+def limb_bones(bone_map: BoneMap) -> set[str]:
+    """Bones of arms and legs, and their controls: those that a switch may take out of what is seen."""
+    joints = {JOINTS[j] for limb in (*ARMS, *FEET) for j in limb}
+    controls = {bone for limb in bone_map.limbs.values() for bone in limb.bones}
+    return {bone for joint, bone in bone_map.joints.items() if joint in joints} | controls
 
 
 def path_of(bone: str, channel: str) -> str:
@@ -162,4 +173,4 @@ def _elsewhere(mode: str, values: Array) -> Array:
     return np.abs(steps).max(1) > np.pi
 
 
-__all__ = ["Moves", "led_places", "led_turns", "moves_of", "path_of", "read_mounts"]
+__all__ = ["Moves", "limb_bones", "led_places", "led_turns", "moves_of", "path_of", "read_mounts"]
