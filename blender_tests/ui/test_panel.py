@@ -350,7 +350,8 @@ def test_while_a_take_runs_every_button_is_off_and_says_why(settings):
     row.object, row.action = leaf, "open"
     buttons = [getattr(bpy.ops.nsm, cls.bl_idname.removeprefix("nsm.")) for cls in operators.CLASSES]
     # No take, no keys, no place of its own, nobody else, and no window.
-    off = {"fit_scene", "goal_to_cursor", "generate_all", "steer", "fill", "another_fill"}
+    off = {"fit_scene", "goal_to_cursor", "generate_all", "steer"}
+    off |= {"fill", "another_fill", "decompress", "thin_out"}
     off |= {
         name
         for button in buttons

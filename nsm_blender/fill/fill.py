@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import bpy
 import numpy as np
 
-from nsm_core.body import clip
-from nsm_core.body.clip import Clip
-from nsm_core.body.contacts import TOES
-from nsm_core.body.skeleton import TOE_HEIGHT
-from nsm_core.control.inbetween import PAST, Filled, Gap, Transitions, fill
-from nsm_core.conventions import FPS
+from nsm_core.control.inbetween import Transitions, fill
 from nsm_core.errors import NsmError
 from nsm_core.model.inference.transition_model import load_transitions
-from nsm_core.rotations import Array, quat_normalize
+from nsm_core.rotations import Array
 
 from ..animation.channels import assign, copied_channels
 from ..animation.kept import Kept, SceneState, restored_on_failure
@@ -28,19 +23,16 @@ from ..keys.layers import require_keyable
 from ..keys.switches import set_switches
 from ..prepare import require_character, start_of
 from ..progress import Progress, staged, waited
-from ..rigs.armature import Placement, read_world_pose
+from ..rigs.armature import Placement
 from ..rigs.bone_map import bone_map_of
 from ..rigs.mount import Mount, go_to, over_frames
-from ..world.below import Below, ground_below
-from ..world.evaluated import Snapshot
 from ..world.frame import WorldFrame
-from .gap import AskedGap, Stretch, body_bones, body_curves, find, own_channels
+from .gap import AskedGap, body_bones, body_curves, find, own_channels
 from .keys import GapKeys, require_open
+from .reading import Made, reading
 from .report import build_report
 from .spec import INTERPOLATE, FillSpec
 from .values import limb_bones, moves_of, path_of, read_mounts
-
-Pose = tuple[Array, Array]  # hips (3,), core frame, and local rotations (23, 4)
 
 
 @dataclass
@@ -89,67 +81,16 @@ def _filled(spec: FillSpec, scene: bpy.types.Scene) -> Generator[Progress, None,
     try:
         go_to(scene, asked.stretches[0].start)
         frame, _ = start_of(character, scene)
-        gaps = []
-        for stretch in asked.stretches:
-            gap = yield from _read(spec, scene, frame, asked, stretch, fps)
-            gaps.append(replace(gap, seed=spec.seed))
+        sides = yield from reading(character, scene, frame, asked, fps)
     finally:
         state.restore()
-    filled = []
-    for gap in gaps:
-        filled.append((yield from waited("Filling", lambda _, gap=gap: fill(gap, network))))
+    made: list[Made] = []
+    for number, stretch in enumerate(asked.stretches):
+        gap = sides.gap(number, made, spec.seed)
+        steps = waited("Filling", lambda _, gap=gap: fill(gap, network))
+        made.append(Made(stretch, gap, (yield from steps)))
     yield Progress("Keying", 1.0)
-    return (yield from _keyed(spec, scene, frame, asked, gaps, filled, fps))
-
-
-def _read(
-    spec: FillSpec, scene: bpy.types.Scene, frame: WorldFrame, asked: AskedGap, stretch: Stretch, fps: float
-) -> Generator[Progress, None, Gap]:
-    """What stands on both sides of a gap, and what lies below it."""
-    step = fps / FPS
-    before = stretch.start - step * np.arange(PAST - 1, -1, -1)
-    before = before[before >= min(asked.first, stretch.start) - 1e-3]
-    after = [stretch.end, stretch.end + step][: 2 if stretch.end < asked.last - 1e-3 else 1]
-    placement = Placement.of(spec.character)
-
-    def read() -> Pose:
-        _, hips, local = read_world_pose(spec.character, placement)
-        return frame.to_core(hips), local
-
-    times = [*before.tolist(), *after]
-    rows = yield from staged("Reading the poses", over_frames(scene, times, read))
-    hips, local = (np.stack(column) for column in zip(*rows, strict=True))
-    past = Clip("past", hips[: len(before)], local[: len(before)])
-    target = Clip("target", hips[len(before) :], local[len(before) :])
-    ground = yield from _ground(spec, scene, frame, stretch, past, target)
-    return Gap(past, target, stretch.count(fps), ground)
-
-
-def _ground(
-    spec: FillSpec,
-    scene: bpy.types.Scene,
-    frame: WorldFrame,
-    stretch: Stretch,
-    past: Clip,
-    target: Clip,
-) -> Generator[Progress, None, Below | None]:
-    def evaluated() -> bpy.types.Depsgraph:
-        go_to(scene, stretch.start)
-        return bpy.context.evaluated_depsgraph_get()
-
-    steps = Snapshot.take(evaluated)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as stop:
-            snapshot = stop.value
-            break
-        yield Progress("Reading the ground", 0.0)
-    share = np.linspace(0, 1, stretch.count(FPS) + 2)[:, None]
-    between = past.hips_position[-1] + share * (target.hips_position[0] - past.hips_position[-1])
-    way = np.concatenate((past.hips_position, between, target.hips_position))
-    level = float(past.world()[0][:, TOES, 2].min()) - TOE_HEIGHT
-    return ground_below(snapshot, scene, [spec.character], frame, way, level)
+    return (yield from _keyed(spec, scene, frame, asked, made, fps))
 
 
 def _keyed(
@@ -157,8 +98,7 @@ def _keyed(
     scene: bpy.types.Scene,
     frame: WorldFrame,
     asked: AskedGap,
-    gaps: list[Gap],
-    filled: list[Filled],
+    made: list[Made],
     fps: float,
 ) -> Generator[Progress, None, FilledGap]:
     """Key the motions, look at what the scene shows of them, and report: all or nothing."""
@@ -177,9 +117,9 @@ def _keyed(
             keys.take_out()
         assign(character, channels.action, channels.slot)
         _touch(character)
-        made = []
-        for stretch, gap, one in zip(asked.stretches, gaps, filled, strict=True):
-            made.append((yield from _key_stretch(keys, scene, frame, stretch, gap, one)))
+        keyed_rows = []
+        for one in made:
+            keyed_rows.append((yield from _key_stretch(keys, scene, frame, one)))
         keys.note(asked)
         state.restore(always=True)
         _touch(character)
@@ -195,7 +135,7 @@ def _keyed(
             fake_user,
             pose,
         )
-        report = yield from build_report(spec, scene, frame, asked, gaps, filled, made, keyed, keys.kept)
+        report = yield from build_report(spec, scene, frame, asked, made, keyed_rows, keyed, keys.kept)
         return FilledGap(keyed, report)
 
 
@@ -203,15 +143,14 @@ def _key_stretch(
     keys: GapKeys,
     scene: bpy.types.Scene,
     frame: WorldFrame,
-    stretch: Stretch,
-    gap: Gap,
-    filled: Filled,
+    made: Made,
 ) -> Generator[Progress, None, tuple[Array, Array, Array]]:
     """Key one gap; its frames (N,) with both poses, hips (N, 3), world, and rotations (N, 23, 4) there."""
     character = keys.character
+    stretch = made.stretch
     keys.start, keys.end = stretch.start, stretch.end
     rows = np.concatenate(([stretch.start], stretch.frames, [stretch.end]))
-    hips, local = _sampled(gap, filled.clip, (rows - stretch.start) / (stretch.end - stretch.start))
+    hips, local = made.at((rows - stretch.start) / (stretch.end - stretch.start))
     hips = frame.to_world(hips)
     placement, bone_map = Placement.of(character), bone_map_of(character)
 
@@ -241,16 +180,6 @@ def _key_stretch(
         keys.switch(*switch)
     _touch(character)
     return rows, hips, local
-
-
-def _sampled(gap: Gap, made: Clip, shares: Array) -> Pose:
-    """The motion from the last frame before a gap to the first one after it, at shares (N,) of the way."""
-    hips = np.concatenate((gap.past.hips_position[-1:], made.hips_position, gap.target.hips_position[:1]))
-    local = np.concatenate(
-        (gap.past.local_rotations[-1:], made.local_rotations, gap.target.local_rotations[:1])
-    )
-    local = quat_normalize(local.astype(np.float64))
-    return clip.resample(hips.astype(np.float64), local, shares * (len(hips) - 1), 1.0)
 
 
 def _switch_path(character: bpy.types.Object, bone: str, key: str) -> str:

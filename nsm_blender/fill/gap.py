@@ -120,6 +120,15 @@ def selected_span(character: bpy.types.Object) -> tuple[float, float] | None:
     return (min(frames), max(frames)) if frames and max(frames) - min(frames) > _SAME else None
 
 
+def pose_span(character: bpy.types.Object) -> tuple[float, float] | None:
+    """First and last frame at which a character's body is posed; None where there are no two."""
+    channels = channels_of(character)
+    keyed = np.zeros(0)
+    if channels is not None:
+        keyed = poses(body_curves(character, channels), np.zeros(0, np.uint32))
+    return (float(keyed[0]), float(keyed[-1])) if len(keyed) > 1 else None
+
+
 def find(spec: FillSpec, channels: ActionChannels, now: float, fps: float) -> AskedGap:
     """What a spec asks for among the keys of its character; GapError where there is nothing to fill."""
     who, curves = spec.character.name, body_curves(spec.character, channels)

@@ -86,8 +86,11 @@ def merged(old: Keys, new: Keys) -> tuple[Keys, Array]:
     """Keys of both in the order of their frames, and which of them are new (K,) bool; where both have one at
     a frame, the old one stays.
     """
-    theirs = old["co"][:, 0]
-    fresh = np.array([not (np.abs(theirs - frame) < _SAME).any() for frame in new["co"][:, 0]], bool)
+    theirs, frames = old["co"][:, 0], new["co"][:, 0]
+    near = np.searchsorted(theirs, frames)
+    fresh = np.ones(len(frames), bool)
+    for row in (near - 1, near) if len(theirs) else ():
+        fresh &= np.abs(theirs[np.clip(row, 0, len(theirs) - 1)] - frames) >= _SAME
     new = taken(new, fresh)
     both = {name: np.concatenate((old[name], new[name])) for name in old}
     mine = np.arange(len(both["co"])) >= len(theirs)
@@ -99,8 +102,8 @@ def merged(old: Keys, new: Keys) -> tuple[Keys, Array]:
 
 def _give_handles(keys: Keys, which: Array) -> None:
     """Have the handles of some keys point to their neighbours, a third of the way, as vector handles do."""
-    places = keys["co"]
-    for row in np.flatnonzero(which):
-        for name, other in (("handle_left", row - 1), ("handle_right", row + 1)):
-            if 0 <= other < len(places):
-                keys[name][row] = places[row] + (places[other] - places[row]) / 3
+    places, rows = keys["co"], np.flatnonzero(which)
+    for name, beside in (("handle_left", rows - 1), ("handle_right", rows + 1)):
+        inside = (beside >= 0) & (beside < len(places))
+        mine, other = rows[inside], beside[inside]
+        keys[name][mine] = places[mine] + (places[other] - places[mine]) / 3

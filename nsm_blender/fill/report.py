@@ -9,7 +9,6 @@ import bpy
 import numpy as np
 
 from nsm_core.body.skeleton import forward_kinematics
-from nsm_core.control.inbetween import Filled, Gap
 from nsm_core.evaluation.measures.motion import below_floor, foot_sliding
 from nsm_core.rotations import Array
 
@@ -19,6 +18,7 @@ from ..rigs.armature import Placement, read_world_pose
 from ..rigs.mount import over_frames
 from ..world.frame import WorldFrame
 from .gap import AskedGap
+from .reading import Made
 from .spec import FillSpec
 
 _OFF = 0.01  # metres of the character from which what is seen is not what was made
@@ -29,19 +29,19 @@ def build_report(
     scene: bpy.types.Scene,
     frame: WorldFrame,
     asked: AskedGap,
-    gaps: list[Gap],
-    filled: list[Filled],
-    made: list[tuple[Array, Array, Array]],
+    made: list[Made],
+    rows_of: list[tuple[Array, Array, Array]],
     keyed: KeyedTake,
     kept: dict[str, int],
 ) -> Generator[Progress, None, dict[str, Any]]:
     """Gather the figures of a fill, in the units their names end in, as plain values for JSON.
 
-    ``gap_before_blend_cm`` is by how much the method itself missed the pose after the gap; slide and
-    penetration are measured on the bones that the scene shows, in the character's own metres.
+    ``rows_of`` are, of each gap, the frames keyed and the motion made there.  ``gap_before_blend_cm`` is by
+    how much the method itself missed the pose after the gap; slide and penetration are measured on the bones
+    that the scene shows, in the character's own metres.
     """
     placement, off, slide, deep = Placement.of(spec.character), 0.0, [0.0], [0.0]
-    for gap, (rows, hips, local) in zip(gaps, made, strict=True):
+    for one, (rows, hips, local) in zip(made, rows_of, strict=True):
 
         def read() -> tuple[Array, Array, Array]:
             joints, hips, local = read_world_pose(spec.character, placement)
@@ -51,9 +51,9 @@ def build_report(
         joints, seen_hips, seen_local = (np.stack(each) for each in zip(*seen, strict=True))
         wanted, _ = forward_kinematics(frame.to_core(hips), local, placement.own_offsets.astype(np.float64))
         off = max(off, float(np.linalg.norm(joints - wanted, axis=-1).max()))
-        slide.append(foot_sliding(joints, keyed.fps, weighted=True, ground=gap.ground))
-        deep.append(below_floor(seen_hips, seen_local, gap.ground)["below_floor_cm"])
-    notes = list(dict.fromkeys(note for one in filled for note in one.notes))
+        slide.append(foot_sliding(joints, keyed.fps, weighted=True, ground=one.gap.ground))
+        deep.append(below_floor(seen_hips, seen_local, one.gap.ground)["below_floor_cm"])
+    notes = list(dict.fromkeys(note for one in made for note in one.filled.notes))
     if off > _OFF and not kept:
         notes.append(
             f"On screen a joint is up to {100 * off:.1f} cm from where it was made; mute what moves it and "
@@ -67,7 +67,7 @@ def build_report(
         "fps": round(keyed.fps, 4),
         "method": spec.method,
         "seed": spec.seed,
-        "gap_before_blend_cm": round(100 * max(one.gap_before_blend for one in filled), 3),
+        "gap_before_blend_cm": round(100 * max(one.filled.gap_before_blend for one in made), 3),
         "slide_cm_s": round(max(slide), 3),
         "penetration_cm": round(max(deep), 3),
         "shown_off_cm": round(100 * off, 3),

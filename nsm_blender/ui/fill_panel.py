@@ -22,6 +22,8 @@ class NSM_PT_fill(Sidebar, bpy.types.Panel):
         column.enabled = running.current() is None
         column.use_property_split, column.use_property_decorate = True, False
         column.prop(options, "where")
+        if options.where == "SEAM":
+            column.prop(options, "seam")
         column.prop(options, "method")
         column.prop(options, "seed")
         column.prop(options, "replace")
@@ -30,6 +32,9 @@ class NSM_PT_fill(Sidebar, bpy.types.Panel):
         big.operator("nsm.fill", icon="KEYFRAME").where = "PANEL"
         if filled_before(context) is not None:
             layout.operator("nsm.another_fill", icon="FILE_REFRESH")
+        row = layout.row(align=True)
+        row.operator("nsm.thin_out", icon="KEY_DEHLT")
+        row.operator("nsm.decompress", icon="KEY_HLT")
         reason = reason_not(context)
         if reason:
             sentence(context, layout, reason, "INFO")

@@ -339,6 +339,15 @@ class NsmKeyOptions(bpy.types.PropertyGroup):
 class NsmFillOptions(bpy.types.PropertyGroup):
     """Which missing frames Fill makes, and how."""
 
+    seam: IntProperty(
+        name="Frames on Each Side",
+        description="How many frames before and after the seam are made anew",
+        default=10,
+        min=2,
+        soft_max=30,
+        max=90,
+    )
+
     where: EnumProperty(
         name="Frames",
         description="Which frames are filled",
@@ -346,6 +355,13 @@ class NsmFillOptions(bpy.types.PropertyGroup):
             ("AROUND", "Around the Playhead", "Between the poses keyed before and after the current frame"),
             ("SELECTED", "Selected Keys", "Between the first and the last selected keys of the character"),
             ("PREVIEW", "Preview Range", "Between the first and the last frame of the preview range"),
+            ("ALL", "All Gaps", "Every gap between the first and the last pose, one after the other"),
+            (
+                "SEAM",
+                "Seam at the Playhead",
+                "Where one motion is cut to another: the frames on both sides of "
+                "the current one are made anew",
+            ),
         ),
     )
     method: EnumProperty(

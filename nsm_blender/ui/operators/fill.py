@@ -14,6 +14,7 @@ from ..properties import settings_of, show_results
 from ..reviews import remember
 from ..session import TakeSession
 from .generate import TakeMaker, listed_or_discarded, next_seed
+from .reporting import WhileIdle, sentences
 
 if TYPE_CHECKING:
     from ...fill.fill import FilledGap
@@ -109,7 +110,7 @@ class NSM_OT_fill(_Filler, bpy.types.Operator):
     )
 
     def _asked(self, scene: bpy.types.Scene) -> FillSpec:
-        from ...fill.gap import selected_span
+        from ...fill.gap import pose_span, selected_span
         from ...fill.spec import FillSpec
 
         options, menu = settings_of(scene).fill, getattr(self, "where", "PANEL") == "MENU"
@@ -121,6 +122,18 @@ class NSM_OT_fill(_Filler, bpy.types.Operator):
                     "Fewer than two frames of this character's body have selected keys; select the pose that "
                     "is left and the pose that is reached."
                 )
+        elif options.where == "SEAM":
+            at = scene.frame_current
+            return FillSpec(
+                character,
+                at - options.seam,
+                at + options.seam,
+                seed=options.seed,
+                replace=True,
+                method=options.method,
+            )
+        elif options.where == "ALL":
+            span = pose_span(character)
         elif options.where == "PREVIEW":
             if not scene.use_preview_range:
                 raise GapError(
@@ -157,6 +170,54 @@ class NSM_OT_another_fill(_Filler, bpy.types.Operator):
         )  # fmt: skip
 
 
+class NSM_OT_decompress(_Filler, bpy.types.Operator):
+    bl_idname = "nsm.decompress"
+    bl_label = "Decompress"
+    bl_description = (
+        "Fill every gap between the first and the last pose of the character, one after the other, as of an "
+        "animation that was thinned out"
+    )
+
+    def _asked(self, scene: bpy.types.Scene) -> FillSpec:
+        from ...fill.gap import pose_span
+        from ...fill.spec import FillSpec
+
+        options, character = settings_of(scene).fill, character_of(bpy.context)
+        start, end = pose_span(character) or (None, None)
+        return FillSpec(character, start, end, seed=options.seed, method=options.method)
+
+
+class NSM_OT_thin_out(WhileIdle, bpy.types.Operator):
+    bl_idname = "nsm.thin_out"
+    bl_label = "Thin Out"
+    bl_description = (
+        "Keep of the animation a pose and its pace every second, in a copy of the action; Decompress makes "
+        "the frames in between again"
+    )
+
+    @classmethod
+    def reason_not(cls, context: bpy.types.Context) -> str:
+        return reason_not(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        from ...fill.thin import thin_out
+        from ...keys.keyed import discard_take
+
+        scene = context.scene
+        with sentences(self):
+            keyed, (before, after) = thin_out(character_of(context), scene)
+            try:
+                remember(scene, keyed)
+            except BaseException:
+                discard_take(keyed)
+                raise
+            text = f"{after} keys of the body's {before} are left; Decompress makes the others again."
+            show_results(settings_of(scene), [(text, True)])
+            self.report({"INFO"}, text)
+            return {"FINISHED"}
+        return {"CANCELLED"}
+
+
 def _draw(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
     self.layout.separator()
     self.layout.operator("nsm.fill", icon="KEYFRAME").where = "MENU"
@@ -183,4 +244,4 @@ def uninstall() -> None:
         _installed = False
 
 
-CLASSES = (NSM_OT_fill, NSM_OT_another_fill)
+CLASSES = (NSM_OT_fill, NSM_OT_another_fill, NSM_OT_decompress, NSM_OT_thin_out)
