@@ -1,5 +1,5 @@
-"""Command line of the core: python -m nsm_core train | evaluate | crowd | bench | annotate | pool | augment |
-compose [arguments].
+"""Command line of the core: python -m nsm_core train | transitions | evaluate | crowd | bench | annotate |
+pool | augment | compose [arguments].
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from .errors import NsmError
 # Imported only when asked for: bench must run where training's packages are missing.
 COMMANDS = {
     "train": ("nsm_core.commands.train", "train the network from a capture folder"),
+    "transitions": ("nsm_core.commands.transitions", "train the network that fills gaps"),
     "evaluate": ("nsm_core.commands.evaluate", "print the tables of figures and write them as JSON"),
     "rivals": ("nsm_core.commands.rivals", "train and judge the networks of the field and the ablations"),
     "rooms": ("nsm_core.commands.rooms", "try generated rooms by seed and draw the worst"),

@@ -20,7 +20,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         "--only",
         default=",".join(PARTS),
-        help="parts or actions to try, with commas, or none: " + ", ".join(PARTS),
+        help="parts or actions to try, with commas, or none: " + ", ".join(PARTS) + "; or transitions",
     )
     parser.add_argument("--starts", type=int, default=10, help="starts for each object")
     parser.add_argument("--workers", type=int, default=2)
@@ -54,7 +54,15 @@ def main(arguments: list[str]) -> int:
         "--no-ablation", action="store_true", help="skip the runs without parts of the method"
     )
     parser.add_argument("--out", default="out/evaluation.json")
+    parser.add_argument(
+        "--transitions",
+        default="runs/transitions",
+        metavar="FOLDER",
+        help="with --only transitions: folder of windows.npz and of what `transitions --rows` trained",
+    )
     a = parser.parse_args(arguments)
+    if a.only == "transitions":
+        return _transitions(Path(a.transitions), Path(a.out))
     named = [name.strip() for name in a.only.split(",") if name.strip() not in ("", "none")]
     unknown = [name for name in named if not parts_named(name)]
     if unknown:
@@ -81,4 +89,15 @@ def main(arguments: list[str]) -> int:
         result["stress"] = run_stress(a.weights, a.stress, a.workers)
     print(tables(result))
     write_report(result, Path(a.out))
+    return 0
+
+
+def _transitions(folder: Path, out: Path) -> int:
+    """Print the tables of transition networks (papers/001)."""
+    from nsm_core.data.transitions.windows import Windows
+    from nsm_core.evaluation.transitions.tables import measured, text  # needs torch
+
+    found = measured(Windows.load(folder / "windows.npz"), folder)
+    print(text(found))
+    write_report(found, out)
     return 0

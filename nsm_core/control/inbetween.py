@@ -8,21 +8,22 @@ feet to stand.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
 from nsm_core.body.clip import Clip
 from nsm_core.body.contacts import TOES
 from nsm_core.body.ik.between import ENDS, Ground, joined, planted
-from nsm_core.body.interpolation import interpolated
-from nsm_core.body.skeleton import TOE_HEIGHT
+from nsm_core.body.ik.pose_fit import pose_from_places
+from nsm_core.body.interpolation import interpolated, target_blend
+from nsm_core.body.skeleton import HIPS, TOE_HEIGHT
 from nsm_core.conventions import FPS
 from nsm_core.errors import GapError
+from nsm_core.model.inference.transition_model import TransitionModel
+from nsm_core.model.transitions.layout import PAST
 from nsm_core.rotations import Array
 
 MIN_FRAMES, MAX_FRAMES = 3, 90  # that can be filled at 30 a second
-PAST = 10  # frames of context that a network reads (section 3.1)
 MISSED = 0.1  # metres from its target, mean over joints, from which on a network's miss is told
 FASTEST = 5.0  # m/s of the hips: who is asked for more is told
 
@@ -57,16 +58,6 @@ class Filled:
     notes: tuple[str, ...]
 
 
-class Transitions(Protocol):
-    """A trained network that fills gaps."""
-
-    def transition(self, gap: Gap) -> tuple[Array, Array, float]:
-        """Hips (frames, 3) and local rotations (frames, 23, 4) of the missing frames, and as
-        ``gap_before_blend``.
-        """
-        ...
-
-
 def check(gap: Gap) -> tuple[str, ...]:
     """Sentences on what is unusual about a gap; GapError where it cannot be filled."""
     if not len(gap.past):
@@ -97,10 +88,11 @@ def check(gap: Gap) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def fill(gap: Gap, network: Transitions | None) -> Filled:
+def fill(gap: Gap, network: TransitionModel | None) -> Filled:
     """Fill a gap by a network, or by interpolation where there is none; GapError as of ``check``."""
     notes = check(gap)
     past, target, count = gap.past, gap.target, gap.frames
+    level = 0.0 if gap.ground is not None else min(_level(past), _level(target))
     if network is None:
         hips, local = interpolated(
             (past.hips_position[-1], target.hips_position[0]),
@@ -111,8 +103,7 @@ def fill(gap: Gap, network: Transitions | None) -> Filled:
         if gap.seed:
             notes += ("Interpolation has no variations.",)
     else:
-        hips, local, missed = network.transition(gap)
-    level = 0.0 if gap.ground is not None else min(_level(past), _level(target))
+        hips, local, missed = _transition(gap, network, level)
     hips = np.concatenate((_before(past.hips_position), hips, _after(target.hips_position)))
     local = np.concatenate((_before(past.local_rotations), local, _after(target.local_rotations)))
     up = np.array((0.0, 0.0, level))
@@ -124,6 +115,20 @@ def fill(gap: Gap, network: Transitions | None) -> Filled:
         told = f"The network came to {100 * missed:.0f} cm from the target; the rest was blended."
         return replace(filled, notes=(*notes, told))
     return filled
+
+
+def _transition(gap: Gap, network: TransitionModel, level: float) -> tuple[Array, Array, float]:
+    """Hips (frames, 3) and local rotations (frames, 23, 4) as a network tells them, with the target blend
+    (section 5.1) over all of them; and metres that it missed the target by.
+    """
+    goal = gap.target.world()[0][:2].astype(np.float64)
+    ground = gap.ground or (lambda places: np.full(len(places), level))
+    told = network.predict(gap.past.world()[0][-PAST:], goal, gap.frames, ground, gap.seed)
+    missed = float(np.linalg.norm(told[-1] - goal[0], axis=-1).mean())
+    places = target_blend(told, goal[0], gap.frames + 1)[:-1]
+    ends = gap.past.local_rotations[-1], gap.target.local_rotations[0]
+    near = interpolated((places[0, HIPS], places[-1, HIPS]), ends, gap.frames)[1][:-1]
+    return places[:, HIPS], pose_from_places(places, near), missed
 
 
 def _level(clip: Clip) -> float:
@@ -141,4 +146,4 @@ def _after(values: Array) -> Array:
     return values[:ENDS] if len(values) >= ENDS else np.repeat(values, ENDS, axis=0)
 
 
-__all__ = ["MAX_FRAMES", "MIN_FRAMES", "PAST", "Filled", "Gap", "Transitions", "check", "fill"]
+__all__ = ["MAX_FRAMES", "MIN_FRAMES", "Filled", "Gap", "check", "fill"]

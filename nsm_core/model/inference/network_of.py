@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 
 from nsm_core.errors import WeightsError
@@ -19,7 +20,12 @@ def network_of(weights: Weights) -> tuple[NetworkKind, NetworkConfig]:
     """
     kind = kind_of(weights.network)
     config = _sizes(kind, weights)
-    expected = config.shapes()
+    require_arrays(weights, config.shapes())
+    return kind, config
+
+
+def require_arrays(weights: Weights, expected: Mapping[str, tuple[int, ...]]) -> None:
+    """WeightsError unless every array of the shapes ``expected`` by name is there, and no other."""
     found = {**weights.parameters, **weights.statistics}
     for name, shape in expected.items():
         if name not in found or found[name].shape != shape:
@@ -33,7 +39,6 @@ def network_of(weights: Weights) -> tuple[NetworkKind, NetworkConfig]:
         raise WeightsError(
             f"The weights file holds {odd}, which a network of its sizes has not; copy or train it again."
         )
-    return kind, config
 
 
 def _sizes(kind: NetworkKind, weights: Weights) -> NetworkConfig:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from nsm_core.model.features.meaning import Meaning, differences, meaning_hash, 
 from nsm_core.model.networks.config import NetworkConfig
 from nsm_core.model.networks.protocol import Weights
 from nsm_core.model.networks.registry import kind_of
+from nsm_core.model.networks.rtn_config import TransitionConfig
 from nsm_core.rotations import Array
 from nsm_core.validate import is_number, listed, number, shown, table, text
 
@@ -57,7 +58,7 @@ def save_weights(
     parameters: Mapping[str, Array],
     statistics: Mapping[str, Array],
     *,
-    config: NetworkConfig,
+    config: NetworkConfig | TransitionConfig,
     layout: Layout,
     credits: Sequence[str] = (),
     data: str = "",
@@ -110,19 +111,21 @@ def save_weights(
     return path
 
 
-def load_weights(path: str | Path, layout: Layout | None = None) -> Weights:
+def load_weights(
+    path: str | Path, layout: Layout | None = None, known: Callable[[Any, object], object] = kind_of
+) -> Weights:
     """Read a weights file; all arrays come back as float32, finite, and deviations above zero.
 
     With ``layout``, the file's feature layout must equal it, and its features must mean what they mean here,
-    if it tells what they do.  Nothing is allocated that the file does not hold.  Raises WeightsError if the
-    file is missing, truncated, damaged, foreign, of a newer format, of an unknown network, of another layout
-    or of features of another meaning.
+    if it tells what they do.  ``known`` raises on the name of a network that is not looked for.  Nothing is
+    allocated that the file does not hold.  Raises WeightsError if the file is missing, truncated, damaged,
+    foreign, of a newer format, of an unknown network, of another layout or of features of another meaning.
     """
     path = Path(path)
     entries = _read(path)
     metadata = _metadata(path, entries.pop("metadata", None))
     weights = Weights({}, {}, metadata)
-    kind_of(weights.network, path)
+    known(weights.network, path)
     if layout is not None and metadata.get("layout") != plain_layout(layout):
         difference = _difference(metadata.get("layout"), layout)
         raise WeightsError(f"{path} was trained on another feature layout ({difference}); train it again.")

@@ -1,0 +1,135 @@
+"""Tables 2 to 4 and Figure 5 of papers/001 on our captures, with the paper's values beside them, and what is
+asked beyond: error by length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from nsm_core.data.transitions.gaps import Gaps, GapSource, statistics_of
+from nsm_core.data.transitions.windows import Windows
+from nsm_core.model.inference.transition_model import FILL
+from nsm_core.model.inference.weights_file import load_weights
+from nsm_core.model.networks.rtn import TransitionNetwork
+from nsm_core.model.networks.rtn_config import transition_config
+from nsm_core.model.networks.rtn_rollout import roll_out
+from nsm_core.model.networks.rtn_rows import ROWS, SHIPPED, TABLES
+from nsm_core.model.transitions.layout import layout_description
+from nsm_core.rotations import Array, rotate_planar
+
+from .measures import Errors, errors, interpolation
+
+MOST = 400  # gaps that an error is the mean of
+LENGTHS = (5, 10, 20, 30, 45, 60, 90)
+INT = (0.210, 6.726)  # of the paper
+SHOWN = (1, 5, 10, 15, 20, 25, 30)  # frames of Figure 5
+
+
+def read(path: Path) -> TransitionNetwork:
+    """The network of a weights file, to be stepped over many gaps at once."""
+    weights = load_weights(path, layout_description(), transition_config)
+    net = TransitionNetwork(transition_config(weights.network).from_dict(weights.config))
+    arrays = {**weights.parameters, **weights.statistics}
+    net.load_state_dict({name: torch.from_numpy(values) for name, values in arrays.items()})
+    return net.eval()
+
+
+class Judge:
+    """Gaps of actors held out, standardised alike for all networks."""
+
+    def __init__(self, windows: Windows) -> None:
+        self.windows = windows
+        self.sources = {faced: GapSource(windows, True, faced) for faced in (False, True)}
+        drawn = statistics_of(GapSource(windows, False, False), [30] * 8, np.random.default_rng(0))
+        self.mean, self.deviation = drawn["pose_mean"], drawn["pose_std"]
+
+    def gaps(self, frames: int) -> Gaps:
+        return self.sources[False].fixed(frames, MOST)
+
+    def judged(self, net: TransitionNetwork | None, frames: int) -> Errors:
+        """Of a network, or of interpolation without one."""
+        gaps = self.gaps(frames)
+        if net is None:
+            return errors(gaps, interpolation(self.windows, gaps), self.mean, self.deviation)
+        own = self.sources[net.config.faced].fixed(frames, MOST)
+        with torch.no_grad():
+            told = roll_out(net, own).joints.numpy()
+        joints: Array = told.reshape(len(told), frames + 1, -1, 3)
+        joints = rotate_planar(joints, (gaps.angle - own.angle)[:, None, None])
+        return errors(gaps, joints, self.mean, self.deviation)
+
+
+def measured(windows: Windows, folder: Path) -> dict[str, Any]:
+    """Errors of interpolation, of every row of ROWS that ``folder`` holds weights of (NAME-SEED/fill.npz),
+    mean over seeds, and of the shipped network by length.
+    """
+    judge = Judge(windows)
+    rows: dict[str, Any] = {}
+    for name, row in ROWS.items():
+        paths = sorted(folder.glob(f"{name}-*/fill.npz"))
+        if name == SHIPPED and FILL.exists():
+            paths = [FILL]
+        frames = 60 if row.settings.shortest == 60 else 30
+        found = [judge.judged(read(path), frames) for path in paths]
+        if found:
+            rows[name] = _mean(found) | {"seeds": len(found)}
+    rows["int"] = _mean([judge.judged(None, 30)])
+    lengths = {}
+    if FILL.exists():
+        net = read(FILL)
+        for frames in LENGTHS:
+            if windows.chosen(True, frames + 12).size:
+                lengths[str(frames)] = [_mean([judge.judged(n, frames)]) for n in (None, net)]
+    return {"rows": rows, "lengths": lengths, "held_out": windows.about["held_out"]}
+
+
+def _mean(found: list[Errors]) -> dict[str, Any]:
+    names = ("mse", "aco", "gap", "slide", "true_slide")
+    out: dict[str, Any] = {name: float(np.mean([getattr(e, name) for e in found])) for name in names}
+    out["profile"] = np.mean([e.profile for e in found], axis=0).tolist()
+    return out
+
+
+def text(result: Mapping[str, Any]) -> str:
+    """All tables as text."""
+    rows = result["rows"]
+    lines = [f"Actors held out: {', '.join(result['held_out'])}"]
+    head = f"{'':18s}{'MSE':>8s}{'paper':>8s}{'cm off':>8s}{'paper':>8s}{'gap cm':>8s}{'slide':>8s}"
+    for title, names in TABLES.items():
+        lines += ["", title, head]
+        if title.startswith("Table 2"):
+            lines.append(_line("int", rows["int"], *INT))
+        for name in names:
+            row = ROWS[name]
+            lines.append(_line(name, rows.get(name), row.mse, row.aco))
+    lines.append(f"{'captures':18s}{'':40s}{rows['int']['true_slide']:8.1f}")
+    lines += ["", "Figure 5, cm off at frame", f"{'':18s}" + "".join(f"{n:8d}" for n in SHOWN)]
+    for name in ("int", *TABLES["Table 2, 30 frames"]):
+        if name in rows:
+            profile = rows[name]["profile"]
+            lines.append(f"{name:18s}" + "".join(f"{profile[n - 1]:8.2f}" for n in SHOWN))
+    if result["lengths"]:
+        lines += ["", "cm off by frames missing", f"{'':18s}{'int':>8s}{'shipped':>8s}{'gap cm':>8s}"]
+        for frames, (plain, ours) in result["lengths"].items():
+            lines.append(f"{frames:18s}{plain['aco']:8.2f}{ours['aco']:8.2f}{ours['gap']:8.2f}")
+    return "\n".join(lines)
+
+
+def _line(name: str, row: Mapping[str, Any] | None, mse: float | None, aco: float | None) -> str:
+    def cell(value: float | None, digits: int) -> str:
+        return f"{'-':>8s}" if value is None else f"{value:8.{digits}f}"
+
+    if row is None:
+        return f"{name:18s}{'-':>8s}{cell(mse, 3)}{'-':>8s}{cell(aco, 2)}   not trained"
+    return (
+        f"{name:18s}{row['mse']:8.3f}{cell(mse, 3)}{row['aco']:8.2f}{cell(aco, 2)}{row['gap']:8.2f}"
+        f"{row['slide']:8.1f}"
+    )
+
+
+__all__ = ["Judge", "measured", "read", "text"]

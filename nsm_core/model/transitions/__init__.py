@@ -1,0 +1,1 @@
+"""What a transition network reads and tells of a gap (papers/001 section 3)."""

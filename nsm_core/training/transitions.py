@@ -1,0 +1,170 @@
+"""Training of transition networks: probabilistic teacher forcing, AMSGrad, mean squared error over all
+missing frames and the target's (papers/001 section 6).
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from nsm_core.data.transitions.gaps import GapSource, statistics_of
+from nsm_core.data.transitions.windows import Windows
+from nsm_core.errors import WeightsError
+from nsm_core.files import output
+from nsm_core.model.inference.weights_file import save_weights
+from nsm_core.model.networks.deferred import collect
+from nsm_core.model.networks.rtn import TransitionNetwork
+from nsm_core.model.networks.rtn_config import NOISE, TransitionConfig
+from nsm_core.model.networks.rtn_rollout import RollOut, roll_out
+from nsm_core.model.networks.rtn_rows import TransitionSettings
+from nsm_core.model.transitions.layout import layout_description
+from nsm_core.training.trainer import CREDITS, read_checkpoint
+
+VALIDATED = (30, 128)  # frames and number of the gaps of held-out actors that a run is judged by
+CLIPPED = 1.0  # norm of the gradient at most
+EASED = 0.5  # share of a run from which on the learning rate falls
+LAST_RATE = 0.05  # share of it at the end
+
+
+class TransitionTrainer:
+    """State of one run: the network as it is and as it was when it did best on actors held out."""
+
+    def __init__(self, windows: Windows, config: TransitionConfig, settings: TransitionSettings) -> None:
+        self.settings, self.windows = settings, windows
+        torch.manual_seed(settings.seed)
+        self.net, self.best = TransitionNetwork(config), TransitionNetwork(config)
+        self.source, self.held = (GapSource(windows, held, config.faced) for held in (False, True))
+        self.optimiser = torch.optim.Adam(
+            self.net.parameters(), lr=settings.learning_rate, amsgrad=True, fused=True
+        )
+        self.step, self.seconds, self.least = 0, 0.0, float("inf")
+        rng = np.random.default_rng(settings.seed)
+        lengths = [int(n) for n in np.linspace(settings.shortest, settings.longest, 8)]
+        for name, values in statistics_of(self.source, lengths, rng).items():
+            getattr(self.net, name).copy_(torch.from_numpy(values))
+        self.best.load_state_dict(self.net.state_dict())
+
+    @property
+    def done(self) -> float:
+        """Share of the run that is over."""
+        return min(1.0, self.seconds / (60 * self.settings.minutes))
+
+    def learn(self) -> float:
+        """One step; returns its error."""
+        begun, settings = time.perf_counter(), self.settings
+        rng = np.random.default_rng((settings.seed, self.step))
+        generator = torch.Generator().manual_seed(int(rng.integers(1 << 40)))
+        spread = settings.longest - settings.shortest + 1
+        frames = settings.shortest + int(spread * rng.random() ** 1.5)
+        teacher = 1 - self.done if settings.scheduled else settings.teacher
+        self.net.train()
+        noise = NOISE if self.net.config.arrival else 0.0
+        out = roll_out(self.net, self.source.draw(frames, settings.batch, rng), teacher, noise, generator)
+        error = out.error()
+        loss = error + settings.world * self._world(out) if settings.world else error
+        self.optimiser.zero_grad()
+        loss.backward()
+        collect(self.net)
+        torch.nn.utils.clip_grad_norm_(self.net.parameters(), CLIPPED)
+        late = max(0.0, (self.done - EASED) / (1 - EASED))
+        rate = LAST_RATE + (1 - LAST_RATE) * 0.5 * (1 + math.cos(math.pi * late))
+        for group in self.optimiser.param_groups:
+            group["lr"] = settings.learning_rate * rate
+        self.optimiser.step()
+        self.step += 1
+        self.seconds += time.perf_counter() - begun
+        return float(error.detach())
+
+    def _world(self, out: RollOut) -> torch.Tensor:
+        return ((out.joints - out.true_joints) / self.net.offset_std).square().mean()
+
+    @torch.no_grad()
+    def judge(self) -> float:
+        """Error on gaps of actors held out; the network that has the least is kept."""
+        self.net.eval()
+        error = float(roll_out(self.net, self.held.fixed(*VALIDATED)).error())
+        if error < self.least:
+            self.least = error
+            self.best.load_state_dict(self.net.state_dict())
+        return error
+
+    def save(self, path: Path) -> None:
+        """Write a checkpoint, whole or not at all."""
+        state = {
+            "net": self.net.state_dict(),
+            "average": self.best.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
+            "step": self.step,
+            "seconds": self.seconds,
+            "least": self.least,
+        }
+        with output(path, "The checkpoint") as temporary:
+            torch.save(state, temporary)
+
+    def load(self, path: Path) -> None:
+        """Go on from a checkpoint of the same network; WeightsError where it is of another."""
+        state = read_checkpoint(path)
+        try:
+            self.net.load_state_dict(state["net"])
+            self.best.load_state_dict(state["average"])
+            self.optimiser.load_state_dict(state["optimiser"])
+        except (KeyError, RuntimeError, ValueError) as error:
+            raise WeightsError(
+                f"{path} is of another network; choose another folder with --run, or delete it."
+            ) from error
+        self.step, self.seconds, self.least = state["step"], state["seconds"], state["least"]
+
+    def export(self, path: Path) -> Path:
+        """Write the best network's weights, half precision, with credits and who was held out."""
+        shapes = self.best.config.parameter_shapes()
+        arrays = {name: values.detach().numpy() for name, values in self.best.state_dict().items()}
+        return save_weights(
+            path,
+            {name: arrays[name] for name in shapes},
+            {name: values for name, values in arrays.items() if name not in shapes},
+            config=self.best.config,
+            layout=layout_description(),
+            credits=[line for line in CREDITS.read_text(encoding="utf-8").splitlines() if line],
+            seeds={"init": self.settings.seed},
+            settings=asdict(self.settings),
+            step=self.step,
+            held_out=self.windows.about["held_out"],
+            held_out_share=self.windows.about["held_out_share"],
+            validation=self.least,
+        )
+
+
+def run(
+    trainer: TransitionTrainer, folder: Path, every: float, tell: Callable[[str], None]
+) -> TransitionTrainer:
+    """Train to the end of its minutes, a checkpoint and a line of the log ``every`` so many seconds."""
+    checkpoint, log = folder / "checkpoint.pt", folder / "log.csv"
+    folder.mkdir(parents=True, exist_ok=True)
+    if checkpoint.exists():
+        trainer.load(checkpoint)
+        tell(f"Going on from step {trainer.step}.")
+    recent: list[float] = []
+    since = time.monotonic()
+    while True:
+        over = trainer.done >= 1
+        if over or time.monotonic() - since > every:
+            error = trainer.judge()
+            trainer.save(checkpoint)
+            train = float(np.mean(recent)) if recent else float("nan")
+            line = f"{trainer.step},{trainer.seconds / 60:.2f},{train:.5f},{error:.5f}"
+            with open(log, "a", encoding="utf-8") as file:
+                file.write(line + "\n")
+            tell(line)
+            recent, since = [], time.monotonic()
+        if over:
+            return trainer
+        recent.append(trainer.learn())
+
+
+__all__ = ["TransitionTrainer", "run"]
