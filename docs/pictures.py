@@ -15,11 +15,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import bpy
 import numpy as np
+import strobe
 import take as whole_take
 
 import nsm_blender as nsm
 from nsm_blender import demo
+from nsm_blender.animation.channels import curves_in
 from nsm_blender.demo_scene.room import place
+from nsm_blender.fill.key_arrays import read_keys, taken, write_keys
 from nsm_blender.leaving import leave
 from nsm_blender.outlook import outlook
 from nsm_blender.overlays.picture import overlay_sheet
@@ -93,6 +96,32 @@ def going_on(path: Path) -> None:
     sheet(path, take, view=(0.3, -1.0, 0.35), frames=frames)
 
 
+def fill(path: Path, method: str = "network") -> None:
+    """A walk that turns, with a second missing in its middle: keyed poses and what was filled in."""
+    empty_scene()
+    character = nsm.add_character((-1.5, 0.0, 0.0))
+    goals = [nsm.GoalSpec("walk", None, 0.0, location=(1.2, 0.0, 0.0)), nsm.GoalSpec("idle", hold=0.5)]
+    made(character, goals)
+    start, end = 45, 76
+    thinned(character, start, end)
+    spec = nsm.FillSpec(character, start, end, method=method)
+    done = nsm.finish(nsm.fill_gap(spec, bpy.context.scene))
+    print("  ", done.report)
+    frames = [start - 8, start, *range(start + 5, end, 5), end, end + 8]
+    coloured = [(f, strobe.MADE if start < f < end else strobe.KEYED) for f in frames]
+    strobe.figures(character, coloured, 0.62, 0.0)
+    wide = 0.62 * len(frames) + 0.3
+    strobe.picture(path, (960, 280), (0.31 * (len(frames) - 1), 0.0, 0.9), wide, 0.03)
+
+
+def thinned(character: bpy.types.Object, start: float, end: float) -> None:
+    """Take the keys between two frames out of what a character plays."""
+    for curve in curves_in(character.animation_data.action, character.animation_data.action_slot):
+        keys = read_keys(curve)
+        frames = keys["co"][:, 0]
+        write_keys(curve, taken(keys, (frames <= start) | (frames >= end)))
+
+
 def main_take(path: Path) -> None:
     """The demo's take at the moments that show its actions."""
     whole_take.main(path)
@@ -103,6 +132,7 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "overlays": overlays,
     "curve": curve,
     "going_on": going_on,
+    "fill": fill,
 }
 
 

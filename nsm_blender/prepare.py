@@ -144,7 +144,7 @@ def prepare(
             target.name: MovedObject.of(target, frame, around.left[target][0]) for target in moving_alone
         }
         environment, ground = around.query, around.ground
-        figure = yield from _figure_of(spec.character)
+        figure = yield from figure_of(spec.character)
         motion = None
         if continues:
             require_at_rest(spec.character, scene, spec.start_frame)
@@ -258,7 +258,7 @@ def _go_to(scene: bpy.types.Scene, frame: float) -> None:
         go_to(scene, frame)
 
 
-def _figure_of(character: bpy.types.Object) -> Generator[Progress, None, Figure]:
+def figure_of(character: bpy.types.Object) -> Generator[Progress, None, Figure]:
     """The body that a character's skin shows."""
     skin = yield from staged("Reading the body", Skin.reading(character, Placement.of(character)))
     return (yield from waited("Reading the body", lambda _: skin.figure()))

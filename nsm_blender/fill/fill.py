@@ -10,9 +10,9 @@ from typing import Any
 import bpy
 import numpy as np
 
-from nsm_core.control.inbetween import Transitions, fill
+from nsm_core.control.inbetween import fill
 from nsm_core.errors import NsmError
-from nsm_core.model.inference.transition_model import load_transitions
+from nsm_core.model.inference.transition_model import TransitionModel, load_transitions
 from nsm_core.rotations import Array
 
 from ..animation.channels import assign, copied_channels
@@ -44,7 +44,7 @@ class FilledGap:
 
 
 @lru_cache(maxsize=1)
-def _network() -> Transitions:
+def _network() -> TransitionModel:
     """The bundled network, once a session."""
     return load_transitions()
 

@@ -13,11 +13,11 @@ import bpy
 import numpy as np
 
 from nsm_core.body import clip
+from nsm_core.body.capsules import Figure
 from nsm_core.body.clip import Clip
-from nsm_core.body.contacts import TOES
-from nsm_core.body.skeleton import TOE_HEIGHT
-from nsm_core.control.inbetween import PAST, Filled, Gap
+from nsm_core.control.inbetween import Filled, Gap, level_under
 from nsm_core.conventions import FPS
+from nsm_core.model.transitions.layout import PAST
 from nsm_core.rotations import (
     Array,
     quat_conjugate,
@@ -27,6 +27,7 @@ from nsm_core.rotations import (
     quat_to_rotvec,
 )
 
+from ..prepare import figure_of
 from ..progress import Progress, staged
 from ..rigs.armature import Placement, read_world_pose
 from ..rigs.mount import go_to, over_frames
@@ -68,6 +69,7 @@ class Sides:
     fps: float
     poses: dict[float, Pose]
     snapshot: Snapshot
+    figure: Figure
 
     def gap(self, number: int, made: Sequence[Made], seed: int) -> Gap:
         """Gap ``number`` with what was ``made`` in those before it."""
@@ -75,7 +77,7 @@ class Sides:
         past = _clip([self._past(time, made) for time in _before(self.asked, stretch, self.fps)])
         target = _clip(self._target(number))
         ground = self._ground(stretch, past, target)
-        return Gap(past, target, stretch.count(self.fps), ground, seed)
+        return Gap(past, target, stretch.count(self.fps), ground, seed, self.figure)
 
     def _past(self, time: float, made: Sequence[Made]) -> Pose:
         for one in made:
@@ -102,7 +104,7 @@ class Sides:
         share = np.linspace(0, 1, stretch.count(FPS) + 2)[:, None]
         between = past.hips_position[-1] + share * (target.hips_position[0] - past.hips_position[-1])
         way = np.concatenate((past.hips_position, between, target.hips_position))
-        level = float(past.world()[0][:, TOES, 2].min()) - TOE_HEIGHT
+        level = level_under(past, self.figure)
         return ground_below(self.snapshot, self.scene, [self.character], self.frame, way, level)
 
 
@@ -129,9 +131,11 @@ def reading(
         try:
             next(steps)
         except StopIteration as stop:
-            poses = dict(zip(times, rows, strict=True))
-            return Sides(character, scene, frame, asked, fps, poses, stop.value)
+            snapshot = stop.value
+            break
         yield Progress("Reading the ground", 0.0)
+    figure = yield from figure_of(character)
+    return Sides(character, scene, frame, asked, fps, dict(zip(times, rows, strict=True)), snapshot, figure)
 
 
 def _before(asked: AskedGap, stretch: Stretch, fps: float) -> list[float]:

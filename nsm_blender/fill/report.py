@@ -52,7 +52,7 @@ def build_report(
         wanted, _ = forward_kinematics(frame.to_core(hips), local, placement.own_offsets.astype(np.float64))
         off = max(off, float(np.linalg.norm(joints - wanted, axis=-1).max()))
         slide.append(foot_sliding(joints, keyed.fps, weighted=True, ground=one.gap.ground))
-        deep.append(below_floor(seen_hips, seen_local, one.gap.ground)["below_floor_cm"])
+        deep.append(below_floor(seen_hips, seen_local, one.gap.ground, one.gap.figure)["below_floor_cm"])
     notes = list(dict.fromkeys(note for one in made for note in one.filled.notes))
     if off > _OFF and not kept:
         notes.append(

@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from nsm_core.body.capsules import BUNDLED, Figure
 from nsm_core.body.clip import Clip
 from nsm_core.body.contacts import TOES
 from nsm_core.body.ik.between import ENDS, Ground, joined, planted
 from nsm_core.body.ik.pose_fit import pose_from_places
 from nsm_core.body.interpolation import interpolated, target_blend
-from nsm_core.body.skeleton import HIPS, TOE_HEIGHT
+from nsm_core.body.skeleton import HIPS
 from nsm_core.conventions import FPS
 from nsm_core.errors import GapError
 from nsm_core.model.inference.transition_model import TransitionModel
@@ -35,7 +36,7 @@ class Gap:
     ``past``: 1 to PAST frames before the gap, the last of them the last that is kept; ``target``: the first
     that is kept after it and the one behind it, for its speed.  ``ground`` gives heights (N,) at world places
     (N, 2), metres; None where none is known, then it is level under the lowest foot.  ``seed`` 0 is the mean,
-    others are variations.
+    others are variations.  ``figure``: the character's own body, whose feet are to stand.
     """
 
     past: Clip
@@ -43,6 +44,7 @@ class Gap:
     frames: int
     ground: Ground | None = None
     seed: int = 0
+    figure: Figure = BUNDLED
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,7 @@ def fill(gap: Gap, network: TransitionModel | None) -> Filled:
     """Fill a gap by a network, or by interpolation where there is none; GapError as of ``check``."""
     notes = check(gap)
     past, target, count = gap.past, gap.target, gap.frames
-    level = 0.0 if gap.ground is not None else min(_level(past), _level(target))
+    level = 0.0 if gap.ground is not None else min(level_under(side, gap.figure) for side in (past, target))
     if network is None:
         hips, local = interpolated(
             (past.hips_position[-1], target.hips_position[0]),
@@ -107,7 +109,9 @@ def fill(gap: Gap, network: TransitionModel | None) -> Filled:
     hips = np.concatenate((_before(past.hips_position), hips, _after(target.hips_position)))
     local = np.concatenate((_before(past.local_rotations), local, _after(target.local_rotations)))
     up = np.array((0.0, 0.0, level))
-    hips, local = planted(*joined(hips.astype(np.float64) - up, local.astype(np.float64)), gap.ground)
+    hips, local = planted(
+        *joined(hips.astype(np.float64) - up, local.astype(np.float64)), gap.ground, gap.figure
+    )
     kept = slice(ENDS, ENDS + count)
     clip = Clip("fill", (hips[kept] + up).astype(np.float32), local[kept].astype(np.float32))
     filled = Filled(clip, missed, notes)
@@ -131,9 +135,10 @@ def _transition(gap: Gap, network: TransitionModel, level: float) -> tuple[Array
     return places[:, HIPS], pose_from_places(places, near), missed
 
 
-def _level(clip: Clip) -> float:
-    """Height of a floor on which its lower foot stands, metres."""
-    return float(clip.world()[0][:, TOES, 2].min()) - TOE_HEIGHT
+def level_under(clip: Clip, figure: Figure = BUNDLED) -> float:
+    """Height of a floor on which the lower foot of a figure stands, metres."""
+    positions, _ = figure.tree.forward(clip.hips_position, clip.local_rotations)
+    return float(positions[:, TOES, 2].min()) - figure.sole.toe_height
 
 
 def _before(values: Array) -> Array:
@@ -146,4 +151,4 @@ def _after(values: Array) -> Array:
     return values[:ENDS] if len(values) >= ENDS else np.repeat(values, ENDS, axis=0)
 
 
-__all__ = ["MAX_FRAMES", "MIN_FRAMES", "Filled", "Gap", "check", "fill"]
+__all__ = ["MAX_FRAMES", "MIN_FRAMES", "Filled", "Gap", "check", "fill", "level_under"]

@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from nsm_core.body.capsules import BUNDLED, Figure
 from nsm_core.body.contacts import ANKLES, LEGS, TOES, detect_foot_contacts
 from nsm_core.body.inertialization import BLEND_FRAMES, soften_places, soften_seam, soften_turns
-from nsm_core.body.tree import HUMAN
 from nsm_core.rotations import Array
 from nsm_core.world.scene.terrain import Terrain
 
@@ -50,12 +50,14 @@ def joined(hips: Array, local: Array) -> tuple[Array, Array]:
     return back_hips[::-1], back_local[::-1]
 
 
-def planted(hips: Array, local: Array, ground: Ground | None = None) -> tuple[Array, Array]:
-    """The same motion with feet that stand from landing to lift-off, on the ``ground`` or, without, on the
-    floor at z = 0; its first and last ENDS frames stay.
+def planted(
+    hips: Array, local: Array, ground: Ground | None = None, figure: Figure = BUNDLED
+) -> tuple[Array, Array]:
+    """The same motion of a ``figure`` with feet that stand from landing to lift-off, on the ``ground`` or,
+    without, on the floor at z = 0; its first and last ENDS frames stay.
     """
     span = slice(ENDS - 1, len(hips) - ENDS + 1)  # one frame that stays at either end
-    whole = Pose(HUMAN, hips.astype(np.float64), local.astype(np.float64))
+    whole = Pose(figure.tree, hips.astype(np.float64), local.astype(np.float64))
     pose = whole.part(span)
     terrain = Terrain() if ground is None else SensedGround(ground)
     soil = FootGround(terrain, Terrain(), np.zeros(len(pose.hips)))
@@ -63,7 +65,7 @@ def planted(hips: Array, local: Array, ground: Ground | None = None) -> tuple[Ar
     over[..., 2] -= soil.height(over[..., :2])
     labels = detect_foot_contacts(over)[span].astype(np.float64)
     first, last = ((pose.positions[k, TOES], pose.world[k, ANKLES]) for k in (0, -1))
-    feet = footsteps(pose.positions[:, TOES], pose.world[:, ANKLES], labels, soil, None, first, last)
+    feet = footsteps(pose.positions[:, TOES], pose.world[:, ANKLES], labels, soil, figure.sole, first, last)
     done = solved(pose, feet.tasks(), stiffness())
 
     def within(old: Array, new: Array) -> Array:
@@ -77,7 +79,7 @@ def planted(hips: Array, local: Array, ground: Ground | None = None) -> tuple[Ar
         soften_places(ankles, ENDS, blend)
         soften_turns(turns, ENDS, blend)
         ankles, turns = ankles[::-1].copy(), turns[::-1].copy()
-    placed = place_on(HUMAN, new_hips, new_local, LEGS, ankles, turns)
+    placed = place_on(figure.tree, new_hips, new_local, LEGS, ankles, turns)
     return new_hips, within(whole.local, placed[ENDS - 1 : len(hips) - ENDS + 1])
 
 
