@@ -13,9 +13,9 @@ from nsm_core.conventions import FOOT_CONTACTS
 from nsm_core.model.features.codec import read_outputs
 from nsm_core.model.features.layout import OUTPUT
 from nsm_core.model.features.rollout_step import Blending, advance
+from nsm_core.model.networks.precision import half_precision_pays
 from nsm_core.training.batches import Batches, RolloutSettings
 from nsm_core.training.planted import SLIP, planted_loss
-from nsm_core.training.precision import half_precision_pays
 
 JOINTS = [[INDEX[f"{side}{part}"] for part in ("Ankle", "Toe")] for side in ("Right", "Left")]
 

@@ -18,6 +18,7 @@ from nsm_core.model.features.layout import Inputs, layout_description
 from nsm_core.model.features.meaning import Meaning
 from nsm_core.model.inference.weights_file import save_weights
 from nsm_core.model.networks.config import STATISTICS, NetworkConfig
+from nsm_core.model.networks.precision import half_precision_pays
 from nsm_core.model.networks.registry import kind_of
 from nsm_core.model.networks.trainable import Tensors
 from nsm_core.rotations import Array
@@ -25,7 +26,6 @@ from nsm_core.rotations import Array
 from .batches import Batches, RolloutSettings, loss_weights, statistics
 from .fresh_takes import FreshSettings, FreshTakes
 from .planted import planted_loss
-from .precision import half_precision_pays
 from .ranks import ALONE, Ranks
 from .schedule import cosine_restarts
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import time
+from typing import TYPE_CHECKING
 
-import torch
+if TYPE_CHECKING:
+    import torch
 
 
 def half_precision_pays(device: torch.device) -> bool:
     """Whether products of bfloat16 are faster than those of float32 on ``device``: measured, since processors
     without such instructions emulate them at a seventh of the speed, and none says so.
     """
+    import torch
+
     if device.type != "cpu":
         return True
 
