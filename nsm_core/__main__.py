@@ -1,6 +1,4 @@
-"""Command line of the core: python -m nsm_core train | transitions | evaluate | crowd | bench | annotate |
-pool | augment | compose [arguments].
-"""
+"""Command line of the core: python -m nsm_core COMMAND [arguments]; without a command it lists them."""
 
 from __future__ import annotations
 
@@ -21,6 +19,7 @@ COMMANDS = {
     "annotate": ("nsm_core.commands.annotate", "propose labels, contacts, phases and goals of captures"),
     "pool": ("nsm_core.commands.pool", "convert a folder of furniture meshes to the object pool"),
     "augment": ("nsm_core.commands.augment", "put captured sit-downs on other seats"),
+    "pack": ("nsm_core.commands.pack", "pack a training for another machine, and join its weights"),
     "compose": ("nsm_core.commands.compose", "stitch performances for training from captures"),
 }
 

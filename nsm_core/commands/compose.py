@@ -23,6 +23,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--out", default="runs/data")
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=2, help="processes that compose (default: 2)")
     a = parser.parse_args(arguments)
 
     def show(n: int, of: int) -> None:
@@ -34,6 +35,7 @@ def main(arguments: list[str]) -> int:
         a.minutes,
         a.seed,
         meshes=a.objects,
+        workers=a.workers,
         progress=show,
         tell=lambda note: print(f"note: {note}"),
     )
