@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from foreign_rigs import MIXAMO, foreign_rig
 from gaps import cut, inside, outside, playing, walk, walking
+from scenes import box
 
 from nsm_blender.animation.channels import GENERATED
 from nsm_blender.fill.fill import FilledGap, fill_gap
@@ -69,3 +70,19 @@ def test_keys_outside_a_gap_stay_byte_for_byte_and_frames_inside_are_keyed(rig):
     assert steps.max() < 5.0 and done.report["shown_off_cm"] < 0.1
     discard_take(done.keyed)
     assert character.animation_data.action == old and before == outside(character, start, end)
+
+
+def test_others_are_not_walked_over_and_steps_are():
+    character = add_character((0.0, 0.0, 0.0))
+    walking(character, 30)
+    cut(character, 40, 66)
+    bpy.context.scene.frame_set(50)
+    box("Floor", (-9, -9, -0.1), (9, 9, 0))
+    hips = character.matrix_world @ character.pose.bones["Hips"].head
+    other = add_character((hips.x, hips.y, 0.0))
+    assert filled(character).report["penetration_cm"] < 3
+    bpy.data.objects.remove(other)
+    box("Step", (-9, -9, 0), (9, 9, 0.3))  # up to the shins of who walks there
+    low = joints(character, [50])[0, :, 2].min()
+    filled(character)
+    assert joints(character, [50])[0, :, 2].min() > low + 0.1  # feet are set on it

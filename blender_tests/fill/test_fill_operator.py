@@ -92,6 +92,23 @@ def test_the_menus_fill_between_selected_keys(hero):
     assert pending(bpy.context.scene).frame_start == START + 1
 
 
+def test_keys_of_some_bones_are_filled_alone(hero):
+    cut(hero, 20, 34)
+    for curve in playing(hero):
+        for key in curve.keyframe_points:
+            key.select_control_point = key.co.x in (20, 34) and "RightElbow" in curve.data_path
+    for again in (False, True):
+        operator = bpy.ops.nsm.another_fill if again else bpy.ops.nsm.fill
+        assert operator(**({} if again else {"where": "MENU"})) == {"FINISHED"}
+        counts = {
+            len([k for k in curve.keyframe_points if 20 < k.co.x < 34]): curve.data_path
+            for curve in playing(hero)
+            if len(curve.keyframe_points) > 2
+        }
+        assert counts.keys() == {0, 13} and "RightElbow" in counts[13]
+        assert bpy.context.scene.nsm.results[0].text.startswith("13 frames of 1 bone filled")
+
+
 def test_one_undo_step_takes_a_fill_back(hero):
     before, old = outside(hero, START, END), hero.animation_data.action.name
     bpy.ops.ed.undo_push(message="before")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -27,7 +27,7 @@ from ..rigs.armature import Placement
 from ..rigs.bone_map import bone_map_of
 from ..rigs.mount import Mount, go_to, over_frames
 from ..world.frame import WorldFrame
-from .gap import AskedGap, body_bones, body_curves, find, own_channels
+from .gap import BONES, AskedGap, body_bones, body_curves, find, own_channels
 from .keys import GapKeys, require_open
 from .reading import Made, reading
 from .report import build_report
@@ -70,9 +70,11 @@ def _filled(spec: FillSpec, scene: bpy.types.Scene) -> Generator[Progress, None,
     require_keyable(character)
     channels = own_channels(character)
     asked = find(spec, channels, scene.frame_current + scene.frame_subframe, fps)
+    if asked.again and spec.bones is None and (before := channels.action.get(BONES, "")):
+        spec = replace(spec, bones=frozenset(before.split("\n")))
     curves = body_curves(character, channels)
     above = {b.name for b in character.data.bones[bone_map_of(character).hips].parent_recursive}
-    for name in sorted((curves.keys() & body_bones(character)) - above):
+    for name in sorted((curves.keys() & (spec.bones or body_bones(character))) - above - {""}):
         require_open(curves[name], character.name)
     network = None
     if spec.method != INTERPOLATE:
@@ -119,8 +121,8 @@ def _keyed(
         _touch(character)
         keyed_rows = []
         for one in made:
-            keyed_rows.append((yield from _key_stretch(keys, scene, frame, one)))
-        keys.note(asked)
+            keyed_rows.append((yield from _key_stretch(keys, scene, frame, one, spec.bones)))
+        keys.note(asked, spec.bones)
         state.restore(always=True)
         _touch(character)
         keyed = KeyedTake(
@@ -144,6 +146,7 @@ def _key_stretch(
     scene: bpy.types.Scene,
     frame: WorldFrame,
     made: Made,
+    bones: frozenset[str] | None,
 ) -> Generator[Progress, None, tuple[Array, Array, Array]]:
     """Key one gap; its frames (N,) with both poses, hips (N, 3), world, and rotations (N, 23, 4) there."""
     character = keys.character
@@ -174,9 +177,11 @@ def _key_stretch(
     free = any(start for start, _ in changed), any(end for _, end in changed)
     limbs = limb_bones(bone_map)
     for number, each in enumerate(moves):
+        if bones is not None and each.bone not in bones:
+            continue
         keys.key(each, rows, free if each.bone in limbs else (False, False))
         yield Progress("Making keys", number / len(moves))
-    for switch in switches:
+    for switch in switches if bones is None or bones & limbs else ():
         keys.switch(*switch)
     _touch(character)
     return rows, hips, local

@@ -19,7 +19,8 @@ from ..rigs.bone_map import bone_map_of
 from .key_arrays import frames_of
 from .spec import FillSpec
 
-MADE, SPAN = "nsm_filled", "nsm_fill"  # on an action: numbers of a fill's keys, and the poses it is between
+# On an action: numbers of the last fill's keys, the poses that it is between, and which bones got keys.
+MADE, SPAN, BONES = "nsm_filled", "nsm_fill", "nsm_fill_bones"
 _BODY = re.compile(r'pose\.bones\["((?:[^"\\]|\\.)*)"\]\.(location|rotation_\w+)$')
 _POSE = 0.5  # share of a body's keyed bones that have a key where there is a pose
 _SAME = 1e-3  # frames by which two keys are at one place
@@ -105,19 +106,21 @@ def made_keys(channels: ActionChannels) -> Array:
     return np.frombuffer(channels.action.get(MADE, b""), np.uint32)
 
 
-def selected_span(character: bpy.types.Object) -> tuple[float, float] | None:
-    """First and last frame of the selected keys of a character's body; None where fewer than two frames
-    have some.
+def selected_keys(character: bpy.types.Object) -> tuple[float, float, frozenset[str] | None] | None:
+    """First and last frame of the selected keys of a character's body, and the bones that have some (None
+    where all with keys have); None where fewer than two frames have some.
     """
     channels = channels_of(character)
-    frames = [
-        key.co.x
-        for own in ({} if channels is None else body_curves(character, channels)).values()
-        for curve in own
-        for key in curve.keyframe_points
-        if key.select_control_point
-    ]
-    return (min(frames), max(frames)) if frames and max(frames) - min(frames) > _SAME else None
+    curves = {} if channels is None else body_curves(character, channels)
+    each = {
+        name: [key.co.x for curve in own for key in curve.keyframe_points if key.select_control_point]
+        for name, own in curves.items()
+    }
+    frames = [frame for own in each.values() for frame in own]
+    if not frames or max(frames) - min(frames) < _SAME:
+        return None
+    bones = frozenset(name for name, own in each.items() if own)
+    return min(frames), max(frames), None if bones >= curves.keys() - {""} else bones
 
 
 def pose_span(character: bpy.types.Object) -> tuple[float, float] | None:

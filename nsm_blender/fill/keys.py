@@ -13,7 +13,7 @@ from nsm_core.rotations import Array
 
 from ..animation.channels import ActionChannels
 from ..keys.edits import prints
-from .gap import MADE, SPAN, AskedGap, made_keys
+from .gap import BONES, MADE, SPAN, AskedGap, made_keys
 from .key_arrays import Keys, frames_of, generated, merged, read_keys, taken, write_keys
 from .values import Moves, led_places, led_turns, path_of, rotation_path
 
@@ -49,12 +49,13 @@ class GapKeys:
             elif mine.any():
                 write_keys(curve, taken(read_keys(curve), ~mine))
 
-    def note(self, asked: AskedGap) -> None:
-        """Note on the action which keys were made, and between which poses."""
+    def note(self, asked: AskedGap, bones: frozenset[str] | None) -> None:
+        """Note on the action which keys were made, between which poses, and of which bones."""
         if MADE in self.channels.action:  # bytes set over others would end with their first zero
             del self.channels.action[MADE]
         self.channels.action[MADE] = np.concatenate([np.zeros(0, np.uint32), *self._made]).tobytes()
         self.channels.action[SPAN] = [float(asked.start), float(asked.end)]
+        self.channels.action[BONES] = "\n".join(sorted(bones or ()))
 
     def key(self, moves: Moves, rows: Array, free: tuple[bool, bool] = (False, False)) -> None:
         """Key what a bone does: its first and last row are the poses at the gap's ends, ``rows`` (N,) the

@@ -30,6 +30,7 @@ from nsm_core.rotations import (
 from ..prepare import figure_of
 from ..progress import Progress, staged
 from ..rigs.armature import Placement, read_world_pose
+from ..rigs.bone_map import told_map
 from ..rigs.mount import go_to, over_frames
 from ..world.below import Below, ground_below
 from ..world.evaluated import Snapshot
@@ -105,7 +106,7 @@ class Sides:
         between = past.hips_position[-1] + share * (target.hips_position[0] - past.hips_position[-1])
         way = np.concatenate((past.hips_position, between, target.hips_position))
         level = level_under(past, self.figure)
-        return ground_below(self.snapshot, self.scene, [self.character], self.frame, way, level)
+        return ground_below(self.snapshot, self.scene, _bodies(self.scene), self.frame, way, level)
 
 
 def reading(
@@ -136,6 +137,12 @@ def reading(
         yield Progress("Reading the ground", 0.0)
     figure = yield from figure_of(character)
     return Sides(character, scene, frame, asked, fps, dict(zip(times, rows, strict=True)), snapshot, figure)
+
+
+def _bodies(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """Everybody in a scene: nobody is walked over."""
+    armatures = [each for each in scene.objects if each.type == "ARMATURE"]
+    return [each for each in armatures if not told_map(each).problem(each.name, each.data.bones)]
 
 
 def _before(asked: AskedGap, stretch: Stretch, fps: float) -> list[float]:

@@ -54,7 +54,7 @@ def build_report(
         slide.append(foot_sliding(joints, keyed.fps, weighted=True, ground=one.gap.ground))
         deep.append(below_floor(seen_hips, seen_local, one.gap.ground, one.gap.figure)["below_floor_cm"])
     notes = list(dict.fromkeys(note for one in made for note in one.filled.notes))
-    if off > _OFF and not kept:
+    if off > _OFF and not kept and spec.bones is None:
         notes.append(
             f"On screen a joint is up to {100 * off:.1f} cm from where it was made; mute what moves it and "
             "fill again."
@@ -71,6 +71,7 @@ def build_report(
         "slide_cm_s": round(max(slide), 3),
         "penetration_cm": round(max(deep), 3),
         "shown_off_cm": round(100 * off, 3),
+        "bones": None if spec.bones is None else sorted(spec.bones),
         "kept": kept_sentence(kept),
         "notes": notes,
     }
@@ -90,8 +91,13 @@ def kept_sentence(kept: dict[str, int]) -> str:
 def fill_lines(report: dict[str, Any]) -> list[tuple[str, bool]]:
     """Lines about a fill for the sidebar, each with whether it is good news."""
     count = report["frames"]
+    whose = (
+        ""
+        if report["bones"] is None
+        else f" of {len(report['bones'])} {'bone' if len(report['bones']) == 1 else 'bones'}"
+    )
     text = (
-        f"{count} {'frame' if count == 1 else 'frames'} filled between {report['from']:g} and "
+        f"{count} {'frame' if count == 1 else 'frames'}{whose} filled between {report['from']:g} and "
         f"{report['to']:g}; feet that stand slide {report['slide_cm_s']:.1f} cm/s."
     )
     lines = [(text, True)]

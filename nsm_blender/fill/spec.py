@@ -21,7 +21,8 @@ class FillSpec:
     ``start`` and ``end`` are frames of the scene: the pose that is left and the pose that is reached, which
     both stay; without them the gap around ``at``, the scene's current frame where that is None.  Poses keyed
     in between are reached, too, and single keys are kept, unless ``replace``.  ``seed`` 0 is the likeliest
-    motion, others are variations.  ``method`` is one of ``METHODS``.
+    motion, others are variations.  ``method`` is one of ``METHODS``.  ``bones`` are those that get keys, all
+    of the body where that is None.
     """
 
     character: bpy.types.Object
@@ -32,6 +33,7 @@ class FillSpec:
     replace: bool = False
     method: str = NETWORK
     name: str = ""
+    bones: frozenset[str] | None = None
     goals: list[GoalSpec] = field(default_factory=list, init=False)  # none: what watches takes asks for them
 
     def __post_init__(self) -> None:

@@ -110,14 +110,16 @@ class NSM_OT_fill(_Filler, bpy.types.Operator):
     )
 
     def _asked(self, scene: bpy.types.Scene) -> FillSpec:
-        from ...fill.gap import pose_span, selected_span
+        from ...fill.gap import pose_span, selected_keys
         from ...fill.spec import FillSpec
 
         options, menu = settings_of(scene).fill, getattr(self, "where", "PANEL") == "MENU"
-        character, span = character_of(bpy.context, menu), None
+        character, span, bones = character_of(bpy.context, menu), None, None
         if menu or options.where == "SELECTED":
-            span = selected_span(character)
-            if span is None and not menu:
+            keys = selected_keys(character)
+            if keys is not None:
+                span, bones = keys[:2], keys[2]
+            elif not menu:
                 raise GapError(
                     "Fewer than two frames of this character's body have selected keys; select the pose that "
                     "is left and the pose that is reached."
@@ -142,7 +144,13 @@ class NSM_OT_fill(_Filler, bpy.types.Operator):
             span = scene.frame_preview_start, scene.frame_preview_end
         start, end = span or (None, None)
         return FillSpec(
-            character, start, end, seed=options.seed, replace=options.replace, method=options.method
+            character,
+            start,
+            end,
+            seed=options.seed,
+            replace=options.replace,
+            method=options.method,
+            bones=bones,
         )
 
 
