@@ -11,7 +11,8 @@ from walks import seated_pose
 from nsm_core.body.ik.thighs import OVER_THIGH
 from nsm_core.body.skeleton import ARMS, FEET, HIP_OVER_SEAT, INDEX, forward_kinematics, root_of
 from nsm_core.data.scenarios.gaze import MOST, look_ahead
-from nsm_core.data.scenarios.motion import LANDED, Motion
+from nsm_core.data.scenarios.landing import hold
+from nsm_core.data.scenarios.motion import Motion
 from nsm_core.data.scenarios.sit.draws import SITS
 from nsm_core.data.scenarios.sit.manner import SitManner, act_out, draw_manner
 from nsm_core.rotations import (
@@ -115,16 +116,54 @@ def test_arm_rests_that_no_arm_reaches_are_none():
             assert rest is None or abs(rest[0] - piece.seat.point[0]) < 0.6
 
 
-def test_a_foot_stands_once_its_last_step_has_landed():
+def strode(angle, stands=True):
+    """Somebody who stands still but for the right leg, swung by ``angle`` in the first 10 frames."""
     motion = sitter(np.ones(60))
-    motion.rotations[:10, INDEX["RightHip"]] = quat_mul(
-        np.array((np.cos(0.2), np.sin(0.2), 0, 0)), motion.rotations[:10, INDEX["RightHip"]]
-    )
+    swung = np.array((np.cos(angle / 2), np.sin(angle / 2), 0, 0))
+    motion.rotations[:10, INDEX["RightHip"]] = quat_mul(swung, motion.rotations[:10, INDEX["RightHip"]])
     motion.feet[:] = False
-    motion.feet[:20] = (True, True)
+    motion.feet[:20] = (stands, True)
+    return motion
+
+
+def toe(motion):
+    return forward_kinematics(motion.hips, motion.rotations)[0][:, FEET[0][3]]
+
+
+def test_a_foot_stands_once_its_last_step_has_landed():
+    motion = strode(0.4, stands=False)
     motion.land(5, 40, 55)
     assert not motion.feet[5:10, 0].any() and motion.feet[10:55, 0].all() and motion.feet[5:55, 1].all()
-    assert motion.feet[:5].all() and not motion.feet[55:].any() and LANDED < 0.05
+    assert motion.feet[:5, 1].all() and not motion.feet[55:].any()
+
+
+def test_a_foot_that_stands_about_right_stays_until_it_is_lifted():
+    motion = strode(0.12)
+    where = toe(motion)
+    assert np.linalg.norm(where[40] - where[4]) > 0.04
+    motion.land(5, 40, 55)
+    assert motion.feet[:55].all()
+    assert np.linalg.norm((toe(motion) - where[4])[5:55, :2], axis=1).max() < 0.01
+
+
+def test_a_foot_that_stands_far_off_is_set_anew_by_one_raised_step():
+    motion = strode(0.5)
+    where = toe(motion)
+    motion.land(5, 40, 55)
+    now, steps = toe(motion), np.flatnonzero(~motion.feet[:55, 0])
+    assert len(steps) >= 8 and (np.diff(steps) == 1).all() and motion.feet[:55, 1].all()
+    assert np.linalg.norm((now - where)[steps[-1] + 1 : 55], axis=1).max() < 0.02
+    assert (now[steps, 2] - np.minimum(now[steps[0] - 1, 2], now[steps[-1] + 1, 2])).max() > 0.04
+
+
+def test_a_foot_that_stands_on_both_sides_of_a_seam_is_held_where_it_stood():
+    motion = strode(0.12)
+    motion.feet[20:24] = motion.feet[36:] = True
+    where = toe(motion)
+    hold(motion, [10])
+    now = toe(motion)
+    assert np.linalg.norm((now - where[9])[10:24, :2], axis=1).max() < 0.01
+    np.testing.assert_allclose(now[36:], where[36:], atol=1e-3)
 
 
 def test_heads_lead_turns_and_stay_where_nobody_turns():

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nsm_core.body.contacts import TOES
 from nsm_core.body.skeleton import HIPS, INDEX
 from nsm_core.conventions import DT
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
@@ -18,6 +19,8 @@ from nsm_core.world.planning.path import Course
 from .database import Library
 from .draws import MATCHING
 
+# Cost of a square metre by which a foot that stands in both pieces is off by more than LOOSE metres.
+STANDS, LOOSE = 400.0, 0.05
 HORIZON = (10, 20, 30)  # frames ahead at which the trajectories are compared
 _POSE_JOINTS = tuple(INDEX[n] for n in ("RightAnkle", "LeftAnkle"))
 # Weight of each group after division by the group's standard deviation.
@@ -94,6 +97,7 @@ class Matcher:
         self._allowed = (remaining > 30) | (still & (remaining > 12))
         if searchable is not None:
             self._allowed &= searchable
+        self._feet = np.ascontiguousarray(library.pose[:, TOES, :2])
         self._trajectory = self._sizes["future"] + self._sizes["facing"]
 
     def query(self, frame: int, future: Array, facing: Array) -> Array:
@@ -109,6 +113,13 @@ class Matcher:
         """Squared distance (N,) of every library frame to ``q``; infinite where too little clip follows."""
         d = self._norm - 2 * (self._features @ q) + q @ q
         return np.where(self._allowed, d, np.inf)
+
+    def gliding(self, frame: int) -> Array:
+        """Cost (N,) of going on at every library frame: feet stand in it and in ``frame``, elsewhere."""
+        lib = self.library
+        off = np.linalg.norm(self._feet - self._feet[frame], axis=-1) - LOOSE
+        stand = lib.contacts & lib.contacts[frame]
+        return STANDS * (np.where(stand, off.clip(0), 0) ** 2).sum(axis=1)
 
     def follow(
         self,
@@ -142,7 +153,7 @@ class Matcher:
                 q = self.query(
                     f, rotate_planar(future - root, np.full(3, -heading)), wrap_angle(facing - heading)
                 )
-                cost = self.costs(q)
+                cost = self.costs(q) + self.gliding(f)
                 best = int(np.argmin(cost * rng.uniform(*MATCHING.cost, size=len(cost)).astype(np.float32)))
                 if ending or (abs(best - f) > 8 and cost[best] < SWITCH * cost[f] - MARGIN):
                     f = best

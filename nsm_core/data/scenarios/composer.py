@@ -38,6 +38,7 @@ from . import single_clips
 from .draws import PERFORMANCES
 from .furnishing import furnish, keep_clear
 from .gaze import look_ahead
+from .landing import hold
 from .motion import Motion
 from .registry import SCENARIOS
 from .session import Session
@@ -141,6 +142,7 @@ def _finish(session: Session, shortest: int) -> ComposedTake | None:
     )
     for episode in session.episodes:
         episode.fit(motion)
+    hold(motion, tape.seams)
     look_ahead(motion)
     _plant(motion)
     for episode in session.episodes:

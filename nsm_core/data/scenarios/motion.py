@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nsm_core.body.contacts import TOES
-from nsm_core.body.skeleton import forward_kinematics
 from nsm_core.conventions import CONTACTS, STYLES
 from nsm_core.rotations import Array
 
+from .landing import stay
 from .take import Placed, Thing, TimedCommand
-
-if TYPE_CHECKING:
-    pass
-
-LANDED = 0.02  # metres from where a foot stands at last that it still is on its way to it
 
 
 @dataclass
@@ -55,14 +48,10 @@ class Motion:
         return len(self.hips)
 
     def land(self, start: int, settled: int, end: int) -> None:
-        """Let both feet stand from ``start`` to ``end``, once the last step has led them to their places of
-        frame ``settled``.
+        """Let both feet stand from ``start`` to ``end``: what stands already stays where that is near its
+        place of frame ``settled``, or is set there by a step; see ``landing``.
         """
-        span = slice(start, settled + 1)
-        toes = forward_kinematics(self.hips[span], self.rotations[span])[0][:, TOES]
-        away = np.linalg.norm((toes - toes[-1])[..., :2], axis=-1) > LANDED
-        self.feet[start:end] = True
-        self.feet[span] &= ~np.maximum.accumulate(away[::-1])[::-1]
+        stay(self, start, settled, end)
 
     def ramp(self, label: int, start: int, full: int, leaving: int, gone: int) -> None:
         """Raise a label from 0 at frame ``start`` to 1 at ``full``, hold it to ``leaving`` and lower it to 0

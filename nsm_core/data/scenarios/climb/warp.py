@@ -28,6 +28,7 @@ CLEARANCE = 0.035  # metres between a swinging sole and the block
 MAX_FLEXION = np.radians(32)  # how far a shin leans forward over its flat foot
 SHRINKS = 2  # rounds in which the hips give way to a knee in the block
 HIGHEST_LIFT = 0.5  # metres that a swing is raised at most
+STUTTERS = 8.0  # how much worse a metre is by which a foot on its way up comes back than a metre of height
 # When in a swing the level changes, shares of its duration.
 CHANGES = (
     (0.0, 1.0),
@@ -221,6 +222,8 @@ def _swing(
     z = level[:, None, None] + height[..., None] * bump[:, None]
     hurry = np.abs(np.diff(z, axis=-1, prepend=before[2], append=after[2])).max(-1)
     cost = z.mean(-1) + 2 * np.maximum(hurry - 0.04, 0) + np.maximum(apex - HIGHEST_LIFT, 0)[..., None]
+    if drop < 0:
+        cost = cost + STUTTERS * _dip(toe[1:-1, 2] + z)
     cost = cost + 0.03 * (delay - 1)[..., None, None] + 0.01 * np.abs(skew - 1)
     if crossing:
         at = toe[1:-1] - quat_rotate(feet, TOE_OFFSET)
@@ -239,6 +242,13 @@ def _swing(
         cost = cost + 4 * shin_depth(hip, ankle, ahead, block).max(-1)
     d, c, s, e = np.unravel_index(int(cost.argmin()), cost.shape)
     return np.concatenate((flat[d], z[d, c, s, e][:, None]), axis=1)
+
+
+def _dip(heights: Array) -> Array:
+    """How far (...) a foot comes back down, metres, before it goes on up, of its heights (..., n)."""
+    risen = np.maximum.accumulate(heights, axis=-1)
+    rises = np.maximum.accumulate(heights[..., ::-1], axis=-1)[..., ::-1]
+    return (np.minimum(risen, rises) - heights).max(-1)
 
 
 def _lowering(hips: Array, before: Array, targets: Array, on: Array) -> Array:
