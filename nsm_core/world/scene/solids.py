@@ -48,9 +48,11 @@ class Scene:
         parts += self.others
         return Union([self.environment, *parts]) if parts else self.environment
 
-    def near(self, place: Array, reach: float) -> DistanceQuery:
-        """Everything but props that are farther than ``reach`` metres from ``place`` (2,)."""
-        parts: list[DistanceQuery] = [p for p in self.props if _gap(p, place) <= reach]
+    def near(self, place: Array, reach: float, *left_out: Prop) -> DistanceQuery:
+        """Everything but some props and those that are farther than ``reach`` metres from ``place`` (2,)."""
+        parts: list[DistanceQuery] = [
+            p for p in self.props if _gap(p, place) <= reach and all(p is not o for o in left_out)
+        ]
         parts += [o for o in self.others if np.hypot(*(o.pose[:2] - place)) <= reach + o.reach]
         return Union([self.environment, *parts]) if parts else self.environment
 

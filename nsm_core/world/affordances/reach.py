@@ -1,0 +1,89 @@
+"""What a standing body reaches with one hand: where it stands for a pose of the wrist, and how low it goes.
+
+The bundled body's measures: it bends its knees and its back for what is low, and stretches for what is high.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsm_core.rotations import Array, heading_to_direction
+from nsm_core.world.geometry.distance import DistanceQuery
+from nsm_core.world.planning.clearance_map import HEIGHTS
+from nsm_core.world.scene.wrist import WristPose
+
+REACHED = (0.2, 2.0)  # heights over the floor at which hands are used, metres
+RIGHT, LEFT = -1.0, 1.0  # the side of a hand: of X where a body faces -Y
+_SHOULDER, _LOWEST, _ASIDE = 1.44, 0.7, 0.175  # heights of the shoulder upright and squatting; metres aside
+_FOREARM, _ARM = 0.255, 0.545  # elbow to wrist, shoulder to wrist, metres
+_FOLDED = 0.22  # least way from the shoulder to a wrist that still works
+_WRIST = np.radians(75)  # by which the hand points away from the line of the arm at most
+_SLIM = 0.17  # metres from the root to a body that stands close to furniture
+_TOES = 0.06  # metres by which lower legs may be under the edge of something, and feet in a plinth
+_OFFS = np.arange(0.26, 0.72, 0.06)  # metres over the floor from the root to the wrist
+_BEARINGS = np.radians(np.arange(-75, 76, 15))  # the wrist's bearing from where the body faces
+_PLACES = 16
+_LEAN = 0.5  # share of what it goes down by which the shoulder goes ahead as well, metres a metre
+
+
+@dataclass(frozen=True)
+class Reach:
+    """A way to reach: ``place`` (2,) and ``heading`` of the root, ``side`` of the hand, ``down`` metres that
+    the shoulder is lower than upright, ``strain`` 0..1 how near it is to what the arm can do.
+    """
+
+    place: Array
+    heading: float
+    side: float
+    down: float
+    strain: float
+
+
+def reaches(wrist: WristPose, solids: DistanceQuery, sides: tuple[float, ...] = (RIGHT, LEFT)) -> list[Reach]:
+    """Find where a body stands to bring a wrist to a pose, world: the least strained first, empty where it
+    cannot.
+
+    ``solids`` what is in the way of a body that stands there.  Heights outside of ``REACHED`` are out of
+    reach.
+    """
+    if not REACHED[0] <= wrist.held[2] <= REACHED[1]:
+        return []
+    around = np.arange(_PLACES) * 2 * np.pi / _PLACES
+    grid = np.stack(np.meshgrid(_OFFS, around, _BEARINGS, sides, indexing="ij"), -1).reshape(-1, 4)
+    off, facing_wrist, bearing, side = grid.T
+    place = wrist.place[:2] - off[:, None] * heading_to_direction(facing_wrist)
+    heading = facing_wrist + bearing
+    # The body goes down, and with it ahead, until the shoulder is little over the wrist.
+    down = np.clip(_SHOULDER - 0.25 - wrist.place[2], 0.0, _SHOULDER - _LOWEST)
+    ahead = heading_to_direction(heading)
+    left = np.stack((-ahead[:, 1], ahead[:, 0]), -1)
+    shoulder = place + _ASIDE * side[:, None] * left + min(_LEAN * down, 0.3) * ahead
+    arm = np.concatenate(
+        (wrist.place[:2] - shoulder, np.full((len(grid), 1), wrist.place[2] - _SHOULDER + down)), 1
+    )
+    length = np.linalg.norm(arm, axis=1)
+    bent = np.arccos(np.clip((arm / length[:, None]) @ wrist.towards, -1, 1))
+    elbow = np.linalg.norm(arm - _FOREARM * wrist.towards, axis=1)
+    strain = np.maximum(length / _ARM, np.maximum(bent / _WRIST, 1 - (elbow - 0.1) / 0.3) * 0.99)
+    ways = np.flatnonzero((length <= _ARM) & (length >= _FOLDED) & (bent <= _WRIST))
+    ways = ways[np.argsort(strain[ways], kind="stable")]
+    free = _stands(place[ways], solids)
+    return [
+        Reach(place[k], float(heading[k]), float(side[k]), float(down), float(min(strain[k], 1.0)))
+        for k in ways[free]
+    ]
+
+
+def _stands(places: Array, solids: DistanceQuery) -> Array:
+    """Whether (N,) a body has room at places (N, 2)."""
+    if not len(places):
+        return np.zeros(0, bool)
+    heights = np.array(HEIGHTS)
+    points = np.concatenate(
+        (np.repeat(places, len(heights), 0), np.tile(heights, len(places))[:, None]), 1
+    ).astype(np.float32)
+    room = solids.signed_distance(points, 0.5).reshape(len(places), -1)
+    need = np.where(heights < 0.5, _SLIM - _TOES, _SLIM)
+    return (room >= need).all(1)
