@@ -21,6 +21,7 @@ COMMANDS = {
     "pool": ("nsm_core.commands.pool", "convert a folder of furniture meshes to the object pool"),
     "augment": ("nsm_core.commands.augment", "put captured sit-downs on other seats"),
     "pack": ("nsm_core.commands.pack", "pack a training for another machine, and join its weights"),
+    "decompress": ("nsm_core.commands.decompress", "keep a pose a second of a capture and make it whole"),
     "compose": ("nsm_core.commands.compose", "stitch performances for training from captures"),
 }
 

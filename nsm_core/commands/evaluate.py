@@ -11,6 +11,7 @@ from nsm_core.evaluation.report import evaluate, held_back_pool, run_stress, tab
 from nsm_core.evaluation.trials.suite import PARTS, parts_named
 from nsm_core.model.features.meaning import remark
 from nsm_core.model.inference.model import load_model
+from nsm_core.model.inference.transition_model import FILL, load_transitions
 
 
 def main(arguments: list[str]) -> int:
@@ -62,7 +63,7 @@ def main(arguments: list[str]) -> int:
     )
     a = parser.parse_args(arguments)
     if a.only == "transitions":
-        return _transitions(Path(a.transitions), Path(a.out))
+        return _transitions(Path(a.transitions), Path(a.out), a.sheets, a.weights)
     named = [name.strip() for name in a.only.split(",") if name.strip() not in ("", "none")]
     unknown = [name for name in named if not parts_named(name)]
     if unknown:
@@ -92,12 +93,19 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _transitions(folder: Path, out: Path) -> int:
-    """Print the tables of transition networks (papers/001)."""
+def _transitions(folder: Path, out: Path, sheets: str | None, weights: str | None) -> int:
+    """Print the tables of transition networks (papers/001), or draw gaps that they fill."""
     from nsm_core.data.transitions.windows import Windows
+    from nsm_core.evaluation.transitions.sheets import draw_fills
     from nsm_core.evaluation.transitions.tables import measured, text  # needs torch
 
-    found = measured(Windows.load(folder / "windows.npz"), folder)
+    path = Path(weights) if weights else FILL
+    windows = Windows.load(folder / "windows.npz")
+    if sheets:
+        for made in draw_fills(windows, Path(sheets), load_transitions(path) if path.exists() else None):
+            print(made)
+        return 0
+    found = measured(windows, folder, path)
     print(text(found))
     write_report(found, out)
     return 0

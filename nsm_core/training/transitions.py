@@ -136,7 +136,7 @@ class TransitionTrainer:
             step=self.step,
             held_out=self.windows.about["held_out"],
             held_out_share=self.windows.about["held_out_share"],
-            validation=self.least,
+            validation=self.least if math.isfinite(self.least) else None,
         )
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from nsm_core.body.skeleton import HIPS, MIRROR, J
-from nsm_core.model.transitions.layout import PAST, TARGET_FRAMES, patch_grid
+from nsm_core.model.transitions.layout import PAST, PATCH_SIZE, TARGET_FRAMES, patch_grid
 from nsm_core.model.transitions.representation import facing, poses_of, targets_of, turned
 from nsm_core.rotations import Array, rotate_planar
 
@@ -47,8 +48,35 @@ class Gaps:
         grid = patch_grid().astype(np.float32)
         count, frames = roots.shape[:2]
         places = roots[:, :, None, :2] + grid
-        heights = self.heights(places.reshape(count, -1, 2)).reshape(count, frames, len(grid))
+        heights = self.sampled(places.reshape(count, -1, 2)).reshape(count, frames, len(grid))
         return (heights - roots[..., 2:]).astype(np.float32)
+
+    @cached_property
+    def sampled(self) -> Callable[[Array], Array]:
+        """As ``heights``, from FINE samples around the way that was captured, worked out once; what is off
+        them is as high as their edge.
+        """
+        roots = self.joints[:, :, HIPS, :2]
+        low = roots.min(1) - (PATCH_SIZE / 2 + ASTRAY)
+        counts = np.ceil((roots.max(1) - low + PATCH_SIZE / 2 + ASTRAY).max(0) / FINE).astype(int) + 1
+        lines = np.meshgrid(*[FINE * np.arange(n, dtype=np.float32) for n in counts], indexing="ij")
+        grid = np.stack(lines, -1).reshape(-1, 2)
+        heights = self.heights(low[:, None] + grid).astype(np.float32).ravel()
+        rows, columns = (int(n) for n in counts)
+        base = (np.arange(len(low)) * rows * columns)[:, None]
+
+        def look_up(places: Array) -> Array:
+            at = (places - low[:, None]) * np.float32(1 / FINE)
+            x = np.clip(at[..., 0], 0, rows - 1.001)
+            y = np.clip(at[..., 1], 0, columns - 1.001)
+            i, j = x.astype(np.int64), y.astype(np.int64)
+            u, v = x - i, y - j
+            first = base + i * columns + j
+            near = heights[first] * (1 - v) + heights[first + 1] * v
+            far = heights[first + columns] * (1 - v) + heights[first + columns + 1] * v
+            return np.asarray(near * (1 - u) + far * u)
+
+        return look_up
 
 
 class GapSource:
@@ -121,6 +149,9 @@ def statistics_of(source: GapSource, lengths: list[int], rng: np.random.Generato
     return out
 
 
+# Metres between samples of the ground that patches are read from, half of what is between their points; and
+# beside the captured way that a network's own may lie.
+FINE, ASTRAY = PATCH_SIZE / 24, 0.3
 # Deviations are raised to these: what hardly moves in training would else be blown up when it moves later.
 LEAST = {"pose": 1e-3, "velocity": 1e-3, "offset": 0.01, "patch": 0.02}
 

@@ -13,7 +13,6 @@ import torch
 
 from nsm_core.data.transitions.gaps import Gaps, GapSource, statistics_of
 from nsm_core.data.transitions.windows import Windows
-from nsm_core.model.inference.transition_model import FILL
 from nsm_core.model.inference.weights_file import load_weights
 from nsm_core.model.networks.rtn import TransitionNetwork
 from nsm_core.model.networks.rtn_config import transition_config
@@ -45,7 +44,7 @@ class Judge:
     def __init__(self, windows: Windows) -> None:
         self.windows = windows
         self.sources = {faced: GapSource(windows, True, faced) for faced in (False, True)}
-        drawn = statistics_of(GapSource(windows, False, False), [30] * 8, np.random.default_rng(0))
+        drawn = statistics_of(GapSource(windows, False, False), [30] * 4, np.random.default_rng(0))
         self.mean, self.deviation = drawn["pose_mean"], drawn["pose_std"]
 
     def gaps(self, frames: int) -> Gaps:
@@ -64,24 +63,24 @@ class Judge:
         return errors(gaps, joints, self.mean, self.deviation)
 
 
-def measured(windows: Windows, folder: Path) -> dict[str, Any]:
+def measured(windows: Windows, folder: Path, shipped: Path) -> dict[str, Any]:
     """Errors of interpolation, of every row of ROWS that ``folder`` holds weights of (NAME-SEED/fill.npz),
-    mean over seeds, and of the shipped network by length.
+    mean over seeds, and by length of the network whose weights are ``shipped``.
     """
     judge = Judge(windows)
     rows: dict[str, Any] = {}
     for name, row in ROWS.items():
         paths = sorted(folder.glob(f"{name}-*/fill.npz"))
-        if name == SHIPPED and FILL.exists():
-            paths = [FILL]
+        if name == SHIPPED and shipped.exists():
+            paths = [shipped]
         frames = 60 if row.settings.shortest == 60 else 30
         found = [judge.judged(read(path), frames) for path in paths]
         if found:
             rows[name] = _mean(found) | {"seeds": len(found)}
     rows["int"] = _mean([judge.judged(None, 30)])
     lengths = {}
-    if FILL.exists():
-        net = read(FILL)
+    if shipped.exists():
+        net = read(shipped)
         for frames in LENGTHS:
             if windows.chosen(True, frames + 12).size:
                 lengths[str(frames)] = [_mean([judge.judged(n, frames)]) for n in (None, net)]

@@ -43,6 +43,7 @@ __all__ = [
     "OFFSET",
     "PAST",
     "PATCH",
+    "PATCH_SIZE",
     "POSE",
     "TARGET",
     "TARGET_FRAMES",
