@@ -44,7 +44,8 @@ class Compressed:
         path = Path(path)
         try:
             arrays = npz.read_arrays(path, dict.fromkeys(_FORMAT, "f"), 1 << 28)
-            whole = Clip(path.stem, *(arrays[name].astype(np.float32) for name in _FORMAT))
+            hips, local = (arrays[name].astype(np.float32) for name in _FORMAT)
+            whole = Clip(path.stem, hips, local)
         except (OSError, KeyError, npz.DamagedArrays) as error:
             raise CaptureError(f"{path} holds no compressed motion ({error}); compress it again.") from error
         count = len(whole) - PAST
