@@ -40,12 +40,17 @@ class MovingPart(Prop):
     bar: Array = None  # type: ignore[assignment]
     opening: float = 0.0
 
+    @property
+    def turns(self) -> bool:
+        """Whether it turns about its axis rather than slides along it."""
+        return self.kind in TURNING
+
     def motion(self, opening: float | None = None) -> tuple[Array, Array]:
         """Rotation (3, 3) and translation (3,) from where its points are when shut to where they are at an
         opening, the present one if None, in its frame.
         """
         amount = self.travel * (self.opening if opening is None else opening)
-        if self.kind in SLIDING:
+        if not self.turns:
             return np.eye(3), self.axis * amount
         turn = quat_to_matrix(quat_from_axis_angle(self.axis, amount))
         return turn, self.pivot - turn @ self.pivot
