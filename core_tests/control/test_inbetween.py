@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from walks import synthetic_walk
 
+from nsm_core.body.capsules import SPHERES
 from nsm_core.body.clip import Clip
 from nsm_core.body.contacts import TOES
 from nsm_core.body.interpolation import interpolated, target_blend
+from nsm_core.body.skeleton import INDEX
 from nsm_core.control.inbetween import Gap, check, fill
 from nsm_core.errors import GapError
+from nsm_core.world.geometry.distance import Cuboids
 
 
 @pytest.fixture(scope="module")
@@ -109,3 +112,20 @@ def test_target_blend_grows_evenly_over_its_duration():
     positions, target = np.zeros((9, 2, 3)), np.ones((2, 3))
     share = target_blend(positions, target, 4)[:, 0, 0]
     assert np.allclose(share, (0, 0, 0, 0, 0, 0.25, 0.5, 0.75, 1))
+
+
+def test_solids_beside_the_way_are_kept_out_of(walk):
+    """A post that the right hand would pass through: the arm gives way, both ends stay."""
+    asked = gap(walk, 40, 30)
+    wrist = fill(asked, None).clip.world()[0][15, INDEX["RightWrist"]]
+    post = Cuboids([(tuple(wrist), 0.0, ((-0.04, -0.04, -1.0),), ((0.04, 0.04, 0.5),))])
+
+    def depth(clip: Clip) -> float:
+        centres, radii = SPHERES.of(*clip.world())
+        off = post.signed_distance(centres.reshape(-1, 3).astype(np.float32), 0.5)
+        return float((radii - off.reshape(radii.shape)).max())
+
+    through, beside = (fill(replace(asked, solids=s), None) for s in ((), (post,)))
+    assert depth(through.clip) > 0.06 and depth(beside.clip) < 0.025
+    ends = [clip.world()[0][[0, -1]] for clip in (through.clip, beside.clip)]
+    assert np.abs(ends[0] - ends[1]).max() < 0.02

@@ -7,6 +7,7 @@ feet to stand.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from nsm_core.body.capsules import BUNDLED, Figure
 from nsm_core.body.clip import Clip
 from nsm_core.body.contacts import TOES
 from nsm_core.body.ik.between import ENDS, Ground, joined, planted
+from nsm_core.body.ik.clearance import Obstacle
 from nsm_core.body.ik.pose_fit import pose_from_places
 from nsm_core.body.interpolation import interpolated, target_blend
 from nsm_core.body.skeleton import HIPS
@@ -23,6 +25,7 @@ from nsm_core.errors import GapError
 from nsm_core.model.inference.transition_model import TransitionModel
 from nsm_core.model.transitions.layout import PAST
 from nsm_core.rotations import Array
+from nsm_core.world.geometry.distance import DistanceQuery
 
 MIN_FRAMES, MAX_FRAMES = 3, 90  # that can be filled at 30 a second
 MISSED = 0.1  # metres from its target, mean over joints, from which on a network's miss is told
@@ -36,7 +39,8 @@ class Gap:
     ``past``: 1 to PAST frames before the gap, the last of them the last that is kept; ``target``: the first
     that is kept after it and the one behind it, for its speed.  ``ground`` gives heights (N,) at world places
     (N, 2), metres; None where none is known, then it is level under the lowest foot.  ``seed`` 0 is the mean,
-    others are variations.  ``figure``: the character's own body, whose feet are to stand.
+    others are variations.  ``figure``: the character's own body, whose feet are to stand; ``solids``:
+    what it keeps out of, but for what it touches before the gap and after it.
     """
 
     past: Clip
@@ -45,6 +49,7 @@ class Gap:
     ground: Ground | None = None
     seed: int = 0
     figure: Figure = BUNDLED
+    solids: Sequence[DistanceQuery] = ()
 
 
 @dataclass(frozen=True)
@@ -109,9 +114,11 @@ def fill(gap: Gap, network: TransitionModel | None) -> Filled:
     hips = np.concatenate((_before(past.hips_position), hips, _after(target.hips_position)))
     local = np.concatenate((_before(past.local_rotations), local, _after(target.local_rotations)))
     up = np.array((0.0, 0.0, level))
-    hips, local = planted(
-        *joined(hips.astype(np.float64) - up, local.astype(np.float64)), gap.ground, gap.figure
-    )
+    # Solids stand as much lower as the motion is put for a floor at z = 0.
+    lowered = np.repeat([(0.0, 0.0, -level, 0.0)], len(hips), axis=0)
+    solids = [Obstacle(query, lowered) for query in gap.solids]
+    motion = joined(hips.astype(np.float64) - up, local.astype(np.float64))
+    hips, local = planted(*motion, gap.ground, gap.figure, solids)
     kept = slice(ENDS, ENDS + count)
     clip = Clip("fill", (hips[kept] + up).astype(np.float32), local[kept].astype(np.float32))
     filled = Filled(clip, missed, notes)

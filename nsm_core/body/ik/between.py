@@ -4,7 +4,7 @@ stand.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -14,8 +14,10 @@ from nsm_core.body.inertialization import BLEND_FRAMES, soften_places, soften_se
 from nsm_core.rotations import Array
 from nsm_core.world.scene.terrain import Terrain
 
+from .clearance import PAD, Clearance, Obstacle
+from .foot_clearance import keep_clear
 from .footsteps import FootGround, footsteps
-from .solver import Pose, solved
+from .solver import Pose, Task, solved
 from .stiffness import stiffness
 from .two_bone import place_on
 
@@ -51,10 +53,15 @@ def joined(hips: Array, local: Array) -> tuple[Array, Array]:
 
 
 def planted(
-    hips: Array, local: Array, ground: Ground | None = None, figure: Figure = BUNDLED
+    hips: Array,
+    local: Array,
+    ground: Ground | None = None,
+    figure: Figure = BUNDLED,
+    solids: Sequence[Obstacle] = (),
 ) -> tuple[Array, Array]:
     """The same motion of a ``figure`` with feet that stand from landing to lift-off, on the ``ground`` or,
-    without, on the floor at z = 0; its first and last ENDS frames stay.
+    without, on the floor at z = 0, kept out of ``solids`` but for what touches them at either end; its first
+    and last ENDS frames stay.
     """
     span = slice(ENDS - 1, len(hips) - ENDS + 1)  # one frame that stays at either end
     whole = Pose(figure.tree, hips.astype(np.float64), local.astype(np.float64))
@@ -66,7 +73,12 @@ def planted(
     labels = detect_foot_contacts(over)[span].astype(np.float64)
     first, last = ((pose.positions[k, TOES], pose.world[k, ANKLES]) for k in (0, -1))
     feet = footsteps(pose.positions[:, TOES], pose.world[:, ANKLES], labels, soil, figure.sole, first, last)
-    done = solved(pose, feet.tasks(), stiffness())
+    limits: list[Task] = []
+    if solids:
+        for _ in keep_clear(feet, pose, solids, figure.spheres):
+            pass
+        limits.append(Clearance(_let_in(solids, pose, figure), figure.spheres.foot, figure.spheres))
+    done = solved(pose, [*feet.tasks(), *limits], stiffness())
 
     def within(old: Array, new: Array) -> Array:
         return np.concatenate((old[:ENDS], new[1:-1], old[-ENDS:]))
@@ -81,6 +93,24 @@ def planted(
         ankles, turns = ankles[::-1].copy(), turns[::-1].copy()
     placed = place_on(figure.tree, new_hips, new_local, LEGS, ankles, turns)
     return new_hips, within(whole.local, placed[ENDS - 1 : len(hips) - ENDS + 1])
+
+
+def _let_in(solids: Sequence[Obstacle], pose: Pose, figure: Figure) -> list[Obstacle]:
+    """The solids, of which spheres may be as deep inside as they are in the first frame and in the last: who
+    rises from a seat leaves it, and is not pushed off.
+    """
+    ends = pose.part(np.array((0, -1)))
+    centres, radii = figure.spheres.of(ends.positions, ends.world)
+    share = np.linspace(0, 1, len(pose.hips))[:, None]
+    out = []
+    for solid in solids:
+        deep = []
+        for end, frame in enumerate((0, len(pose.hips) - 1)):
+            frames = np.full(centres.shape[1], frame)
+            distance = solid.distance(frames, centres[end], float(radii.max()) + PAD)
+            deep.append(np.maximum(0.0, radii[end] + PAD - distance))
+        out.append(Obstacle(solid.query, solid.poses, (1 - share) * deep[0] + share * deep[1]))
+    return out
 
 
 def _blend(count: int) -> int:
