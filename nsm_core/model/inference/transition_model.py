@@ -11,7 +11,6 @@ import numpy as np
 from nsm_core.body.skeleton import HIPS, J
 from nsm_core.model.networks.protocol import Weights
 from nsm_core.model.networks.rtn_config import (
-    NOISE,
     TransitionConfig,
     arrival_embedding,
     openness,
@@ -25,6 +24,9 @@ from nsm_core.rotations import Array, rotate_planar
 from .network_of import require_arrays
 from .weights_file import load_weights
 
+# Deviation of a variation, in units of the target's encoding: four times the noise of training, to which a
+# network learns to be deaf.
+VARIED = 2.0
 FILL = Path(__file__).parents[2] / "weights" / "fill.npz"
 Ground = Callable[[Array], Array]  # world places (N, 2) -> heights (N,), metres
 
@@ -101,7 +103,7 @@ class TransitionModel:
         left = steps - np.arange(steps)
         out = arrival_embedding(left, self.config.context)
         if seed:
-            drawn = np.random.default_rng(seed).normal(0, NOISE, self.config.context).astype(np.float32)
+            drawn = np.random.default_rng(seed).normal(0, VARIED, self.config.context).astype(np.float32)
             out = out + openness(left)[:, None] * drawn
         return out
 
