@@ -26,6 +26,7 @@ from nsm_core.errors import NsmError
 
 from . import takes
 from .demo_scene.house import House, build_house
+from .demo_scene.kitchen import build_kitchen
 from .demo_scene.room import DemoRoom, build_room
 from .goals.spec import GoalSpec
 from .keys.report import goal_line
@@ -43,7 +44,7 @@ def main(arguments: Sequence[str]) -> int:
     """Run the demo and return the exit code: 0 when the character reached all its goals, else 1."""
     options = _parser().parse_args(arguments)
     try:
-        return make_demo(options)
+        return make_demo(options) if options.kitchen is None else show_kitchen(options)
     except NsmError as error:
         print(f"The demo stopped: {error}", file=sys.stderr)
         return 1
@@ -91,6 +92,23 @@ def make_demo(options: argparse.Namespace) -> int:
     return 0 if all(goal["reached"] for goal in take.report["goals"]) else 1
 
 
+def show_kitchen(options: argparse.Namespace) -> int:
+    """Build the kitchen of a seed, everything shut, and save it as ``kitchen.blend`` in ``options.out``."""
+    out = Path(options.out).absolute()
+    outputs.require_writable(out / "kitchen.blend")
+    scene = _empty_scene()
+    room, kitchen = build_kitchen(options.kitchen)
+    _light_and_look(scene, room)
+    outputs.save_blend(out / "kitchen.blend", compress=True)
+    parts = sum(len(c.parts) for c in kitchen.containers.values())
+    furniture, things = len(kitchen.containers), len(kitchen.things)
+    print(
+        f"Kitchen {kitchen.seed}: {furniture} pieces of furniture, {parts} parts that open, {things} things."
+    )
+    print(f"  {out / 'kitchen.blend'}")
+    return 0
+
+
 def overlay_views(take: takes.Take) -> list[View]:
     """Moments of a take at which its overlays tell most: before it, on the way, at the first goal, and where
     something is held.
@@ -125,14 +143,19 @@ def build_scene(second_seat: str = "armchair", all_actions: bool = True) -> tupl
     ``all_actions`` builds two rooms with a door, a box and a podium; without, one room with a chair and a
     ``second_seat``.
     """
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    scene = bpy.context.scene
-    scene.render.fps, scene.render.fps_base = FPS, 1.0
+    scene = _empty_scene()
     room = build_house() if all_actions else build_room(second_seat=second_seat)
     character = add_character((*room.start, 0.0))
     character.rotation_euler = (0, 0, room.start_heading)
     _light_and_look(scene, room)
     return room, character
+
+
+def _empty_scene() -> bpy.types.Scene:
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    scene.render.fps, scene.render.fps_base = FPS, 1.0
+    return scene
 
 
 def print_report(report: dict[str, Any]) -> None:
@@ -235,6 +258,12 @@ def _parser() -> argparse.ArgumentParser:
         default="armchair",
         choices=("armchair", "bench", "stool", "sofa"),
         help="with --two-seats",
+    )
+    parser.add_argument(
+        "--kitchen",
+        type=int,
+        metavar="SEED",
+        help="build a kitchen with things instead, without a take",
     )
     parser.add_argument("--no-contact-ik", action="store_true", help="show the network alone")
     parser.add_argument("--tiles", type=int, default=15, help="pictures on the contact sheet")

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from nsm_core.errors import GeometryError
+from nsm_core.rotations import rotate_planar
 from nsm_core.world.geometry.distance import DistanceQuery, Union
 from nsm_core.world.scene.containers import Container, Shelf
 from nsm_core.world.scene.containers.cupboards import make_container, table_of
@@ -23,6 +24,7 @@ from nsm_core.world.scene.solids import Scene
 from .kitchen_filling import Filling, fill_board
 
 _BESIDE = 0.012  # metres between pieces that stand side by side: doors turn clear of each other
+_HAND = 0.07  # metres to either side of a thing's middle that a hand needs
 _WALL_HIGH, _WALL_THICK = 2.5, 0.1
 _FREE_FLOOR = (1.3, 1.7)  # metres between the row and the table
 
@@ -62,12 +64,21 @@ class Kitchen:
         return container, container.boards[standing.board]
 
     def shut_by(self, name: str) -> list[str]:
-        """Names of the parts of its container that must open before a hand gets at a thing."""
+        """Names of the parts of its container that must open before a hand gets at a thing: those before it,
+        and a door beside it within a hand's breadth.
+        """
         container, board = self.board_of(name)
         thing = self.things[name].thing
         middle = thing.to_world((thing.low + thing.high) / 2)
-        own = Prop.to_local(_frame(container), middle)
-        return container.shut_by(board, own)
+        own = rotate_planar(middle - container.pose[:3], np.float64(-container.pose[3]))
+        found = container.shut_by(board, own)
+        for aside in (-_HAND, _HAND):
+            found += [
+                n
+                for n in container.shut_by(board, own + (aside, 0, 0))
+                if n not in found and container.part(n).kind == "hinged"
+            ]
+        return found
 
     def open(self, container: str, part: str, opening: float) -> None:
         """Set how far a part is open, 0..1; what lies in a drawer goes with it.  Raises GeometryError on a
@@ -83,11 +94,6 @@ class Kitchen:
         for standing in self.things.values():
             if standing.container == container and holder.boards[standing.board].rides == part:
                 standing.thing.pose[:3] += shift
-
-
-def _frame(container: Container) -> Prop:
-    """A stand-in prop that has a container's frame."""
-    return Prop(container.name, Union([]), None, container.pose)  # type: ignore[arg-type]
 
 
 def make_kitchen(seed: int, fill: float = 0.7, blocked: float = 0.35) -> Kitchen:
@@ -180,8 +186,8 @@ def _over_the_row(rng: np.random.Generator, row: list[Container]) -> list[Contai
     top.put((middle, -depth / 2 - 0.004, height + 0.001, 0.0))
     level = height + 0.001 + float(top.boards[0].height)
     made = [top]
-    edge, under = float(left), float(rng.uniform(1.43, 1.52))
-    tall, deep = float(rng.uniform(0.58, 0.7)), float(rng.uniform(0.3, 0.36))
+    edge, under = float(left), float(rng.uniform(1.4, 1.46))
+    tall, deep = float(rng.uniform(0.58, 0.66)), float(rng.uniform(0.3, 0.36))
     slid = int(rng.integers(3))  # which of them has slides
     while right - edge > 0.42:
         width = min(float(rng.uniform(0.45, 0.9)), right - edge)

@@ -138,7 +138,7 @@ def rack(rng: np.random.Generator, o: Measures) -> Container:
 
 def bin_with_lid(rng: np.random.Generator, o: Measures) -> Container:
     """A box to keep bread in, say, that opens upwards."""
-    m = pick(rng, o, width=(0.34, 0.44), depth=(0.22, 0.25), height=(0.16, 0.2))
+    m = pick(rng, o, width=(0.34, 0.44), depth=(0.2, 0.23), height=(0.15, 0.18))
     w, d, h, t = m["width"], m["depth"], m["height"], 0.012
     x, y = w / 2, d / 2
     boxes: list[Part] = [(-x, x, -y, y, 0, t), (-x, -x + t, -y, y, t, h), (x - t, x, -y, y, t, h)]

@@ -71,7 +71,7 @@ def drawer(
 ) -> tuple[MovingPart, tuple[Array, Array, float, float]]:
     """A drawer whose front covers ``x`` and ``z`` and whose box reaches to ``back``.
 
-    Returns it and its floor: corners (2,), (2,), height and metres up to its rim.
+    Returns it and the part of its floor that comes out: corners (2,), (2,), height and metres up to its rim.
     """
     y0, y1 = face - SLIT - PANEL, face - SLIT
     a, b = x[0] + PANEL + _IN_CARCASS, x[1] - PANEL - _IN_CARCASS
@@ -106,7 +106,8 @@ def drawer(
         handle=(middle, y0 - _STANDS_OFF, height),
         bar=(1, 0, 0),
     )
-    floor = np.array((a + t, y1)), np.array((b - t, back - t)), bottom + t, rim - bottom - t
+    # What stays in when it is open is out of reach.
+    floor = np.array((a + t, y1)), np.array((b - t, back - _KEPT)), bottom + t, rim - bottom - t
     return made, floor
 
 
