@@ -34,7 +34,8 @@ from .world.surroundings import Surroundings
 BEGIN = "nsm_begin"  # on the action of a take: how it began, and its first frame
 STOOD = "nsm_stood"  # and where it stood then, on its armature: a point, and the way it faced
 TAKE = "nsm_take"  # on all actions of one take: the same word
-STAND, POSE = "stand", "pose"
+STAND, POSE, FILL = "stand", "pose", "fill"
+BEGINNINGS = (STAND, POSE, FILL)
 # Seated: thighs that drop by less than this share of their length, a seat this near under the hips, metres,
 # and hips that rest, m/s.
 _THIGH, _UNDER, _RESTS = 0.75, 0.12, 0.2

@@ -23,6 +23,8 @@ from .animation.kept import SceneState
 from .animation.made import all_or_nothing
 from .animation.rate import scene_fps
 from .begin import (
+    BEGINNINGS,
+    FILL,
     POSE,
     STAND,
     began_at,
@@ -55,7 +57,9 @@ class TakeSpec:
     """What to generate: goals for a character, where the keys start, and with which chance numbers.
 
     ``begin``: "stand" begins with a quiet stand where the character is at ``start_frame``; "pose" goes on
-    from the pose and the pace that it has there, and keeps what is animated before.
+    from the pose and the pace that it has there, and keeps what is animated before; "fill" leads from that
+    pose, whatever it is, to a quiet stand a second later.  ``lead``: frames before a take that begins with a
+    stand from which on the way there is filled in; the character stands where it was then.
 
     ``root_motion`` is one of ``keys.style.KINDS``; ``reduce`` how far the motion may be off for fewer keys,
     None for one in every frame; ``keep_edits`` whether the animator's keys in the take that plays now go into
@@ -74,10 +78,11 @@ class TakeSpec:
     reduce: Bound | None = None
     keep_edits: bool = True
     variations: int = 1
+    lead: int = 0
 
     def __post_init__(self) -> None:
-        if self.begin not in (STAND, POSE):
-            raise GoalError(f'A take cannot begin with "{self.begin}"; give "{POSE}" or "{STAND}".')
+        if self.begin not in BEGINNINGS:
+            raise GoalError(f'A take cannot begin with "{self.begin}"; give "{POSE}", "{STAND}" or "{FILL}".')
 
     def style(self) -> KeyStyle:
         """How its keys are made."""
@@ -110,8 +115,9 @@ def prepare(
         raise GoalError("There is no goal to go to; add one to the list, or enable one.")
     state = SceneState(scene, spec.character)
     try:
-        _go_to(scene, spec.start_frame)
+        _go_to(scene, spec.start_frame - spec.lead)
         frame, start = start_of(spec.character, scene)
+        _go_to(scene, spec.start_frame)
         continues = spec.begin == POSE and goes_on(spec.character, spec.start_frame)
         if not continues and began_at(spec.character, spec.start_frame):
             start = noted_stand(spec.character, frame) or start
@@ -122,7 +128,7 @@ def prepare(
         for target in moving_alone:
             require_movable(target, spec.character)
         places = {o: o.matrix_world.copy() for o in (spec.character, *moving_alone)}
-        held = [*moving, *(others_of(spec.character, scene) if spec.begin == POSE else ())]
+        held = [*moving, *(others_of(spec.character, scene) if spec.begin == POSE or spec.lead else ())]
         if company is not None:
             held += [*company.characters, *company.moving]
         look = tracks(scene, spec.character, held, spec.start_frame, scene_fps(scene))

@@ -21,7 +21,8 @@ from nsm_core.world.actions import require_learned
 
 from .animation.kept import Kept, restored_on_failure
 from .arrival import goals_at_rest, goals_on_arrival
-from .begin import note_begin, others_of
+from .begin import FILL, note_begin, others_of
+from .fill.lead import led_in
 from .goals.resolve import require_room_for
 from .keys.fingers import key_fingers
 from .keys.keyed import KeyedTake, forget_gone
@@ -68,6 +69,8 @@ def generate(
     Nothing in the file changes before the keys are made, but for the current frame, which is put back.
     Raises SkeletonError, GoalError, GeometryError and WeightsError with a sentence for the animator.
     """
+    if spec.begin == FILL:
+        return (yield from led_in(spec, scene, lambda spec: generate(spec, scene, model)))
     require_character(spec.character, scene)
     require_keyable(spec.character)
     require_root(spec.character, spec.root_motion)
@@ -101,7 +104,7 @@ def key_and_check(
     ``tracks`` are the poses (T, 4) of those things alone that are keyed with it, by their props' names; None:
     all, as ``result`` has them.
     """
-    keep = request.start is not None
+    keep = request.start is not None or spec.lead > 0
     before = others_of(spec.character, scene) if keep else []
     with restored_on_failure(Kept(scene, [spec.character, *(t.object for t in things.values()), *before])):
         begin, title, hips = time.perf_counter(), spec.title(), frame.to_world(result.hips_position)

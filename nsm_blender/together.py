@@ -21,6 +21,7 @@ from nsm_core.rotations import Array
 from nsm_core.world.actions import require_learned
 
 from .animation.kept import Kept, restored_on_failure
+from .begin import FILL
 from .goals.resolve import moved_by, require_room_for
 from .goals.spec import GoalSpec
 from .keys.layers import require_keyable
@@ -75,6 +76,10 @@ def generate_together(
     the character.
     """
     for spec in group.takes:
+        if spec.begin == FILL:
+            raise GoalError(
+                "Characters that act together begin with their pose or a quiet stand; choose another start."
+            )
         require_character(spec.character, scene)
         with _named(spec):
             require_keyable(spec.character)

@@ -111,7 +111,9 @@ class TestStart:
     @pytest.mark.parametrize("line", ['start = "sitting"', "start = 3", "start = ['pose']"])
     def test_another_word_is_refused(self, tmp_path, line):
         error = take_of(tmp_path, f'name = "a"\n{line}\n{IDLE}').error
-        assert error.startswith("'start' in take 'a' is") and error.endswith('it must be "stand" or "pose".')
+        assert error.startswith("'start' in take 'a' is") and error.endswith(
+            'it must be "stand", "pose" or "fill".'
+        )
 
     def test_pose_goes_on_from_the_pose_at_the_start_frame(self, tmp_path):
         character = add_character((0.0, 0.0, 0.0))

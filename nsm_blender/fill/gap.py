@@ -154,12 +154,14 @@ def find(spec: FillSpec, channels: ActionChannels, now: float, fps: float) -> As
         raise GapError(
             f"The gap ends at frame {end:g}, not after frame {start:g}; give its end a later frame."
         )
-    keyed = poses(curves, made) if again else every
-    if not (keyed <= start + _SAME).any():
+    made = made if again else np.zeros(0, np.uint32)
+    keyed = poses(curves, made)
+    frames = np.concatenate([_standing(curve, made) for own in curves.values() for curve in own])
+    if not (frames <= start + _SAME).any():
         raise GapError(
             f"{who} has no key at or before frame {start:g}; key the pose that is left, or begin later."
         )
-    if not (keyed >= end - _SAME).any():
+    if not (frames >= end - _SAME).any():
         raise GapError(
             f"{who} has no keys after the gap, at frame {end:g} or later; key the pose that is to be reached."
         )
@@ -174,7 +176,7 @@ def find(spec: FillSpec, channels: ActionChannels, now: float, fps: float) -> As
         )
     for stretch in stretches:
         _require_short(stretch, fps)
-    return AskedGap(start, end, tuple(stretches), again, float(keyed[0]), float(keyed[-1]))
+    return AskedGap(start, end, tuple(stretches), again, float(frames.min()), float(frames.max()))
 
 
 def _around(at: float, keyed: Array, who: str) -> tuple[float, float]:

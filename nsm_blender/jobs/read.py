@@ -11,7 +11,7 @@ from nsm_core.body.key_reduction import Bound
 from nsm_core.errors import JobError, NsmError
 from nsm_core.world.actions import Aim, require_action
 
-from ..begin import POSE, STAND
+from ..begin import BEGINNINGS
 from ..keys.style import KINDS
 from .entries import (
     FIRST_FRAME,
@@ -88,7 +88,7 @@ def _take(entry: Any, number: int, folder: Path) -> JobTake:
             entry.get("seed", take.seed), f"'seed' in {where}", JobError, 0, LARGEST_SEED
         )
         validate.whole(entry.get("variations", 1), f"'variations' in {where}", JobError, 1, _MOST_VARIATIONS)
-        take.start = one_of(entry, "start", where, (STAND, POSE))
+        take.start = one_of(entry, "start", where, BEGINNINGS)
         take.root_motion = one_of(entry, "root_motion", where, KINDS)
         take.reduce = _bound(entry, where)
         take.start_frame = frame(entry.get("start_frame", take.start_frame), f"'start_frame' in {where}")

@@ -118,12 +118,16 @@ def copy_whole(mine: bpy.types.FCurve, old: bpy.types.FCurve) -> None:
 
 
 def _copy_before(mine: bpy.types.FCurve, old: bpy.types.FCurve, first: float) -> None:
-    """Copy the keys of a curve before ``first``; the last of those goes on straight."""
+    """Copy the keys of a curve before ``first``; the last one is reached as it was, and goes on straight."""
     keys = [k for k in old.keyframe_points if k.co[0] < first - 1e-3]
     count = len(mine.keyframe_points)
     copy_keys(mine, old, keys)
     if keys:
-        mine.keyframe_points[count + len(keys) - 1].interpolation = "LINEAR"
+        last = mine.keyframe_points[count + len(keys) - 1]
+        last.interpolation = "LINEAR"
+        # Automatic handles would turn to what comes after them now.
+        last.handle_left_type = last.handle_right_type = "FREE"
+        last.handle_left, last.handle_right = keys[-1].handle_left, keys[-1].handle_right
 
 
 def _add(mine: bpy.types.FCurve, frames: Array, values: Array) -> None:

@@ -78,6 +78,13 @@ def note_made(channels: ActionChannels, first: float, kept: KeptEdits) -> None:
     channels.action[_FIRST] = float(first)
 
 
+def note_more_made(action: bpy.types.Action, more: Array) -> None:
+    """Note keys with these numbers (N,) as the add-on's, too."""
+    made = np.union1d(np.frombuffer(action[_MADE], np.uint32), more).astype(np.uint32)
+    del action[_MADE]  # bytes set over others would end with their first zero
+    action[_MADE] = made.tobytes()
+
+
 def edited_keys(action: bpy.types.Action, slot: Any | None) -> Iterator[tuple[bpy.types.FCurve, Array]]:
     """Curves of a take's action with keys of the animator's, and which these are, (N,) bool."""
     made = np.frombuffer(action.get(_MADE, b""), np.uint32)

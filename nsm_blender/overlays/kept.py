@@ -68,6 +68,13 @@ def remember_take(
         _kept.popitem(last=False)
 
 
+def take_over(old: bpy.types.Action, new: bpy.types.Action) -> None:
+    """Keep what is remembered of a take under the action that its keys are in now."""
+    known = _kept.pop(identity(old), None)
+    if known is not None:
+        _kept[identity(new)] = known
+
+
 def remembered_take(character: bpy.types.Object | None) -> RememberedTake | None:
     """Return the take in the action that a character has now; None where it has none, or one of an earlier
     session.

@@ -39,6 +39,12 @@ BEGINS = (
         "keep what is animated before; a character in its rest pose begins with a quiet stand",
     ),
     ("STAND", "A Quiet Stand", "Begin with a quiet stand where the character is at the start frame"),
+    (
+        "FILL",
+        "Its Pose, Filled",
+        "Lead from the pose at the start frame, whatever it is, to a quiet stand a second later; what is "
+        "animated before is kept",
+    ),
 )
 
 
