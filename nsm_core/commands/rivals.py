@@ -45,6 +45,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--device", default="cpu", help="where networks are trained")
     parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--width", type=float, default=1.0, help="as in training: all alike")
     parser.add_argument("--fresh", type=float, default=None, help="as in training")
     parser.add_argument("--no-training", action="store_true", help="judge what is trained already")
     parser.add_argument("--no-evaluation", action="store_true", help="train alone")
@@ -82,7 +83,7 @@ def _train(entrant: Entrant, a: argparse.Namespace, run: Path, data: Path) -> No
     given = [a.captures, "--run", str(run / entrant.key), "--weights", str(_weights(entrant, run))]
     given += ["--minutes", str(a.minutes)] if a.steps is None else ["--steps", str(a.steps)]
     given += ["--data-minutes", str(a.data_minutes)]
-    given += ["--device", a.device, "--threads", str(a.threads)]
+    given += ["--device", a.device, "--threads", str(a.threads), "--width", str(a.width)]
     given += ["--data", str(data)] if entrant.stitched else []
     given += ["--objects", a.objects] if a.objects else []
     given += ["--fresh", str(a.fresh)] if a.fresh is not None else []

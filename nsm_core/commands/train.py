@@ -82,6 +82,9 @@ def main(arguments: list[str]) -> int:
     compared = parser.add_argument_group("to compare", "the method without one of its parts")
     compared.add_argument("--experts", type=int, default=None, help="experts that are blended (default: 8)")
     compared.add_argument(
+        "--width", type=float, default=1.0, help="share of the widths of its layers (default: 1)"
+    )
+    compared.add_argument(
         "--without",
         choices=[*BLINDABLE, *GATE_PARTS],
         action="append",
@@ -118,6 +121,9 @@ def main(arguments: list[str]) -> int:
         if not hasattr(config, "gates"):
             parser.error(f"{a.network} blends no experts")
         config = type(config).from_dict(config.to_dict() | {"experts": a.experts})
+    if not 0 < a.width <= 1:
+        parser.error("--width is a share of the usual widths, more than 0 and up to 1")
+    config = config.narrowed(a.width)
     rollout = RolloutSettings.one_step() if a.one_step else RolloutSettings(a.rollout, a.root_rate)
     settings = TrainingSettings(
         steps=a.steps,

@@ -208,3 +208,14 @@ def test_sensors_can_be_taken_from_it_as_from_any(saved, take):
     y, memory, _ = blind.step(Inputs(features, gating), blind.start())
     np.testing.assert_array_equal(y, model.step(Inputs(emptied, gating), model.start())[0])
     assert memory["frames"] == 1 and (features[:, INPUT.slices["environment"]] != 0).all()
+
+
+@pytest.mark.parametrize("name", list(KINDS))
+def test_a_narrower_network_reads_and_tells_the_same_with_fewer_weights(name):
+    config = KINDS[name].config()
+    narrow = config.narrowed(0.5)
+    assert narrow.widths == config.widths and type(narrow) is type(config)
+    assert getattr(narrow, "experts", 0) == getattr(config, "experts", 0)
+    sizes = [sum(int(np.prod(s)) for s in c.parameter_shapes().values()) for c in (narrow, config)]
+    assert 0.2 < sizes[0] / sizes[1] < 0.6
+    assert config.narrowed(1.0) == config

@@ -4,8 +4,8 @@ the network.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
-from typing import Any, ClassVar
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from nsm_core.model.features.layout import GATING, INPUT, OUTPUT, Inputs
 from nsm_core.rotations import Array
 
 STATISTICS = ("input_mean", "input_std", "gating_mean", "gating_std", "output_mean", "output_std")
+COUNTS = ("experts",)  # fields that count parts and are no widths
 Memory = dict[str, Array]  # what a network remembers, by name, (B, size) each; a row is a character
 
 
@@ -62,6 +63,19 @@ class NetworkConfig:
         one.
         """
         return {}
+
+    def narrowed(self, share: float) -> Self:
+        """The same network with hidden layers and encodings of this share (0 to 1) of their widths; what it
+        reads and tells, and how many experts it blends, stay.
+        """
+        layout = {f.name for f in fields(NetworkConfig)}
+        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in layout}
+        widths = {
+            name: max(1, round(share * value))
+            for name, value in own.items()
+            if isinstance(value, int) and name not in COUNTS
+        }
+        return replace(self, **widths)
 
     def parameter_shapes(self) -> dict[str, tuple[int, ...]]:
         """Names and shapes of all parameters, as in the module's state and in weights files."""
