@@ -188,6 +188,7 @@ def _over_the_row(rng: np.random.Generator, row: list[Container]) -> list[Contai
     made = [top]
     edge, under = float(left), float(rng.uniform(1.4, 1.46))
     tall, deep = float(rng.uniform(0.58, 0.66)), float(rng.uniform(0.3, 0.36))
+    least = tall / 2 - 0.05  # two levels, both within reach
     slid = int(rng.integers(3))  # which of them has slides
     while right - edge > 0.42:
         width = min(float(rng.uniform(0.45, 0.9)), right - edge)
@@ -195,7 +196,8 @@ def _over_the_row(rng: np.random.Generator, row: list[Container]) -> list[Contai
             edge += width  # a gap, as over a window
             continue
         sliding = {"sliding": 1.0} if len(made) == 1 + slid else {}
-        one = make_container("wall cupboard", rng, width=width - 0.004, depth=deep, height=tall, **sliding)
+        measures = {"width": width - 0.004, "depth": deep, "height": tall, "least": least}
+        one = make_container("wall cupboard", rng, **measures, **sliding)
         made.append(one.put((edge + width / 2, -deep / 2 - 0.005, under, 0.0)))
         edge += width
     box = make_container("bin", rng)
