@@ -14,6 +14,7 @@ from nsm_core.world.scene.containers import Container, MovingPart
 from nsm_core.world.scene.furniture import box_mesh
 from nsm_core.world.scene.small_things import SmallThing
 
+from ..goals.container_points import OPENS, axis_frame
 from .room import DemoRoom, floor, palette
 
 _BEFORE = 3.2  # metres of floor before the row
@@ -76,26 +77,14 @@ def _part(body: bpy.types.Object, container: Container, part: MovingPart, tone: 
     """A moving part whose origin lies on its axis and whose Z is the axis, so that one channel opens it."""
     boxes = part.query.groups[0]
     vertices, triangles = box_mesh(boxes.centres - boxes.halves, boxes.centres + boxes.halves)
-    frame = _axis_frame(part)
+    frame = axis_frame(part)
     local = (vertices.astype(np.float64) - frame[:3, 3]) @ frame[:3, :3]
     made = _object(f"{_title(container.name)} {part.name}", local, triangles, tone)
     made.parent = body
     made.matrix_basis = Matrix(frame.tolist())
-    made["nsm_opens"] = float(part.travel)
+    made[OPENS] = float(part.travel)
     _soften(made)
     return made
-
-
-def _axis_frame(part: MovingPart) -> Array:
-    """The frame (4, 4) on a part's axis, in its furniture's: Z along the axis, X level where that can be."""
-    z = part.axis
-    x = np.array((1.0, 0.0, 0.0)) if abs(z[0]) < 0.9 else np.array((0.0, 1.0, 0.0))
-    x = x - (x @ z) * z
-    x /= np.linalg.norm(x)
-    frame = np.eye(4)
-    frame[:3, :3] = np.stack((x, np.cross(z, x), z), -1)
-    frame[:3, 3] = part.pivot
-    return frame
 
 
 def _thing(thing: SmallThing, tone: str) -> bpy.types.Object:

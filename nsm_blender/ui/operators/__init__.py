@@ -19,6 +19,7 @@ from . import (
     steer,
     timeline,
     variations,
+    what_opens,
 )
 
 CLASSES = (
@@ -27,6 +28,7 @@ CLASSES = (
     *goal_list.CLASSES,
     *check.CLASSES,
     *pick.CLASSES,
+    *what_opens.CLASSES,
     *queues.CLASSES,
     *example.CLASSES,
     *generate.CLASSES,
