@@ -8,6 +8,7 @@ import pytest
 from nsm_core.errors import GeometryError
 from nsm_core.evaluation.kitchens import fields_of, least_gap, take_thing
 from nsm_core.world.assets.kitchen import make_kitchen
+from nsm_core.world.planning.hand_fields import hand_fields
 
 
 @pytest.fixture(scope="module")
@@ -102,3 +103,16 @@ def test_things_are_taken_from_where_they_are_and_all_is_shut_again(kitchens):
     assert all(p.opening == 0 for c in kitchen.containers.values() for p in c.parts)
     _, reached = fields_of(kitchen, one)
     assert reached > 0.1
+
+
+def test_no_front_marches_under_the_floor_or_through_the_wall(kitchens):
+    kitchen = kitchens[0]
+    name = next(n for n, s in kitchen.things.items() if s.container == "rack" and s.thing.pose[2] < 0.5)
+    thing = kitchen.things[name].thing
+    centre = thing.to_world((thing.low + thing.high) / 2)
+    path = centre + np.array((0.0, -0.4, 0.1)) * np.linspace(1, 0.3, 20)[:, None]
+    made = hand_fields(thing, kitchen.scene().near(thing.pose[:2], 0.75, thing), centre, path)
+    under, behind = made.points[..., 2] < -0.02, made.points[..., 1] > 0.12
+    assert under.any() and behind.any()
+    for field in (made.target, made.arrival):
+        assert (field[under] == 0).all() and (field[behind] == 0).all() and (field > 0).mean() > 0.1

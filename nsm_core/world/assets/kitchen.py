@@ -12,7 +12,7 @@ import numpy as np
 
 from nsm_core.errors import GeometryError
 from nsm_core.rotations import rotate_planar
-from nsm_core.world.geometry.distance import DistanceQuery, Union
+from nsm_core.world.geometry.distance import Cuboids, DistanceQuery, Union
 from nsm_core.world.scene.containers import Container, Shelf
 from nsm_core.world.scene.containers.cupboards import make_container, table_of
 from nsm_core.world.scene.furniture import Furniture, build, cuboids
@@ -25,6 +25,7 @@ from .kitchen_filling import Filling, fill_board
 
 _BESIDE = 0.012  # metres between pieces that stand side by side: doors turn clear of each other
 _HAND = 0.07  # metres to either side of a thing's middle that a hand needs
+_WIDE = 50.0  # metres of floor to every side
 _WALL_HIGH, _WALL_THICK = 2.5, 0.1
 _FREE_FLOOR = (1.3, 1.7)  # metres between the row and the table
 
@@ -51,11 +52,15 @@ class Kitchen:
     things: dict[str, Standing] = field(default_factory=dict)
 
     def scene(self) -> Scene:
-        """Walls and carcasses as what stands, moving parts and things as its props."""
+        """Floor, walls and carcasses as what stands, moving parts and things as its props.
+
+        The floor is solid here: hands go around it as well, and no front marches under it.
+        """
         fixed: list[DistanceQuery] = [c.standing() for c in self.containers.values()]
         parts: list[Prop] = [p for c in self.containers.values() for p in c.parts]
         walls = cuboids([(self.walls, np.zeros(3), 0.0)])
-        return Scene(Union([walls, *fixed]), [*parts, *(s.thing for s in self.things.values())])
+        floor = Cuboids([((0, 0), 0.0, ((-_WIDE, -_WIDE, -1.0),), ((_WIDE, _WIDE, 0.0),))])
+        return Scene(Union([walls, floor, *fixed]), [*parts, *(s.thing for s in self.things.values())])
 
     def board_of(self, name: str) -> tuple[Container, Shelf]:
         """The container and the board on which a thing stands."""
