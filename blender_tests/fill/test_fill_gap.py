@@ -17,7 +17,7 @@ from nsm_blender.keys.keyed import discard_take
 from nsm_blender.keys.keying import read_back
 from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import finish
-from nsm_core.body.skeleton import forward_kinematics
+from nsm_core.body.skeleton import INDEX, forward_kinematics
 
 
 def filled(character, **more) -> FilledGap:
@@ -86,3 +86,23 @@ def test_others_are_not_walked_over_and_steps_are():
     low = joints(character, [50])[0, :, 2].min()
     filled(character)
     assert joints(character, [50])[0, :, 2].min() > low + 0.1  # feet are set on it
+
+
+def test_a_body_is_kept_out_of_what_stands_beside_its_way():
+    character = add_character((0.0, 0.0, 0.0))
+    walking(character, 30)
+    wrist = character.pose.bones["LeftWrist"]
+    cut(character, 40, 66)
+    bpy.context.scene.frame_set(53)
+    through = np.array(character.matrix_world @ wrist.head)
+    box("Floor", (-9, -9, -0.1), (9, 9, 0))
+    depths = []
+    for solid in (False, True):
+        post = box("Post", (*(through[:2] - 0.04), 0.0), (*(through[:2] + 0.04), 1.4))
+        post["nsm_collider"] = solid
+        filled(character, start=40, end=66)
+        low, high = through[:2] - 0.04, through[:2] + 0.04
+        hands = joints(character, range(41, 66))[:, [INDEX["LeftWrist"], INDEX["LeftElbow"]], :2]
+        depths.append(int(((hands > low) & (hands < high)).all(-1).sum()))
+        bpy.data.objects.remove(post)
+    assert depths[0] > 0 and depths[1] == 0

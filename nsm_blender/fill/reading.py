@@ -28,11 +28,13 @@ from nsm_core.rotations import (
 )
 
 from ..prepare import figure_of
-from ..progress import Progress, staged
+from ..progress import Progress, staged, waited
 from ..rigs.armature import Placement, read_world_pose
 from ..rigs.bone_map import told_map
 from ..rigs.mount import go_to, over_frames
-from ..world.below import Below, ground_below
+from ..world.below import Below, ground_below, solids_near
+from ..world.bvh_query import BVHQuery
+from ..world.colliders import solid_seen
 from ..world.evaluated import Snapshot
 from ..world.frame import WorldFrame
 from .gap import AskedGap, Stretch
@@ -71,6 +73,7 @@ class Sides:
     poses: dict[float, Pose]
     snapshot: Snapshot
     figure: Figure
+    solids: list[BVHQuery]
 
     def gap(self, number: int, made: Sequence[Made], seed: int) -> Gap:
         """Gap ``number`` with what was ``made`` in those before it."""
@@ -78,7 +81,7 @@ class Sides:
         past = _clip([self._past(time, made) for time in _before(self.asked, stretch, self.fps)])
         target = _clip(self._target(number))
         ground = self._ground(stretch, past, target)
-        return Gap(past, target, stretch.count(self.fps), ground, seed, self.figure)
+        return Gap(past, target, stretch.count(self.fps), ground, seed, self.figure, self.solids)
 
     def _past(self, time: float, made: Sequence[Made]) -> Pose:
         for one in made:
@@ -136,7 +139,12 @@ def reading(
             break
         yield Progress("Reading the ground", 0.0)
     figure = yield from figure_of(character)
-    return Sides(character, scene, frame, asked, fps, dict(zip(times, rows, strict=True)), snapshot, figure)
+    way = np.stack([hips for hips, _ in rows])
+    seen = solid_seen(snapshot, scene, _bodies(scene))
+    solids = yield from waited("Reading the scene", lambda _: solids_near(seen, frame, way))
+    return Sides(
+        character, scene, frame, asked, fps, dict(zip(times, rows, strict=True)), snapshot, figure, solids
+    )
 
 
 def _bodies(scene: bpy.types.Scene) -> list[bpy.types.Object]:

@@ -11,11 +11,13 @@ from mathutils.bvhtree import BVHTree
 
 from nsm_core.rotations import Array
 
-from .colliders import solid_seen
+from .bvh_query import BVHQuery
+from .colliders import obstacles, scene_solids, solid_seen
 from .evaluated import Seen, Snapshot
 from .frame import WorldFrame
 
 _AROUND = 1.6  # metres beside the way that are looked at: the reach of the height patch, and some more
+_BESIDE = 0.8  # metres beside the way within which the body may touch things
 _OVER = 0.5  # metres over the hips from which the ground is felt: what is higher is a ceiling
 _DEEP = 20.0  # metres below that at which the ground is given up
 _LITTER = 0.25  # metres: of the copies that particles and instances make, smaller ones are no ground
@@ -66,6 +68,15 @@ def ground_below(
     if not vertices:
         return None
     return Below(np.concatenate(vertices), np.concatenate(triangles), way, level)
+
+
+def solids_near(seen: Sequence[Seen], frame: WorldFrame, way: Array) -> list[BVHQuery]:
+    """What of ``seen`` stands near a ``way`` (N, 3) of the hips, core frame, and is not walked over, each by
+    itself.  It touches none of Blender's data.
+    """
+    low, high = way[:, :2].min(0) - _BESIDE, way[:, :2].max(0) + _BESIDE
+    near = [each for each in seen if _near(each, frame, low, high) is not None]
+    return [BVHQuery([solid], floor=True) for solid in obstacles(scene_solids(near, frame))]
 
 
 def _near(seen: Seen, frame: WorldFrame, low: Array, high: Array) -> tuple[Array, Array] | None:
