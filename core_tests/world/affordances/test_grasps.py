@@ -94,6 +94,9 @@ def test_a_body_stands_clear_of_what_is_in_its_way():
     counter = Cuboids([((0, 0, 0), 0.0, [(-2, -0.3, 0)], [(2, 0.5, 0.9)])])
     found = reaches(wrist, counter)
     assert found and all(r.place[1] < -0.3 - 0.1 for r in found)
+    over = wrist_at(np.array((0.0, 0.22, 1.05)), (0, 1, 0), (0, 0, 1))  # farther in: one leans over it
+    leaning = reaches(over, counter)
+    assert found[0].lean == 0 and leaning and leaning[0].lean > 0 and leaning[0].place[1] < -0.4
     deep = Cuboids([((0, 0, 0), 0.0, [(-2, -1.2, 0)], [(2, 2, 0.9)])])
     assert reaches(wrist, deep) == []
     assert {r.side for r in reaches(wrist, counter, (LEFT,))} == {LEFT}

@@ -22,16 +22,20 @@ _FOLDED = 0.22  # least way from the shoulder to a wrist that still works
 _WRIST = np.radians(75)  # by which the hand points away from the line of the arm at most
 _SLIM = 0.17  # metres from the root to a body that stands close to furniture
 _TOES = 0.06  # metres by which lower legs may be under the edge of something, and feet in a plinth
-_OFFS = np.arange(0.26, 0.72, 0.06)  # metres over the floor from the root to the wrist
+_OFFS = np.arange(0.26, 0.86, 0.06)  # metres over the floor from the root to the wrist
 _BEARINGS = np.radians(np.arange(-75, 76, 15))  # the wrist's bearing from where the body faces
 _PLACES = 16
+# Metres that the shoulder goes ahead by leaning over something, what it loses in height for a metre squared,
+# and what such a metre strains; how far it is raised for what is high.
+_LEANS, _SINKS, _STRAINS, _RAISED = (0.0, 0.1, 0.2), 1.0, 1.0, 0.06
 _LEAN = 0.5  # share of what it goes down by which the shoulder goes ahead as well, metres a metre
 
 
 @dataclass(frozen=True)
 class Reach:
     """A way to reach: ``place`` (2,) and ``heading`` of the root, ``side`` of the hand, ``down`` metres that
-    the shoulder is lower than upright, ``strain`` 0..1 how near it is to what the arm can do.
+    the shoulder is lower than upright, ``strain`` how near it is to what the arm can do, 1, and more where
+    the body leans; ``lean`` metres that the shoulder is ahead for that.
     """
 
     place: Array
@@ -39,6 +43,7 @@ class Reach:
     side: float
     down: float
     strain: float
+    lean: float
 
 
 def reaches(wrist: WristPose, solids: DistanceQuery, sides: tuple[float, ...] = (RIGHT, LEFT)) -> list[Reach]:
@@ -51,27 +56,27 @@ def reaches(wrist: WristPose, solids: DistanceQuery, sides: tuple[float, ...] = 
     if not REACHED[0] <= wrist.held[2] <= REACHED[1]:
         return []
     around = np.arange(_PLACES) * 2 * np.pi / _PLACES
-    grid = np.stack(np.meshgrid(_OFFS, around, _BEARINGS, sides, indexing="ij"), -1).reshape(-1, 4)
-    off, facing_wrist, bearing, side = grid.T
+    grid = np.stack(np.meshgrid(_OFFS, around, _BEARINGS, sides, _LEANS, indexing="ij"), -1).reshape(-1, 5)
+    off, facing_wrist, bearing, side, lean = grid.T
     place = wrist.place[:2] - off[:, None] * heading_to_direction(facing_wrist)
     heading = facing_wrist + bearing
     # The body goes down, and with it ahead, until the shoulder is little over the wrist.
     down = np.clip(_SHOULDER - 0.25 - wrist.place[2], 0.0, _SHOULDER - _LOWEST)
     ahead = heading_to_direction(heading)
     left = np.stack((-ahead[:, 1], ahead[:, 0]), -1)
-    shoulder = place + _ASIDE * side[:, None] * left + min(_LEAN * down, 0.3) * ahead
-    arm = np.concatenate(
-        (wrist.place[:2] - shoulder, np.full((len(grid), 1), wrist.place[2] - _SHOULDER + down)), 1
-    )
+    shoulder = place + _ASIDE * side[:, None] * left + (min(_LEAN * down, 0.3) + lean)[:, None] * ahead
+    up = _SHOULDER - down - _SINKS * lean**2 + np.clip(wrist.place[2] - _SHOULDER, 0.0, _RAISED)
+    arm = np.concatenate((wrist.place[:2] - shoulder, (wrist.place[2] - up)[:, None]), 1)
     length = np.linalg.norm(arm, axis=1)
     bent = np.arccos(np.clip((arm / length[:, None]) @ wrist.towards, -1, 1))
     elbow = np.linalg.norm(arm - _FOREARM * wrist.towards, axis=1)
     strain = np.maximum(length / _ARM, np.maximum(bent / _WRIST, 1 - (elbow - 0.1) / 0.3) * 0.99)
+    strain = strain + _STRAINS * lean
     ways = np.flatnonzero((length <= _ARM) & (length >= _FOLDED) & (bent <= _WRIST))
     ways = ways[np.argsort(strain[ways], kind="stable")]
     free = _stands(place[ways], solids)
     return [
-        Reach(place[k], float(heading[k]), float(side[k]), float(down), float(min(strain[k], 1.0)))
+        Reach(place[k], float(heading[k]), float(side[k]), float(down), float(strain[k]), float(lean[k]))
         for k in ways[free]
     ]
 
