@@ -97,7 +97,7 @@ def going_on(path: Path) -> None:
 
 
 def fill(path: Path, method: str = "network") -> None:
-    """A walk that turns, with a second missing in its middle: keyed poses and what was filled in."""
+    """A walk with a second missing in its middle: keyed poses and what was filled in."""
     empty_scene()
     character = nsm.add_character((-1.5, 0.0, 0.0))
     goals = [nsm.GoalSpec("walk", None, 0.0, location=(1.2, 0.0, 0.0)), nsm.GoalSpec("idle", hold=0.5)]
