@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any, Protocol, TypeVar
 
 import bpy
 import numpy as np
@@ -28,17 +28,24 @@ from .key_arrays import frames_of
 from .spec import FillSpec
 from .values import path_of
 
-if TYPE_CHECKING:
-    from ..takes import Take
-
 _LEAD = 1.0  # seconds from the pose to the stand
+
+
+class Keyed(Protocol):
+    """A take, as far as the way to it is concerned."""
+
+    keyed: KeyedTake
+    report: dict[str, Any]
+
+
+_Take = TypeVar("_Take", bound=Keyed)
 
 
 def led_in(
     spec: TakeSpec,
     scene: bpy.types.Scene,
-    generated: Callable[[TakeSpec], Generator[Progress, None, Take]],
-) -> Generator[Progress, None, Take]:
+    generated: Callable[[TakeSpec], Generator[Progress, None, _Take]],
+) -> Generator[Progress, None, _Take]:
     """A take as ``generated`` makes it, which begins a second after ``spec.start_frame``, and what leads
     there from the pose at that frame.  All or nothing; raises as ``takes.generate`` and ``fill_gap``.
     """
