@@ -6,9 +6,8 @@ import bpy
 import pytest
 from everything import difference, digest
 from foreign_rigs import remove_bones
-from gaps import cut, playing, walk, walking
+from gaps import cut, playing, walking
 
-import nsm_blender
 from nsm_blender.fill import fill as fill_room
 from nsm_blender.fill.fill import fill_gap
 from nsm_blender.fill.spec import INTERPOLATE, FillSpec
@@ -19,12 +18,7 @@ from nsm_core.errors import GapError, NsmError, SkeletonError, WeightsError
 START, END = 40, 66
 
 
-@pytest.fixture(scope="module", autouse=True)
-def addon():
-    walk()
-    nsm_blender.register()
-    yield
-    nsm_blender.unregister()
+pytestmark = pytest.mark.usefixtures("addon")
 
 
 @pytest.fixture

@@ -5,10 +5,9 @@ from __future__ import annotations
 import bpy
 import pytest
 from everything import difference, digest
-from gaps import cut, outside, playing, walk, walking
+from gaps import cut, outside, playing, walking
 from modal import Modal, Window
 
-import nsm_blender
 from nsm_blender.rigs.character import add_character
 from nsm_blender.ui import running
 from nsm_blender.ui.operators import modal as stepping
@@ -18,12 +17,7 @@ from nsm_blender.ui.reviews import pending
 START, END = 40, 66
 
 
-@pytest.fixture(scope="module", autouse=True)
-def addon():
-    walk()
-    nsm_blender.register()
-    yield
-    nsm_blender.unregister()
+pytestmark = pytest.mark.usefixtures("addon")
 
 
 @pytest.fixture

@@ -5,22 +5,15 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
-from gaps import outside, playing, walk, walking
+from gaps import outside, playing, walking
 from test_fill_gap import filled, joints
 
-import nsm_blender
 from nsm_blender.fill.gap import pose_span
 from nsm_blender.fill.key_arrays import read_keys, taken, write_keys
 from nsm_blender.rigs.character import add_character
 from nsm_blender.ui.reviews import pending
 
-
-@pytest.fixture(scope="module", autouse=True)
-def addon():
-    walk()
-    nsm_blender.register()
-    yield
-    nsm_blender.unregister()
+pytestmark = pytest.mark.usefixtures("addon")
 
 
 @pytest.fixture

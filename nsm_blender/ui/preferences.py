@@ -8,7 +8,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, PointerProperty, StringProperty
 
 from ..overlays.layers import LAYERS
-from .properties import BEGINS, NsmKeyOptions
+from .options import NsmKeyOptions
+from .properties import BEGINS
 
 PACKAGE = __package__.rpartition(".")[0]
 # Of the settings of a scene, those that a new scene takes from here, and of its options for keys.

@@ -12,9 +12,9 @@ import numpy as np
 from nsm_core.body.capsules import Figure
 from nsm_core.body.ik.grip import Grip
 from nsm_core.body.ik.solver import Pose
-from nsm_core.body.ik.thighs import on_thighs
+from nsm_core.body.ik.thighs import leant, on_thighs
 from nsm_core.body.skeleton import FEET, INDEX
-from nsm_core.rotations import Array, quat_from_axis_angle, quat_mul
+from nsm_core.rotations import Array
 from nsm_core.signals import gaussian_smooth, smooth_step
 
 from .actions.hold import Lead
@@ -24,9 +24,6 @@ from .actions.seat_manner import SeatedManner
 STEEP, LEVEL = 0.85, 0.25
 HAND = 0.022  # metres from the wrist down to what the palm lies on
 EASE = 3.0  # frames, standard deviation of how hands and trunk come and go
-NECK = 0.4  # share of the trunk's lean that neck and head undo
-_SPINE = [INDEX[name] for name in ("Chest", "Chest2", "Chest3")]
-_UPPER = [INDEX[name] for name in ("Neck", "Head")]
 
 
 def sat(pose: Pose, manners: Sequence[SeatedManner | None], figure: Figure) -> tuple[Pose, list[list[Lead]]]:
@@ -42,7 +39,7 @@ def sat(pose: Pose, manners: Sequence[SeatedManner | None], figure: Figure) -> t
     lean = np.zeros(len(manners))
     for span, manner in spans:
         lean[span] = manner.lean * seated[span] ** 2
-    pose = _leant(pose, gaussian_smooth(lean, EASE))
+    pose = Pose(pose.tree, pose.hips, leant(pose.local, gaussian_smooth(lean, EASE)))
     thick = _thighs(figure)
     for span, manner in spans:
         if not manner.hands:
@@ -93,16 +90,6 @@ def _lying(seated: Array, manner: SeatedManner) -> Array:
     early = n < (full[0] + full[-1]) / 2
     low, high = (np.where(early, manner.down[k], manner.up[k]) for k in (0, 1))
     return np.asarray(np.clip(gaussian_smooth(smooth_step((seated - low) / (high - low)), EASE), 0, 1))
-
-
-def _leant(pose: Pose, angle: Array) -> Pose:
-    """The motion with trunks that lean ahead by ``angle`` (T,) more, and heads that look on as they did."""
-    local = pose.local.copy()
-    for joints, share in ((_SPINE, 1 / len(_SPINE)), (_UPPER, -NECK)):
-        turn = quat_from_axis_angle(np.array((1.0, 0.0, 0.0)), share * angle)
-        for joint in joints:
-            local[:, joint] = quat_mul(local[:, joint], turn)
-    return Pose(pose.tree, pose.hips, local)
 
 
 def _thighs(figure: Figure) -> tuple[float, float]:

@@ -1,11 +1,11 @@
-"""Where hands lie on the thighs of one who sits: on one's own, or together in the lap."""
+"""How one sits: where hands lie on the thighs, each on its own or in the lap, and how the trunk leans."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from nsm_core.body.skeleton import FEET
-from nsm_core.rotations import Array
+from nsm_core.body.skeleton import FEET, INDEX
+from nsm_core.rotations import Array, quat_from_axis_angle, quat_mul
 
 OVER_THIGH = 0.085  # metres of the wrist over the line from hip to knee, on the bundled body
 IN_LAP = 0.1  # metres of the wrist off the middle between the thighs
@@ -18,7 +18,9 @@ SEATED_LEAN = (
 )  # of a trunk that does not lean on a back rest, radians ahead
 ALONG_THIGH, OFF_THIGH = (0.38, 0.78), (-0.02, 0.05)  # shares of it from the hip; metres inside its middle
 LAP, LEAN_ON_HANDS = 0.2, 0.45  # shares of the hands that lie there, and of those who lean on them
-_UP = np.array((0.0, 0.0, 1.0))
+NECK = 0.4  # share of the trunk's lean that neck and head undo, each
+_TRUNK, _NECK = [INDEX[n] for n in ("Chest", "Chest2", "Chest3")], [INDEX[n] for n in ("Neck", "Head")]
+_X, _UP = np.array((1.0, 0.0, 0.0)), np.array((0.0, 0.0, 1.0))
 
 
 def on_thighs(
@@ -45,4 +47,16 @@ def on_thighs(
     return middle - IN_LAP * inside + (over + HIGHER) * normal, normal, thigh
 
 
-__all__ = ["on_thighs"]
+def leant(local: Array, angle: Array) -> Array:
+    """Local rotations (T, 23, 4) of a trunk that leans ahead by ``angle`` (T,), radians, more, under a head
+    that looks on ahead.
+    """
+    local = local.copy()
+    for joints, share in ((_TRUNK, 1 / len(_TRUNK)), (_NECK, -NECK)):
+        turn = quat_from_axis_angle(_X, share * angle)
+        for joint in joints:
+            local[:, joint] = quat_mul(local[:, joint], turn)
+    return local
+
+
+__all__ = ["leant", "on_thighs"]

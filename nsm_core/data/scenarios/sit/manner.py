@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsm_core.body.ik.thighs import on_thighs
+from nsm_core.body.ik.thighs import leant, on_thighs
 from nsm_core.body.ik.two_bone import place_wrists
 from nsm_core.body.skeleton import ARMS, HIP_OVER_SEAT, INDEX, forward_kinematics, root_of
 from nsm_core.data.scenarios.hands import hands_on_arm_rests, lead_hand
@@ -19,7 +19,6 @@ from nsm_core.rotations import (
     Array,
     heading_to_direction,
     quat_conjugate,
-    quat_from_axis_angle,
     quat_from_rotvec,
     quat_mul,
     quat_rotate,
@@ -37,8 +36,7 @@ OVER_SEAT = 0.05  # metres of the wrist over a seat
 FINGERS_AHEAD = 0.8  # how strongly fingers on a seat are drawn ahead, against where the forearm points
 MOST_ROLLED = np.radians(75)  # by which a hand turns about the forearm to lie palm down
 _OVER = 14  # frames over which arms come from a walk's pose to hanging
-_TRUNK, _NECK = [INDEX[n] for n in ("Chest", "Chest2", "Chest3")], [INDEX[n] for n in ("Neck", "Head")]
-_X, _UP = np.array((1.0, 0.0, 0.0)), np.array((0.0, 0.0, 1.0))
+_UP = np.array((0.0, 0.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -150,14 +148,10 @@ def _lying(weight: Array, seated: int, manner: SitManner) -> Array:
 
 
 def _leant(local: Array, weight: Array, manner: SitManner) -> Array:
-    """The trunk leans, and the head looks on ahead."""
-    angle = gaussian_smooth(manner.lean * weight**2 + manner.way * 4 * weight * (1 - weight), 3.0)
-    local = local.copy()
-    for joints, share in ((_TRUNK, 1 / 3), (_NECK, -0.4)):
-        turn = quat_from_axis_angle(_X, share * angle)
-        for j in joints:
-            local[:, j] = quat_mul(local[:, j], turn)
-    return local
+    """The trunk leans, seated and on the way, and the head looks on ahead."""
+    return leant(
+        local, gaussian_smooth(manner.lean * weight**2 + manner.way * 4 * weight * (1 - weight), 3.0)
+    )
 
 
 def _hanging(hips: Array, local: Array, weight: Array, swing: float) -> Array:
