@@ -26,6 +26,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--windows", default=None, help="file of windows (default: RUN/windows.npz)")
     parser.add_argument("--weights", default=None, help="weights file to write (default: RUN/fill.npz)")
     parser.add_argument("--minutes", type=float, default=defaults.minutes, help="of training (default: 50)")
+    parser.add_argument("--steps", type=int, default=0, help="of training, whatever time they take")
     parser.add_argument("--threads", type=int, default=2, help="processor threads (default: 2)")
     parser.add_argument("--every", type=float, default=120.0, help="seconds between checkpoints")
     parser.add_argument("--seed", type=int, default=0)
@@ -62,16 +63,12 @@ def main(arguments: list[str]) -> int:
     least, most = a.frames
     if not 1 <= least <= most:
         parser.error("--frames needs two numbers, the smaller one first")
-    config = TRANSITIONS[a.network]()
+    config = TRANSITIONS[a.network]().of_units(a.units)
     config = replace(
         config,
-        encoder=a.units if config.encoder else 0,
-        hidden=a.units,
-        decoder=a.units // 2 if config.decoder else 0,
-        decoder_second=a.units // 4,
         terrain=not a.no_terrain,
         residual=config.residual and not a.no_residual,
-        future=0 if a.no_future else a.units // 4,
+        future=0 if a.no_future else config.future,
         initial=a.initial or config.initial,
         arrival=not a.paper,
         homing=config.homing and not (a.paper or a.no_homing),
@@ -79,7 +76,7 @@ def main(arguments: list[str]) -> int:
     )
     settings = TransitionSettings(
         a.minutes, least, most, a.batch, a.learning_rate, a.teacher, a.scheduled,
-        0.0 if a.paper else a.world, a.seed,
+        0.0 if a.paper else a.world, a.seed, a.steps,
     )  # fmt: skip
     keep_freed_memory()
     torch.set_num_threads(a.threads)
@@ -107,8 +104,10 @@ def main(arguments: list[str]) -> int:
             own, to = ROWS[name], folder / f"{name}-{seed}"
             if not (to / "fill.npz").exists():
                 print(f"{name}, seed {seed}", flush=True)
-                asked = replace(own.settings, minutes=a.minutes, seed=seed, learning_rate=a.learning_rate)
-                _train(windows, own.config, asked, to, to / "fill.npz", a.every)
+                asked = replace(
+                    own.settings, minutes=a.minutes, steps=a.steps, seed=seed, learning_rate=a.learning_rate
+                )
+                _train(windows, own.config.of_units(a.units), asked, to, to / "fill.npz", a.every)
     return 0
 
 

@@ -53,7 +53,10 @@ class TransitionTrainer:
     @property
     def done(self) -> float:
         """Share of the run that is over."""
-        return min(1.0, self.seconds / (60 * self.settings.minutes))
+        settings = self.settings
+        return min(
+            1.0, self.step / settings.steps if settings.steps else self.seconds / (60 * settings.minutes)
+        )
 
     def learn(self) -> float:
         """One step; returns its error."""

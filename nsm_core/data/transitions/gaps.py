@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from nsm_core.body.skeleton import HIPS, MIRROR, J
-from nsm_core.model.transitions.layout import PAST, PATCH_SIZE, TARGET_FRAMES, patch_grid
+from nsm_core.model.transitions.layout import PAST, TARGET_FRAMES, patch_grid
 from nsm_core.model.transitions.representation import facing, poses_of, targets_of, turned
 from nsm_core.rotations import Array, rotate_planar
 
+from .samples import Samples, sampled
 from .windows import Windows
 
 
@@ -21,14 +21,16 @@ class Gaps:
     """B gaps of ``frames`` missing frames.
 
     ``joints`` (B, PAST + frames + 2, 23, 3) world, metres: past, what is missing, target and the frame behind
-    it, turned as the network sees them.  ``heights`` gives the ground (B, N) at such places (B, N, 2);
-    ``first`` (B,) are the frames of all captures that the gaps begin with, ``middle`` (B, 2) the place there
-    that comes to the origin before all is turned by ``angle`` (B,).
+    it, turned as the network sees them.  ``heights`` gives the ground (B, N) at such places (B, N, 2),
+    ``sampled`` the same from samples of it, which patches are read from.  ``first`` (B,) are the frames of
+    all captures that the gaps begin with, ``middle`` (B, 2) the place there that comes to the origin before
+    all is turned by ``angle`` (B,).
     """
 
     frames: int
     joints: Array
     heights: Callable[[Array], Array]
+    sampled: Callable[[Array], Array]
     first: Array
     middle: Array
     angle: Array
@@ -51,33 +53,6 @@ class Gaps:
         heights = self.sampled(places.reshape(count, -1, 2)).reshape(count, frames, len(grid))
         return (heights - roots[..., 2:]).astype(np.float32)
 
-    @cached_property
-    def sampled(self) -> Callable[[Array], Array]:
-        """As ``heights``, from FINE samples around the way that was captured, worked out once; what is off
-        them is as high as their edge.
-        """
-        roots = self.joints[:, :, HIPS, :2]
-        low = roots.min(1) - (PATCH_SIZE / 2 + ASTRAY)
-        counts = np.ceil((roots.max(1) - low + PATCH_SIZE / 2 + ASTRAY).max(0) / FINE).astype(int) + 1
-        lines = np.meshgrid(*[FINE * np.arange(n, dtype=np.float32) for n in counts], indexing="ij")
-        grid = np.stack(lines, -1).reshape(-1, 2)
-        heights = self.heights(low[:, None] + grid).astype(np.float32).ravel()
-        rows, columns = (int(n) for n in counts)
-        base = (np.arange(len(low)) * rows * columns)[:, None]
-
-        def look_up(places: Array) -> Array:
-            at = (places - low[:, None]) * np.float32(1 / FINE)
-            x = np.clip(at[..., 0], 0, rows - 1.001)
-            y = np.clip(at[..., 1], 0, columns - 1.001)
-            i, j = x.astype(np.int64), y.astype(np.int64)
-            u, v = x - i, y - j
-            first = base + i * columns + j
-            near = heights[first] * (1 - v) + heights[first + 1] * v
-            far = heights[first + columns] * (1 - v) + heights[first + columns + 1] * v
-            return np.asarray(near * (1 - u) + far * u)
-
-        return look_up
-
 
 class GapSource:
     """Draws gaps from windows: of the actors held out, or of all others."""
@@ -86,6 +61,7 @@ class GapSource:
         """``faced``: gaps are turned so that the last past frame has the heading 0; else by chance."""
         self.windows, self.held, self.faced = windows, held, faced
         self.joints = windows.joints()
+        self._samples: dict[tuple[int, int], Samples] = {}
 
     def draw(self, frames: int, rows: int, rng: np.random.Generator) -> Gaps:
         """Gaps of ``frames`` frames by chance: the window, where in it, the ground, the heading, the side."""
@@ -121,13 +97,32 @@ class GapSource:
             angle = -facing(joints[:, PAST - 1])
         joints = turned(joints, np.zeros((len(index), 2)), angle).astype(np.float32)
         under, maps = self.windows.grounds[index, ground], self.windows.maps
+        samples = sampled([self._sampled(*pair) for pair in zip(index, ground, strict=True)])
 
-        def heights(places: Array) -> Array:
+        def captured(places: Array) -> Array:
             there = rotate_planar(places, -angle[:, None].astype(np.float32))
             there[..., 0] *= side[:, None]
-            return under.height(maps, there + middle[:, None])
+            return np.asarray(there + middle[:, None])
 
-        return Gaps(frames, joints, heights, first, middle, angle)
+        return Gaps(
+            frames,
+            joints,
+            lambda places: under.height(maps, captured(places)),
+            lambda places: samples(captured(places)),
+            first,
+            middle,
+            angle,
+        )
+
+    def _sampled(self, window: int, ground: int) -> Samples:
+        """A window's ground, sampled when it is first asked for."""
+        if (window, ground) not in self._samples:
+            windows = self.windows
+            start = windows.start[window]
+            way = windows.hips[start : start + windows.length[window], :2]
+            under = windows.grounds[window, ground]
+            self._samples[window, ground] = Samples.around(way, lambda at: under.height(windows.maps, at))
+        return self._samples[window, ground]
 
 
 def statistics_of(source: GapSource, lengths: list[int], rng: np.random.Generator) -> dict[str, Array]:
@@ -149,9 +144,6 @@ def statistics_of(source: GapSource, lengths: list[int], rng: np.random.Generato
     return out
 
 
-# Metres between samples of the ground that patches are read from, half of what is between their points; and
-# beside the captured way that a network's own may lie.
-FINE, ASTRAY = PATCH_SIZE / 24, 0.3
 # Deviations are raised to these: what hardly moves in training would else be blown up when it moves later.
 LEAST = {"pose": 1e-3, "velocity": 1e-3, "offset": 0.01, "patch": 0.02}
 

@@ -4,8 +4,8 @@ and what is left of it without a part.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
-from typing import Any, ClassVar
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -59,6 +59,17 @@ class TransitionConfig:
     def context(self) -> int:
         """Numbers of the encoded future f_t."""
         return 2 * self.future
+
+    def of_units(self, units: int) -> Self:
+        """The same network with so many units in its recurrent layer, the others going along."""
+        return replace(
+            self,
+            encoder=units if self.encoder else 0,
+            future=units // 4 if self.future else 0,
+            hidden=units,
+            decoder=units // 2 if self.decoder else 0,
+            decoder_second=units // 4 if self.decoder else 0,
+        )
 
     def parameter_shapes(self) -> Shapes:
         """Names and shapes of all parameters: ``feed``, ``recur`` and ``condition`` are W, U and C of

@@ -15,7 +15,8 @@ class TransitionSettings:
     ``shortest`` to ``longest`` frames are missing, short gaps as often again as long ones; ``teacher``: share
     of true frames that the network reads of what is missing, falling from 1 to 0 over the run where it is
     ``scheduled``; ``world``: weight in the loss of how far joints are from where they should be in the world,
-    in deviations of the offset vector, 0 in the paper.
+    in deviations of the offset vector, 0 in the paper.  A run ends after ``minutes``, or where ``steps`` is
+    not 0 after so many of them: networks that are compared on machines that do other work besides.
     """
 
     minutes: float = 50.0
@@ -27,6 +28,7 @@ class TransitionSettings:
     scheduled: bool = False
     world: float = 0.0
     seed: int = 0
+    steps: int = 0
 
 
 @dataclass(frozen=True)
