@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from nsm_core.body.contacts import TOES
 from nsm_core.conventions import FPS, GOAL_ACTIONS, STYLES
 from nsm_core.errors import OutputError
 from nsm_core.files import output
@@ -29,6 +30,7 @@ KINDS = {
     "climb": ("idle", "walk"),
     "stand there": ("idle",),
 }
+GLIDES, LOW = 0.12, 0.04  # m/s, and metres of a toe joint over the floor
 _BEARINGS, _DISTANCES, _HEIGHTS = np.arange(0, 181, 30), np.arange(0, 6.1, 0.5), np.arange(0, 1.31, 0.1)
 
 
@@ -68,6 +70,27 @@ def _minutes(data: Dataset) -> dict[str, float]:
     return {name: float(m) for name, m in zip(STYLES, style, strict=True)}
 
 
+def gliding(data: Dataset) -> dict[str, tuple[float, float]]:
+    """By action, of the frames that it begins or ends in (between none and all of it): share of feet in them
+    that go sideways near the ground, landings and lift-offs among them; and cm/s, mean, of feet that are
+    told to stand.
+    """
+    a = data.arrays
+    toes = np.array(a["joint_position"])[:, TOES]
+    same = np.array(a["start"][1:]) == np.array(a["start"][:-1])
+    speed = np.linalg.norm(np.diff(toes[..., :2], axis=0), axis=-1) * FPS
+    glide = (speed > GLIDES) & (toes[1:, :, 2] < LOW)
+    stands = np.array(a["contact"][1:, 3:]) > 0.5
+    found = {}
+    for n, name in enumerate(STYLES):
+        share = np.array(a["style"][1:, n])
+        between = same & (share > 0.2) & (share < 0.8)
+        if between.any():
+            standing = speed[between][stands[between]]
+            found[name] = float(glide[between].mean()), 100 * float(standing.mean()) if standing.size else 0.0
+    return found
+
+
 def _seams(meta: dict[str, Any]) -> Array:
     """Captured pieces per minute of each take."""
     starts = [t["start"] for t in meta["takes"].values()] + [meta["frames"]]
@@ -97,6 +120,11 @@ def report(folder: str | Path) -> str:
             bins = zip(edges[:-1], edges[1:], counts, strict=True)
             parts.append(f"{name} " + ", ".join(f"{lo:.3g}-{hi:.3g}: {n}" for lo, hi, n in bins if n))
         lines.append(f"{kind}: {len(found.bearing)} goals; " + "; ".join(parts))
+    glides = gliding(data).items()
+    lines.append(
+        "where an action begins or ends, feet that glide near the ground, and cm/s of those that stand: "
+        + ", ".join(f"{name} {share:.1%} {speed:.1f}" for name, (share, speed) in glides)
+    )
     lines.append(f"captured pieces per minute: {np.median(_seams(meta)):.1f} (median of takes)")
     return "\n".join(lines)
 

@@ -345,6 +345,9 @@ def test_coverage_counts_goals_by_kind_and_draws_them(tmp_path_factory, folder, 
             and (found[kind].bearing <= 180).all()
             and (found[kind].height > 0.3).all()
         )
+    glides = coverage.gliding(data)
+    assert {"walk", "idle"} <= set(glides)
+    assert all(share < 0.15 and speed < 5 for share, speed in glides.values()), glides
     text = coverage.report(where)
     assert f"in {len(meta['takes'])} takes" in text and all(
         f"{kind}: {count} goals" in text for kind, count in asked.items() if count
