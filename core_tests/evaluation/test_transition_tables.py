@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -67,6 +68,8 @@ def test_tables_name_what_was_trained_and_what_was_not(folder, tmp_path, capsys)
     assert command.main([*asked, "--weights", str(folder / "rtn-1" / "fill.npz")]) == 0
     told = capsys.readouterr().out
     assert out.exists() and "Table 4" in told and "cm off by frames missing" in told
+    made = json.loads(out.read_text())["finished"]
+    assert made["captures"]["off"] == made["network"]["differs"] == 0 < made["interpolation"]["off"]
     lines = {line.split()[0]: line for line in reversed(told.splitlines()) if line.strip()}
     assert lines["f_erd"].endswith("not trained") and "0.092" in lines["f_erd"]
     assert "0.210" in lines["int"] and "0.087" in lines["rtn"] and "not trained" not in lines["rtn"]

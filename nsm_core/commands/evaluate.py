@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 from pathlib import Path
 
 from nsm_core.evaluation import natural
@@ -96,6 +97,7 @@ def main(arguments: list[str]) -> int:
 def _transitions(folder: Path, out: Path, sheets: str | None, weights: str | None) -> int:
     """Print the tables of transition networks (papers/001), or draw gaps that they fill."""
     from nsm_core.data.transitions.windows import Windows
+    from nsm_core.evaluation.transitions import finished
     from nsm_core.evaluation.transitions.sheets import draw_fills
     from nsm_core.evaluation.transitions.tables import measured, text  # needs torch
 
@@ -107,5 +109,10 @@ def _transitions(folder: Path, out: Path, sheets: str | None, weights: str | Non
         return 0
     found = measured(windows, folder, path)
     print(text(found))
+    if path.exists():
+        model = load_transitions(path)
+        gaps, whole = finished.finished(windows, model), finished.decompressed(windows, model)
+        print("\n" + finished.text(gaps, whole))
+        found |= {"finished": {name: asdict(g) for name, g in gaps.items()}, "decompressed": whole}
     write_report(found, out)
     return 0
