@@ -37,7 +37,15 @@ class TransitionNetwork(nn.Module):
         self.initial = _layers((POSE.size, h, 2 * h)) if c.initial == "first_frame" else None
         if c.initial == "common":
             self.common = nn.Parameter(torch.zeros(2 * h))
+        rectified = nn.init.calculate_gain("leaky_relu", SLOPE)
+        for layers in (self.encode, self.target, self.offset, self.initial, self.decode[:-1]):
+            # By torch's own beginning two layers let through a sixth of what differs: all behind them learns
+            # slowly.
+            for layer in layers or ():
+                nn.init.orthogonal_(layer.weight, rectified)
+                nn.init.zeros_(layer.bias)
         with torch.no_grad():
+            nn.init.orthogonal_(self.recur.weight)
             self.feed.bias[h : 2 * h] = 1.0  # remembering is what is learnt first
             self.decode[-1].weight *= 0.1  # of a residual network: stay as you are
         for name, shape in config.shapes().items():
