@@ -13,7 +13,7 @@ import numpy as np
 
 from nsm_core.conventions import FPS
 from nsm_core.errors import GeometryError
-from nsm_core.rotations import Array
+from nsm_core.rotations import Array, rotate_planar
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.geometry.eikonal import NEVER, arrival_times
 from nsm_core.world.scene.wrist import WristPose
@@ -25,7 +25,8 @@ _SLOWEST, _AWAY = 0.1, 1e-3  # metres a second of a hand at least; and of its sp
 # Metres: what is nearer to a solid than half a cell is closed to a front, so that no board lies between two
 # cells.
 _SHUT = CELL / 2 + 1e-6
-_KNOWN = 2 * CELL  # metres from a surface within which distances are asked for, not marched
+_KNOWN = 2 * CELL  # metres from a surface within which distances are as they are told, not marched
+TOLD = 0.25  # metres up to which they are told
 
 
 @dataclass(frozen=True)
@@ -41,11 +42,52 @@ class HandFields:
     arrival: Array
 
 
-def grid_around(centre: Array) -> Array:
-    """Middles (N, N, N, 3) of the cells of the cube around a point (3,), metres."""
+def grid_around(centre: Array, heading: float = 0.0) -> Array:
+    """Middles (N, N, N, 3) of the cells of the cube around a point (3,), metres, turned by ``heading``
+    radians.
+    """
     steps = (np.arange(round(SIDE / CELL)) + 0.5) * CELL - SIDE / 2
     grid: Array = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), -1)
-    return grid + np.asarray(centre, dtype=np.float64)
+    return rotate_planar(grid, np.float64(heading)) + np.asarray(centre, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class HandSpace:
+    """What of a scene the ways of a hand to one thing have in common, over the cells ``points`` (N, N, N, 3),
+    world: metres ``to_target`` and ``to_obstacles`` (N, N, N), told up to ``TOLD``, and the fields
+    ``target`` and ``obstacles`` (equations 3 and 4).
+    """
+
+    points: Array
+    to_target: Array
+    to_obstacles: Array
+    target: Array
+    obstacles: Array
+
+    def arrival(self, path: Array) -> Array:
+        """The field (N, N, N) of when a hand arrives that goes along ``path`` (T, 3), 30 Hz, world
+        (equation 6).  Raises GeometryError as ``hand_fields``.
+        """
+        shut = (self.to_target <= 0) | (self.to_obstacles < _SHUT)
+        return _inverse(_arrival(self.points, np.asarray(path, dtype=np.float64), shut), SOONEST)
+
+
+def hand_space(
+    target: DistanceQuery, obstacles: DistanceQuery, centre: Array, heading: float = 0.0
+) -> HandSpace:
+    """Measure the space around ``centre`` (3,), in cells turned by ``heading`` radians; ``target`` is the
+    thing and ``obstacles`` everything else, world.
+    """
+    points = grid_around(centre, heading)
+    to_target, to_obstacles = _distances(target, points), _distances(obstacles, points)
+    inside, closed = to_target <= 0, to_obstacles < _SHUT
+    return HandSpace(
+        points,
+        to_target,
+        to_obstacles,
+        _inverse(_marched(to_target, closed & ~inside), NEAREST),
+        _inverse(_marched(to_obstacles, inside), NEAREST),
+    )
 
 
 def hand_fields(target: DistanceQuery, obstacles: DistanceQuery, centre: Array, path: Array) -> HandFields:
@@ -55,16 +97,8 @@ def hand_fields(target: DistanceQuery, obstacles: DistanceQuery, centre: Array, 
     Hz that end where it holds the thing.  To leave is the way there, backwards.  Raises GeometryError on a
     path of fewer than two places, or one that does not come into the cube.
     """
-    points = grid_around(centre)
-    to_target = _distances(target, points)
-    to_obstacles = _distances(obstacles, points)
-    inside, closed = to_target <= 0, to_obstacles < _SHUT
-    return HandFields(
-        points,
-        _inverse(_marched(to_target, closed & ~inside), NEAREST),
-        _inverse(_marched(to_obstacles, inside), NEAREST),
-        _inverse(_arrival(points, np.asarray(path, dtype=np.float64), inside | closed), SOONEST),
-    )
+    space = hand_space(target, obstacles, centre)
+    return HandFields(space.points, space.target, space.obstacles, space.arrival(path))
 
 
 def _marched(near: Array, closed: Array) -> Array:
@@ -112,7 +146,7 @@ def straight_in(wrist: WristPose, length: float = 0.5, seconds: float = 1.0) -> 
 
 
 def _distances(query: DistanceQuery, points: Array) -> Array:
-    flat = query.signed_distance(points.reshape(-1, 3).astype(np.float32), _KNOWN)
+    flat = query.signed_distance(points.reshape(-1, 3).astype(np.float32), TOLD)
     return flat.reshape(points.shape[:-1]).astype(np.float64)
 
 
