@@ -18,14 +18,17 @@ CORE = ROOT / "nsm_core"
 FILES = sorted(CORE.rglob("*.py"))
 BLENDER = {"bpy", "mathutils", "bmesh", "gpu", "blf", "bpy_extras", "nsm_blender"}
 # Rooms that may import torch at the top of a file; everywhere else only inside a function.
-TORCH_ROOMS = ("model/networks/", "training/", "evaluation/", "commands/train.py", "commands/transitions.py")
+TORCH_ROOMS = (
+    "model/networks/", "training/", "evaluation/",
+    *(f"commands/{command}.py" for command in ("train", "transitions", "planner")),
+)  # fmt: skip
 # What a take in Blender, its report and its files import; none of it may pull in torch, scipy or anything
 # else that Blender lacks.
 STEPPING_ROOMS = ("world", "body", "model", "control", "data/captures", "evaluation/measures")
 ASIDE = (
     "world/assets/", "model/networks/nsm.py", "model/networks/trainable.py", "model/networks/allocator.py",
     *(f"model/networks/{module}.py" for module in ("encoded", "mlp", "lstm", "gated")),
-    *(f"model/networks/{module}.py" for module in ("deferred", "rtn", "rtn_rollout")),
+    *(f"model/networks/{module}.py" for module in ("deferred", "rtn", "rtn_rollout", "field_decoder")),
     "evaluation/measures/data_baseline.py", "__main__.py",
 )  # fmt: skip
 # Floors of the house from below; a file directly in nsm_core belongs to the ground.  Rooms of one floor do
