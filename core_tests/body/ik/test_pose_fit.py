@@ -7,7 +7,8 @@ from walks import seated_pose, synthetic_walk
 
 from nsm_core.body.ik.pose_fit import pose_from_places
 from nsm_core.body.interpolation import interpolated
-from nsm_core.body.skeleton import forward_kinematics
+from nsm_core.body.skeleton import ARMS, OFFSETS, forward_kinematics
+from nsm_core.rotations import quat_from_axis_angle, quat_mul
 
 
 def test_places_of_a_pose_are_met_from_another_pose():
@@ -32,3 +33,19 @@ def test_places_that_no_skeleton_has_are_come_near_to():
     found = pose_from_places(noisy, local[None])
     off = np.linalg.norm(forward_kinematics(noisy[:, 0], found)[0] - noisy, axis=-1)
     assert np.isfinite(found).all() and off.max() < 0.08
+
+
+def test_an_arm_that_bends_about_another_axis_than_its_hinge_is_not_twisted_onto_it():
+    hips, local, _ = synthetic_walk(40)
+    shoulder, elbow, _ = ARMS[0]
+    bone = OFFSETS[elbow] / np.linalg.norm(OFFSETS[elbow])
+    bent = quat_from_axis_angle(np.array((0.0, 0.0, 1.0)), np.linspace(0.8, 1.4, 40))
+    against, back = (quat_from_axis_angle(bone, np.full(40, a)) for a in (0.5, -0.5))
+    local[:, shoulder] = quat_mul(local[:, shoulder], against)
+    local[:, elbow] = quat_mul(back, bent)
+    places = forward_kinematics(hips, local)[0]
+    near = interpolated((hips[0], hips[-1]), (local[0], local[-1]), 38)[1]
+    found = pose_from_places(places[1:], near)
+    for joint in (shoulder, elbow):
+        turned = 2 * np.arccos(np.clip(np.abs((found[:, joint] * local[1:, joint]).sum(-1)), 0, 1))
+        assert turned.max() < np.radians(3)

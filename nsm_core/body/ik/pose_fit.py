@@ -2,7 +2,8 @@
 network tells, in closed form.
 
 A joint with several bones turns by what fits them all; a limb's first joint by its bone and the plane that
-it bends in; every other one by the least turn from a pose that is near, feet from how that has them in the
+it bends in, about the axis that it has there in a pose that is near: whose arm is twisted against its elbow's
+hinge keeps that; every other one by the least turn from that pose, feet from how that has them in the
 world, since a foot keeps its sole to the ground.  What places do not tell (the twist of a bone on which
 nothing hangs, hands, toes and the head) stays as that pose has it.
 """
@@ -53,7 +54,7 @@ def pose_from_places(places: Array, near: Array) -> Array:
         elif bones:
             turn = _swung(turn, _OFFSETS[bones[0]], places[:, bones[0]] - places[:, joint])
             if joint in _LIMBS:
-                turn = _in_plane(turn, joint, places)
+                turn = _in_plane(turn, joint, places, near)
         world[:, joint] = turn
         local[:, joint] = quat_mul(quat_conjugate(above), turn)
     return quat_normalize(local)
@@ -74,19 +75,29 @@ def _swung(turn: Array, bone: Array, way: Array) -> Array:
     return quat_mul(quat_normalize(half), turn)
 
 
-def _in_plane(turn: Array, joint: int, places: Array) -> Array:
-    """The rotations (T, 4) of a limb's first joint, twisted so that its middle joint can bend as it does."""
+def _in_plane(turn: Array, joint: int, places: Array, near: Array) -> Array:
+    """The rotations (T, 4) of a limb's first joint, twisted so that its middle joint can bend as it does in
+    ``near``, where that tells it, else about its hinge.
+    """
     middle, end, hinge = _LIMBS[joint]
-    upper = _unit(places[:, middle] - places[:, joint])
-    bend = cross(upper, _unit(places[:, end] - places[:, middle]))
-    sine = np.linalg.norm(bend, axis=-1)
-    axis = quat_rotate(turn, np.broadcast_to(hinge, upper.shape))
-    axis = _unit(axis - (axis * upper).sum(-1, keepdims=True) * upper)
+    bone, hinges = (np.broadcast_to(v, places[:, 0].shape) for v in (_unit(_OFFSETS[middle]), hinge))
+    lower = quat_rotate(near[:, middle], np.broadcast_to(_unit(_OFFSETS[end]), bone.shape))
+    hinges = quat_rotate(quat_from_axis_angle(bone, _twist(bone, lower, hinges)), hinges)
+    upper, lower = (_unit(places[:, b] - places[:, a]) for a, b in ((joint, middle), (middle, end)))
+    return quat_mul(quat_from_axis_angle(upper, _twist(upper, lower, quat_rotate(turn, hinges))), turn)
+
+
+def _twist(upper: Array, lower: Array, hinge: Array) -> Array:
+    """Radians (T,) about the upper bone by which the axis that a limb bends about is off its ``hinge``, the
+    less the straighter it is; bones and hinges (T, 3) are unit vectors.
+    """
+    bend = cross(upper, lower)
+    axis = _unit(hinge - (hinge * upper).sum(-1, keepdims=True) * upper)
     angle = np.arctan2((cross(axis, bend) * upper).sum(-1), (axis * bend).sum(-1))
+    sine = np.linalg.norm(bend, axis=-1)
     share = smooth_step((sine - _STRAIGHT[0]) / (_STRAIGHT[1] - _STRAIGHT[0]))
     # A plane seen from behind would be a limb bent the wrong way: noise of places that are nearly straight.
-    share = np.where(np.abs(angle) < np.pi / 2, share, 0.0)
-    return quat_mul(quat_from_axis_angle(upper, share * angle), turn)
+    return np.asarray(np.where(np.abs(angle) < np.pi / 2, share * angle, 0.0))
 
 
 def _unit(v: Array) -> Array:
