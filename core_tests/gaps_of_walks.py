@@ -11,6 +11,7 @@ from nsm_core.body.clip import Clip
 from nsm_core.data.transitions.windows import Windows, cut
 
 SMALL = {"encoder": 24, "future": 8, "hidden": 20, "decoder": 16, "decoder_second": 12}
+SMALL_DELTA = {"width": 32, "layers": 2, "heads": 4}
 
 
 @cache

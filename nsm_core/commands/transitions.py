@@ -10,7 +10,9 @@ import torch
 
 from nsm_core.data.transitions.windows import LEFT_OUT, Windows, clips_of, cut
 from nsm_core.model.networks.allocator import keep_freed_memory
-from nsm_core.model.networks.rtn_config import INITIAL, TRANSITIONS, TransitionConfig
+from nsm_core.model.networks.gap_config import GapConfig
+from nsm_core.model.networks.gap_kinds import TRANSITIONS
+from nsm_core.model.networks.rtn_config import INITIAL, TransitionConfig
 from nsm_core.model.networks.rtn_rows import ROWS, TransitionSettings
 from nsm_core.training.transitions import TransitionTrainer, run
 
@@ -39,6 +41,7 @@ def main(arguments: list[str]) -> int:
         "--leave-out", nargs="*", default=LEFT_OUT, help="folders of captures to leave out (smartbody)"
     )
     parser.add_argument("--world", type=float, default=1.0, help="weight of where joints are in the world")
+    parser.add_argument("--pace", type=float, default=0.0, help="weight of how fast joints are in the world")
     parser.add_argument(
         "--rows",
         nargs="*",
@@ -64,19 +67,22 @@ def main(arguments: list[str]) -> int:
     if not 1 <= least <= most:
         parser.error("--frames needs two numbers, the smaller one first")
     config = TRANSITIONS[a.network]().of_units(a.units)
-    config = replace(
-        config,
-        terrain=not a.no_terrain,
-        residual=config.residual and not a.no_residual,
-        future=0 if a.no_future else config.future,
-        initial=a.initial or config.initial,
-        arrival=not a.paper,
-        homing=config.homing and not (a.paper or a.no_homing),
-        faced=not a.paper,
-    )
+    config = replace(config, terrain=not a.no_terrain, faced=not a.paper)
+    if isinstance(config, TransitionConfig):
+        config = replace(
+            config,
+            arrival=not a.paper,
+            residual=config.residual and not a.no_residual,
+            future=0 if a.no_future else config.future,
+            initial=a.initial or config.initial,
+            homing=config.homing and not (a.paper or a.no_homing),
+        )
+    elif a.paper or a.no_residual or a.no_future or a.initial or a.no_homing:
+        parser.error(f"{a.network} is not in the paper, and has none of the parts that it leaves out there")
     settings = TransitionSettings(
         a.minutes, least, most, a.batch, a.learning_rate, a.teacher, a.scheduled,
         0.0 if a.paper else a.world, a.seed, a.steps,
+        a.pace,
     )  # fmt: skip
     keep_freed_memory()
     torch.set_num_threads(a.threads)
@@ -113,7 +119,7 @@ def main(arguments: list[str]) -> int:
 
 def _train(
     windows: Windows,
-    config: TransitionConfig,
+    config: GapConfig,
     settings: TransitionSettings,
     folder: Path,
     out: Path,

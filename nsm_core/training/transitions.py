@@ -19,9 +19,9 @@ from nsm_core.errors import WeightsError
 from nsm_core.files import output
 from nsm_core.model.inference.weights_file import save_weights
 from nsm_core.model.networks.deferred import collect
-from nsm_core.model.networks.rtn import TransitionNetwork
-from nsm_core.model.networks.rtn_config import NOISE, TransitionConfig
-from nsm_core.model.networks.rtn_rollout import RollOut, roll_out
+from nsm_core.model.networks.gap_config import NOISE, GapConfig
+from nsm_core.model.networks.gap_torch import filled, gap_network
+from nsm_core.model.networks.rtn_rollout import RollOut
 from nsm_core.model.networks.rtn_rows import TransitionSettings
 from nsm_core.model.transitions.layout import layout_description
 from nsm_core.training.trainer import CREDITS, read_checkpoint
@@ -35,10 +35,10 @@ LAST_RATE = 0.05  # share of it at the end
 class TransitionTrainer:
     """State of one run: the network as it is and as it was when it did best on actors held out."""
 
-    def __init__(self, windows: Windows, config: TransitionConfig, settings: TransitionSettings) -> None:
+    def __init__(self, windows: Windows, config: GapConfig, settings: TransitionSettings) -> None:
         self.settings, self.windows = settings, windows
         torch.manual_seed(settings.seed)
-        self.net, self.best = TransitionNetwork(config), TransitionNetwork(config)
+        self.net, self.best = gap_network(config), gap_network(config)
         self.source, self.held = (GapSource(windows, held, config.faced) for held in (False, True))
         self.optimiser = torch.optim.Adam(
             self.net.parameters(), lr=settings.learning_rate, amsgrad=True, fused=True
@@ -67,10 +67,12 @@ class TransitionTrainer:
         frames = settings.shortest + int(spread * rng.random() ** 1.5)
         teacher = 1 - self.done if settings.scheduled else settings.teacher
         self.net.train()
-        noise = NOISE if self.net.config.arrival else 0.0
-        out = roll_out(self.net, self.source.draw(frames, settings.batch, rng), teacher, noise, generator)
+        noise = NOISE if self.net.config.varied else 0.0
+        out = filled(self.net, self.source.draw(frames, settings.batch, rng), teacher, noise, generator)
         error = out.error()
         loss = error + settings.world * self._world(out) if settings.world else error
+        if settings.pace:
+            loss = loss + settings.pace * self._pace(out)
         self.optimiser.zero_grad()
         loss.backward()
         collect(self.net)
@@ -87,11 +89,16 @@ class TransitionTrainer:
     def _world(self, out: RollOut) -> torch.Tensor:
         return ((out.joints - out.true_joints) / self.net.offset_std).square().mean()
 
+    def _pace(self, out: RollOut) -> torch.Tensor:
+        speeds = (joints.diff(dim=1) / self.net.velocity_std for joints in (out.joints, out.true_joints))
+        told, true = speeds
+        return (told - true).abs().mean()
+
     @torch.no_grad()
     def judge(self) -> float:
         """Error on gaps of actors held out; the network that has the least is kept."""
         self.net.eval()
-        error = float(roll_out(self.net, self.held.fixed(*VALIDATED)).error())
+        error = float(filled(self.net, self.held.fixed(*VALIDATED)).error())
         if error < self.least:
             self.least = error
             self.best.load_state_dict(self.net.state_dict())

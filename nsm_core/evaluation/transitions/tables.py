@@ -14,9 +14,8 @@ import torch
 from nsm_core.data.transitions.gaps import Gaps, GapSource, statistics_of
 from nsm_core.data.transitions.windows import Windows
 from nsm_core.model.inference.weights_file import load_weights
-from nsm_core.model.networks.rtn import TransitionNetwork
-from nsm_core.model.networks.rtn_config import transition_config
-from nsm_core.model.networks.rtn_rollout import roll_out
+from nsm_core.model.networks.gap_kinds import transition_config
+from nsm_core.model.networks.gap_torch import GapNetwork, filled, gap_network
 from nsm_core.model.networks.rtn_rows import ROWS, SHIPPED, TABLES
 from nsm_core.model.transitions.layout import layout_description
 from nsm_core.rotations import Array, rotate_planar
@@ -29,10 +28,10 @@ INT = (0.210, 6.726)  # of the paper
 SHOWN = (1, 5, 10, 15, 20, 25, 30)  # frames of Figure 5
 
 
-def read(path: Path) -> TransitionNetwork:
+def read(path: Path) -> GapNetwork:
     """The network of a weights file, to be stepped over many gaps at once."""
     weights = load_weights(path, layout_description(), transition_config)
-    net = TransitionNetwork(transition_config(weights.network).from_dict(weights.config))
+    net = gap_network(transition_config(weights.network).from_dict(weights.config))
     arrays = {**weights.parameters, **weights.statistics}
     net.load_state_dict({name: torch.from_numpy(values) for name, values in arrays.items()})
     return net.eval()
@@ -50,14 +49,14 @@ class Judge:
     def gaps(self, frames: int) -> Gaps:
         return self.sources[False].fixed(frames, MOST)
 
-    def judged(self, net: TransitionNetwork | None, frames: int) -> Errors:
+    def judged(self, net: GapNetwork | None, frames: int) -> Errors:
         """Of a network, or of interpolation without one."""
         gaps = self.gaps(frames)
         if net is None:
             return errors(gaps, interpolation(self.windows, gaps), self.mean, self.deviation)
         own = self.sources[net.config.faced].fixed(frames, MOST)
         with torch.no_grad():
-            told = roll_out(net, own).joints.numpy()
+            told = filled(net, own).joints.numpy()
         joints: Array = told.reshape(len(told), frames + 1, -1, 3)
         joints = rotate_planar(joints, (gaps.angle - own.angle)[:, None, None])
         return errors(gaps, joints, self.mean, self.deviation)

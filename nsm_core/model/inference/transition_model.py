@@ -1,4 +1,4 @@
-"""A trained transition network, stepped in numpy over a gap (papers/001 section 4.1)."""
+"""A trained network that fills gaps, of whichever kind, in numpy over one (papers/001 section 4.1)."""
 
 from __future__ import annotations
 
@@ -9,16 +9,14 @@ from typing import Any
 import numpy as np
 
 from nsm_core.body.skeleton import HIPS, J
+from nsm_core.model.networks.delta_config import DeltaConfig
+from nsm_core.model.networks.delta_numpy import NumpyDelta
+from nsm_core.model.networks.gap_config import GapConfig
+from nsm_core.model.networks.gap_kinds import transition_config
 from nsm_core.model.networks.protocol import Weights
-from nsm_core.model.networks.rtn_config import (
-    TransitionConfig,
-    arrival_embedding,
-    openness,
-    transition_config,
-)
 from nsm_core.model.networks.rtn_numpy import NumpyTransition
-from nsm_core.model.transitions.layout import PAST, POSE, layout_description, patch_grid
-from nsm_core.model.transitions.representation import facing, poses_of, targets_of, turned, world_joints
+from nsm_core.model.transitions.layout import PAST, layout_description, patch_grid
+from nsm_core.model.transitions.representation import facing, turned
 from nsm_core.rotations import Array, rotate_planar
 
 from .network_of import require_arrays
@@ -34,9 +32,10 @@ Ground = Callable[[Array], Array]  # world places (N, 2) -> heights (N,), metres
 class TransitionModel:
     """A network and what its numbers mean; ``metadata`` is that of the weights file."""
 
-    def __init__(self, config: TransitionConfig, weights: Weights) -> None:
+    def __init__(self, config: GapConfig, weights: Weights) -> None:
         self.config, self.metadata = config, weights.metadata
-        self._net, self._statistics = NumpyTransition(config, weights), weights.statistics
+        kind = NumpyDelta if isinstance(config, DeltaConfig) else NumpyTransition
+        self._net = kind(config, weights)  # type: ignore[arg-type]
 
     def predict(self, past: Array, target: Array, frames: int, ground: Ground, seed: int = 0) -> Array:
         """World joints (frames + 1, 23, 3), metres, after ``past`` (1 to PAST, 23, 3), the last of them of
@@ -51,61 +50,18 @@ class TransitionModel:
         joints = turned(whole, middle, angle).astype(np.float32)
         grid = patch_grid()
 
-        def patch(root: Array) -> Array | None:
-            if not self.config.terrain:
-                return None
-            places = rotate_planar(root[:2] + grid, -angle) + middle
-            return self._standard((ground(places) - root[2]).astype(np.float32)[None], "patch")
+        def patches(hips: Array) -> Array:
+            places = rotate_planar((hips[:, None, :2] + grid).reshape(-1, 2), -angle) + middle
+            return (ground(places).reshape(len(hips), -1) - hips[:, 2:]).astype(np.float32)
 
-        truth = self._standard(poses_of(joints[:PAST]), "pose")
-        goal, wanted = joints[PAST].reshape(1, -1), targets_of(joints[PAST:])[None]
-        size = POSE.size
-        wanted = np.concatenate(
-            (self._standard(wanted[:, :size], "pose"), self._standard(wanted[:, size:], "velocity")), axis=1
-        )
-        encoded = self._net.encoded_target(wanted)
-        steps = PAST + frames
-        extra = self._extra(steps, seed)
-        state = self._net.begin(truth[:1])
-        pose, world, told = truth[:1], joints[:1].reshape(1, -1), []
-        for t in range(1, steps + 1):
-            root = world[0, 3 * HIPS : 3 * HIPS + 3]
-            base = pose
-            if self.config.homing:
-                share = 1 / (steps - t + 1)
-                way = (goal[:, 3 * HIPS : 3 * HIPS + 3] - root) * np.float32(share)
-                rest = pose[:, 3:] + np.float32(share) * (wanted[:, 3:size] - pose[:, 3:])
-                way = (way - self._statistics["pose_mean"][:3]) / self._statistics["pose_std"][:3]
-                base = np.concatenate((way, rest), axis=1)
-            offset = self._standard(goal - world, "offset")
-            pose, state = self._net.step(
-                pose, patch(root), encoded, offset, None if extra is None else extra[t - 1 : t], state, base
-            )
-            if t < PAST:  # what is known is not told again
-                pose, world = truth[t : t + 1], joints[t].reshape(1, -1)
-                continue
-            physical = pose * self._statistics["pose_std"] + self._statistics["pose_mean"]
-            world = world_joints(physical, (root + physical[0, :3])[None])
-            told.append(world[0])
-        out = np.stack(told).reshape(-1, J, 3).astype(np.float64)
+        drawn = None
+        if seed and self.config.varied:
+            drawn = np.random.default_rng(seed).normal(0, VARIED, self.config.varied).astype(np.float32)
+        told = self._net.fill(joints, frames, patches if self.config.terrain else None, drawn)
+        out = told.reshape(-1, J, 3).astype(np.float64)
         back = rotate_planar(out, -angle)
         back[..., :2] += middle
         return back
-
-    def _standard(self, values: Array, name: str) -> Array:
-        mean, deviation = self._statistics[f"{name}_mean"], self._statistics[f"{name}_std"]
-        return np.asarray((values - mean) / deviation, dtype=np.float32)
-
-    def _extra(self, steps: int, seed: int) -> Array | None:
-        """What is added to the future context (steps, 256): frames left, and a variation that fades."""
-        if not (self.config.arrival and self.config.future):
-            return None
-        left = steps - np.arange(steps)
-        out = arrival_embedding(left, self.config.context)
-        if seed:
-            drawn = np.random.default_rng(seed).normal(0, VARIED, self.config.context).astype(np.float32)
-            out = out + openness(left)[:, None] * drawn
-        return out
 
 
 def extended(past: Array) -> Array:

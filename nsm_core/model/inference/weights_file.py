@@ -24,9 +24,9 @@ from nsm_core.files import output
 from nsm_core.model.features.meaning import Meaning, differences, meaning_hash, sentence_part
 from nsm_core.model.networks.config import NetworkConfig
 from nsm_core.model.networks.field_config import FieldConfig
+from nsm_core.model.networks.gap_config import GapConfig
 from nsm_core.model.networks.protocol import Weights
 from nsm_core.model.networks.registry import kind_of
-from nsm_core.model.networks.rtn_config import TransitionConfig
 from nsm_core.rotations import Array
 from nsm_core.validate import is_number, listed, number, shown, table, text
 
@@ -59,7 +59,7 @@ def save_weights(
     parameters: Mapping[str, Array],
     statistics: Mapping[str, Array],
     *,
-    config: NetworkConfig | TransitionConfig | FieldConfig,
+    config: NetworkConfig | GapConfig | FieldConfig,
     layout: Layout,
     credits: Sequence[str] = (),
     data: str = "",

@@ -14,8 +14,8 @@ from nsm_core.model.transitions.layout import PAST, POSE, TARGET_FRAMES
 from nsm_core.model.transitions.representation import world_joints
 from nsm_core.rotations import Array
 
+from .gap_config import arrival_embedding, openness
 from .rtn import TransitionNetwork
-from .rtn_config import arrival_embedding, openness
 
 
 class GapBatch(Protocol):
@@ -133,7 +133,7 @@ def _extra(
     fades towards the target.
     """
     config = net.config
-    if not (config.arrival and config.future):
+    if not config.varied:
         return None
     embedding = torch.from_numpy(arrival_embedding(left, config.context))[None]
     if not noise:
@@ -142,4 +142,4 @@ def _extra(
     return embedding + torch.from_numpy(openness(left))[None, :, None] * drawn
 
 
-__all__ = ["RollOut", "roll_out"]
+__all__ = ["GapBatch", "RollOut", "roll_out"]

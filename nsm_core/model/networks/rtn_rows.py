@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from .delta_config import DeltaConfig
+from .gap_config import GapConfig
 from .rtn_config import ErdConfig, ResLstmConfig, TransitionConfig
 
 
@@ -15,8 +17,10 @@ class TransitionSettings:
     ``shortest`` to ``longest`` frames are missing, short gaps as often again as long ones; ``teacher``: share
     of true frames that the network reads of what is missing, falling from 1 to 0 over the run where it is
     ``scheduled``; ``world``: weight in the loss of how far joints are from where they should be in the world,
-    in deviations of the offset vector, 0 in the paper.  A run ends after ``minutes``, or where ``steps`` is
-    not 0 after so many of them: networks that are compared on machines that do other work besides.
+    in deviations of the offset vector, 0 in the paper; ``pace``: of how far off their speeds are, in those of
+    the target's velocity and not squared: feet that most likely stand are told to.  A run ends after
+    ``minutes``, or where ``steps`` is not 0 after so many of them: networks that are compared on machines
+    that do other work besides.
     """
 
     minutes: float = 50.0
@@ -29,13 +33,14 @@ class TransitionSettings:
     world: float = 0.0
     seed: int = 0
     steps: int = 0
+    pace: float = 0.0
 
 
 @dataclass(frozen=True)
 class Row:
     """A network as it is trained, and what the paper has for it (None where it has nothing)."""
 
-    config: TransitionConfig
+    config: GapConfig
     settings: TransitionSettings
     mse: float | None = None
     aco: float | None = None
@@ -67,10 +72,12 @@ ROWS: Mapping[str, Row] = {
     # Beyond the paper: what is shipped, and that without the way home.
     SHIPPED: Row(TransitionConfig(), replace(_AT_30, shortest=3, longest=90, world=1.0)),
     "not_homing": Row(TransitionConfig(homing=False), replace(_AT_30, shortest=3, longest=90, world=1.0)),
+    # Not recurrent: all frames at once, as what is added to interpolation.
+    "delta": Row(DeltaConfig(), replace(_AT_30, shortest=3, longest=90, world=1.0)),
 }
 # The rows of the tables, in the order of the paper.
 TABLES: Mapping[str, tuple[str, ...]] = {
-    "Table 2, 30 frames": ("f_reslstm", "f_erd", "rtn", "not_homing", SHIPPED),
+    "Table 2, 30 frames": ("f_reslstm", "f_erd", "rtn", "not_homing", "delta", SHIPPED),
     "Table 3, terrain at 30 frames": ("blind", "rtn"),
     "Table 3, terrain at 60 frames": ("blind_60", "rtn_60"),
     "Table 4, without a part": (

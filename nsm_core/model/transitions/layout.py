@@ -25,6 +25,9 @@ TARGET = Layout(pose=(POSE.size,), velocity=(J, 3))
 OFFSET = Layout(joint_offset=(J, 3))
 # p: heights of the ground over a grid around the hips, seen from the hips.
 PATCH = Layout(height=(PATCH_CELLS, PATCH_CELLS))
+# What a network that tells all frames at once is shown of each, beside its patch: where the hips are seen
+# from the last past frame's, how fast all joints are, and the joints seen from the hips.
+FRAME = Layout(root_offset=(3,), velocity=(J, 3), joint_position=(J - 1, 3))
 VECTORS = {"pose": POSE, "target": TARGET, "offset": OFFSET, "patch": PATCH}
 
 
@@ -40,6 +43,7 @@ def patch_grid() -> Array:
 
 
 __all__ = [
+    "FRAME",
     "OFFSET",
     "PAST",
     "PATCH",
