@@ -17,7 +17,7 @@ from nsm_core.model.inference.weights_file import load_weights
 from nsm_core.model.networks.gap_kinds import transition_config
 from nsm_core.model.networks.gap_torch import GapNetwork, filled, gap_network
 from nsm_core.model.networks.rtn_rows import ROWS, SHIPPED, TABLES
-from nsm_core.model.transitions.layout import layout_description
+from nsm_core.model.transitions.layout import PAST, TARGET_FRAMES, layout_description
 from nsm_core.rotations import Array, rotate_planar
 
 from .measures import Errors, errors, interpolation
@@ -64,10 +64,12 @@ class Judge:
 
 def measured(windows: Windows, folder: Path, shipped: Path) -> dict[str, Any]:
     """Errors of interpolation, of every row of ROWS that ``folder`` holds weights of (NAME-SEED/fill.npz),
-    mean over seeds, and by length of the network whose weights are ``shipped``.
+    mean over seeds, the weights ``shipped`` for its row; and by length of the first of those that were
+    trained on many.
     """
     judge = Judge(windows)
     rows: dict[str, Any] = {}
+    any_length: dict[str, GapNetwork | None] = {"int": None}
     for name, row in ROWS.items():
         paths = sorted(folder.glob(f"{name}-*/fill.npz"))
         if name == SHIPPED and shipped.exists():
@@ -76,13 +78,14 @@ def measured(windows: Windows, folder: Path, shipped: Path) -> dict[str, Any]:
         found = [judge.judged(read(path), frames) for path in paths]
         if found:
             rows[name] = _mean(found) | {"seeds": len(found)}
+            if row.settings.shortest < row.settings.longest:
+                any_length[name] = read(paths[0])
     rows["int"] = _mean([judge.judged(None, 30)])
-    lengths = {}
-    if shipped.exists():
-        net = read(shipped)
-        for frames in LENGTHS:
-            if windows.chosen(True, frames + 12).size:
-                lengths[str(frames)] = [_mean([judge.judged(n, frames)]) for n in (None, net)]
+    lengths = {
+        str(frames): {name: _mean([judge.judged(net, frames)]) for name, net in any_length.items()}
+        for frames in LENGTHS
+        if len(any_length) > 1 and windows.chosen(True, PAST + frames + TARGET_FRAMES).size
+    }
     return {"rows": rows, "lengths": lengths, "held_out": windows.about["held_out"]}
 
 
@@ -111,10 +114,12 @@ def text(result: Mapping[str, Any]) -> str:
         if name in rows:
             profile = rows[name]["profile"]
             lines.append(f"{name:18s}" + "".join(f"{profile[n - 1]:8.2f}" for n in SHOWN))
-    if result["lengths"]:
-        lines += ["", "cm off by frames missing", f"{'':18s}{'int':>8s}{'shipped':>8s}{'gap cm':>8s}"]
-        for frames, (plain, ours) in result["lengths"].items():
-            lines.append(f"{frames:18s}{plain['aco']:8.2f}{ours['aco']:8.2f}{ours['gap']:8.2f}")
+    if lengths := result["lengths"]:
+        for what, measure in (("cm off", "aco"), ("Slide", "slide"), ("cm from the target", "gap")):
+            lines += ["", f"{what} by frames missing", f"{'':18s}" + "".join(f"{n:>8s}" for n in lengths)]
+            for name in next(iter(lengths.values())):
+                values = "".join(f"{found[name][measure]:8.2f}" for found in lengths.values())
+                lines.append(f"{name:18s}{values}")
     return "\n".join(lines)
 
 
