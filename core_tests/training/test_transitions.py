@@ -140,7 +140,7 @@ def test_a_run_goes_on_where_it_was_and_its_weights_fill(kind, tmp_path):
 
 @pytest.mark.parametrize("kind", ("whole", "delta"))
 def test_it_learns_what_all_walks_have(kind):
-    settings = TransitionSettings(minutes=60.0, shortest=8, longest=8, batch=8, learning_rate=3e-3)
+    settings = TransitionSettings(minutes=60.0, shortest=20, longest=30, batch=8, learning_rate=3e-3)
     trainer = TransitionTrainer(windows(), KINDS[kind], settings)
     before = trainer.judge()
     for _ in range(25):
