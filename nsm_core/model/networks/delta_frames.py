@@ -22,7 +22,7 @@ JOINTS_REACH = 8.0  # frames after which interpolated joints are a deviation off
 
 
 @dataclass(frozen=True)
-class Shown:
+class ShownGap:
     """B gaps of ``frames`` missing frames, T = PAST + frames + 2 with past and target.
 
     ``tokens`` (B, T, seen) standardised; ``when`` (T, width): frames since the past and to the target,
@@ -44,7 +44,7 @@ def shown(
     width: int,
     statistics: Mapping[str, Array],
     patches: Callable[[Array], Array] | None,
-) -> Shown:
+) -> ShownGap:
     """Of world ``joints`` (B, PAST + 2, 23, 3): past, target and the frame behind it; ``patches`` gives those
     (B, T, 169), metres, around hips (B, T, 3).
     """
@@ -76,7 +76,7 @@ def shown(
     # Interpolation is off the more the further both ends are away.
     far = (since * left / (since + left))[PAST : -TARGET_FRAMES + 1, None]
     worth = np.concatenate((np.ones(3), np.full(3 * (J - 1), 1 / JOINTS_REACH)))
-    return Shown(
+    return ShownGap(
         np.concatenate(parts, axis=-1).astype(np.float32),
         np.concatenate(when, axis=-1),
         left,
@@ -87,10 +87,10 @@ def shown(
 
 def placed(told: Any, base: Any, reach: Any) -> Any:
     """World joints (B, frames + 1, 69), metres, of what was ``told`` (B, frames + 1, 69), arrays or tensors;
-    ``base`` and ``reach`` are those of ``Shown``.
+    ``base`` and ``reach`` are those of ``ShownGap``.
     """
     own = base + told * reach
     return world_joints(own, own[..., :3])
 
 
-__all__ = ["Shown", "placed", "shown"]
+__all__ = ["ShownGap", "placed", "shown"]
