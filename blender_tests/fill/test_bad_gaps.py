@@ -101,7 +101,7 @@ def test_the_nla_in_tweak_mode_is_left_first(hero):
     track = data.nla_tracks.new()
     track.strips.new("walk", 1, action)
     data.action = None
-    refused(hero, GapError, "take its strip back from the NLA")
+    refused(hero, GapError, "press Merge Strips where the NLA plays it")
     data.use_tweak_mode = True
     told = refused(hero, NsmError, "tweak mode")
     assert "fill again" in told

@@ -10,8 +10,10 @@ from test_fill_gap import filled, joints
 
 from nsm_blender.fill.gap import pose_span
 from nsm_blender.fill.key_arrays import read_keys, taken, write_keys
+from nsm_blender.fill.merge import merge_strips
 from nsm_blender.rigs.character import add_character
 from nsm_blender.ui.reviews import pending
+from nsm_core.errors import GapError
 
 pytestmark = pytest.mark.usefixtures("addon")
 
@@ -94,3 +96,35 @@ def test_what_is_too_short_is_not_thinned_out(hero):
         write_keys(curve, taken(keys, keys["co"][:, 0] < 20))
     with pytest.raises(RuntimeError, match="is shorter than 1 s"):
         bpy.ops.nsm.thin_out()
+
+
+def test_strips_of_the_nla_are_merged_and_the_seam_between_them_is_filled(hero):
+    scene, data = bpy.context.scene, hero.animation_data
+    walk, slot = data.action, data.action_slot
+    track = data.nla_tracks.new()
+    for start, first, last in ((1, 1, 41), (42, 58, 98)):  # half a step is left out between them
+        strip = track.strips.new("Walk", start, walk)
+        strip.action_slot = slot
+        strip.action_frame_start, strip.action_frame_end = first, last
+    data.action = None
+    frames = range(1, 80)
+    before = joints(hero, frames)
+    assert bpy.ops.nsm.fill.poll() is False
+    assert bpy.ops.nsm.merge_strips() == {"FINISHED"}
+    assert "fill the Seam at the Playhead" in scene.nsm.results[0].text
+    assert np.abs(joints(hero, frames) - before).max() < 1e-5
+    scene.frame_set(41)
+    scene.nsm.fill.where, scene.nsm.fill.seam = "SEAM", 12
+    assert bpy.ops.nsm.fill() == {"FINISHED"}
+    after = joints(hero, frames)
+    assert np.abs(after[:29] - before[:29]).max() < 1e-5 and np.abs(after[52:] - before[52:]).max() < 1e-5
+    assert most_moved(hero, range(38, 46)) < 0.2 < np.linalg.norm(before[41] - before[40], axis=-1).max()
+    for number in range(len(scene.nsm.takes) - 1, -1, -1):
+        bpy.ops.nsm.take_remove(index=number)
+    assert data.action is None and np.abs(joints(hero, frames) - before).max() < 1e-5
+
+
+def test_where_no_strips_play_nothing_is_merged(hero):
+    assert bpy.ops.nsm.merge_strips.poll() is False
+    with pytest.raises(GapError, match="there is nothing to merge"):
+        merge_strips(hero, bpy.context.scene)

@@ -351,7 +351,7 @@ def test_while_a_take_runs_every_button_is_off_and_says_why(settings):
     buttons = [getattr(bpy.ops.nsm, cls.bl_idname.removeprefix("nsm.")) for cls in operators.CLASSES]
     # No take, no keys, nothing that opens chosen, no place of its own, nobody else, and no window.
     off = {"fit_scene", "goal_to_cursor", "generate_all", "steer"}
-    off |= {"fill", "another_fill", "decompress", "thin_out", "what_opens"}
+    off |= {"fill", "another_fill", "decompress", "thin_out", "merge_strips", "what_opens"}
     off |= {
         name
         for button in buttons

@@ -91,6 +91,9 @@ def test_what_is_missing_or_too_far_is_told_in_a_sentence(walk):
     )
     (fast,) = check(replace(asked, target=far, frames=10))
     assert "5.0 m to go in 10 frames, 13.6 m/s" in fast
+    told = check(replace(asked, past=walk[36:40], target=far, frames=10, told_fps=60))
+    assert told[0].startswith("7 frames are known before the gap and 19 are read")
+    assert "5.0 m to go in 21 frames, 13.6 m/s" in told[1]
     (none,) = fill(replace(asked, seed=3), None).notes
     assert none == "Interpolation has no variations."
 

@@ -152,6 +152,12 @@ def strip_curves(target: bpy.types.Object, own_action: bool = False) -> Iterator
                 yield from _of_strips(track.strips)
 
 
+def has_strips(target: bpy.types.Object) -> bool:
+    """Whether ``target`` has no action of its own and NLA strips that are played."""
+    data = target.animation_data
+    return data is not None and data.action is None and next(strip_curves(target), None) is not None
+
+
 def _of_strips(strips: Iterable[bpy.types.NlaStrip]) -> Iterator[bpy.types.FCurve]:
     for strip in strips:
         if strip.mute:

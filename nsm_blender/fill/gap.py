@@ -63,7 +63,7 @@ def own_channels(character: bpy.types.Object) -> ActionChannels:
     if channels is None:
         raise GapError(
             f"{character.name} has no action with keys of its own; key the pose before and the pose after "
-            "the missing frames, or take its strip back from the NLA."
+            "the missing frames, or press Merge Strips where the NLA plays it."
         )
     return channels
 

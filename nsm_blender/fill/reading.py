@@ -81,7 +81,7 @@ class Sides:
         past = _clip([self._past(time, made) for time in _before(self.asked, stretch, self.fps)])
         target = _clip(self._target(number))
         ground = self._ground(stretch, past, target)
-        return Gap(past, target, stretch.count(self.fps), ground, seed, self.figure, self.solids)
+        return Gap(past, target, stretch.count(self.fps), ground, seed, self.figure, self.solids, self.fps)
 
     def _past(self, time: float, made: Sequence[Made]) -> Pose:
         for one in made:

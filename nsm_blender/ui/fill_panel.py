@@ -6,7 +6,7 @@ import bpy
 
 from . import running
 from .drawing import Sidebar, sentence
-from .operators.fill import filled_before, reason_not
+from .operators.fill import character_of, filled_before, has_strips, reason_not
 from .properties import settings_of
 
 
@@ -35,6 +35,9 @@ class NSM_PT_fill(Sidebar, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("nsm.thin_out", icon="KEY_DEHLT")
         row.operator("nsm.decompress", icon="KEY_HLT")
+        character = character_of(context)
+        if character is not None and has_strips(character):
+            layout.operator("nsm.merge_strips", icon="NLA")
         reason = reason_not(context)
         if reason:
             sentence(context, layout, reason, "INFO")

@@ -14,8 +14,8 @@ import numpy as np
 
 from nsm_core.body.capsules import BUNDLED, Figure
 from nsm_core.body.clip import Clip
-from nsm_core.body.contacts import TOES
-from nsm_core.body.ik.between import ENDS, Ground, joined, planted
+from nsm_core.body.contacts import RESTING, TOES
+from nsm_core.body.ik.between import ENDS, GLIDES, Ground, joined, planted
 from nsm_core.body.ik.clearance import Obstacle
 from nsm_core.body.ik.pose_fit import pose_from_places
 from nsm_core.body.interpolation import interpolated, target_blend
@@ -40,7 +40,8 @@ class Gap:
     that is kept after it and the one behind it, for its speed.  ``ground`` gives heights (N,) at world places
     (N, 2), metres; None where none is known, then it is level under the lowest foot.  ``seed`` 0 is the mean,
     others are variations.  ``figure``: the character's own body, whose feet are to stand; ``solids``:
-    what it keeps out of, but for what it touches before the gap and after it.
+    what it keeps out of, but for what it touches before the gap and after it.  ``told_fps``: frames a second
+    of the animator, in whose frames sentences count.
     """
 
     past: Clip
@@ -50,6 +51,11 @@ class Gap:
     seed: int = 0
     figure: Figure = BUNDLED
     solids: Sequence[DistanceQuery] = ()
+    told_fps: float = FPS
+
+    def told(self, steps: int) -> int:
+        """Frames of the animator in so many steps at 30 Hz."""
+        return round(steps * self.told_fps / FPS)
 
 
 @dataclass(frozen=True)
@@ -78,18 +84,19 @@ def check(gap: Gap) -> tuple[str, ...]:
         )
     notes = []
     if len(gap.past) < PAST:
-        known = "frame is" if len(gap.past) == 1 else "frames are"
+        known, read = (gap.told(count - 1) + 1 for count in (len(gap.past), PAST))
         notes.append(
-            f"{len(gap.past)} {known} known before the gap and {PAST} are read; they are extended to the "
-            "front."
+            f"{known} {'frame is' if known == 1 else 'frames are'} known before the gap and {read} are read; "
+            "they are extended to the front."
         )
     if len(gap.target) < 2:
         notes.append("There is one frame after the gap alone; the motion comes to rest in it.")
     way = float(np.linalg.norm(gap.target.hips_position[0] - gap.past.hips_position[-1]))
     speed = way * FPS / (gap.frames + 1)
     if speed > FASTEST:
+        missing = gap.told(gap.frames + 1) - 1
         notes.append(
-            f"The hips have {way:.1f} m to go in {gap.frames} frames, {speed:.1f} m/s; more frames or a "
+            f"The hips have {way:.1f} m to go in {missing} frames, {speed:.1f} m/s; more frames or a "
             "nearer target would let the character move as people do."
         )
     return tuple(notes)
@@ -118,7 +125,9 @@ def fill(gap: Gap, network: TransitionModel | None) -> Filled:
     lowered = np.repeat([(0.0, 0.0, -level, 0.0)], len(hips), axis=0)
     solids = [Obstacle(query, lowered) for query in gap.solids]
     motion = joined(hips.astype(np.float64) - up, local.astype(np.float64))
-    hips, local = planted(*motion, gap.ground, gap.figure, solids)
+    # Interpolation means no foot to stand that does not rest.
+    slow = RESTING if network is None else GLIDES
+    hips, local = planted(*motion, gap.ground, gap.figure, solids, slow)
     kept = slice(ENDS, ENDS + count)
     clip = Clip("fill", (hips[kept] + up).astype(np.float32), local[kept].astype(np.float32))
     filled = Filled(clip, missed, notes)

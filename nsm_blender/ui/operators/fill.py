@@ -43,8 +43,8 @@ def filled_before(context: bpy.types.Context) -> tuple[float, float] | None:
     return None if span is None else (float(span[0]), float(span[1]))
 
 
-def reason_not(context: bpy.types.Context) -> str:
-    """Why Fill cannot start, as a sentence with what to do; empty when it can."""
+def _reason_now(context: bpy.types.Context) -> str:
+    """Why nothing can be keyed on the character now; empty where it can."""
     busy = running.reason_busy()
     character = character_of(context)
     if busy or character is None:
@@ -54,7 +54,25 @@ def reason_not(context: bpy.types.Context) -> str:
         return reason
     if context.mode not in {"OBJECT", "POSE"}:
         return "Fill works in Object and Pose Mode; leave the present mode with Tab."
+    return ""
+
+
+def has_strips(character: bpy.types.Object) -> bool:
+    """Whether there are strips to merge."""
+    from ...animation import channels
+
+    return channels.has_strips(character)
+
+
+def reason_not(context: bpy.types.Context) -> str:
+    """Why Fill cannot start, as a sentence with what to do; empty when it can."""
+    character = character_of(context)
+    reason = _reason_now(context)
+    if reason or character is None:
+        return reason
     if character.animation_data is None or character.animation_data.action is None:
+        if has_strips(character):
+            return f"What the NLA plays on {character.name} is in several actions; press Merge Strips first."
         return f"{character.name} has no keys yet; key the pose before and the pose after the missing frames."
     return ""
 
@@ -226,6 +244,45 @@ class NSM_OT_thin_out(WhileIdle, bpy.types.Operator):
         return {"CANCELLED"}
 
 
+class NSM_OT_merge_strips(WhileIdle, bpy.types.Operator):
+    bl_idname = "nsm.merge_strips"
+    bl_label = "Merge Strips"
+    bl_description = (
+        "Key what the NLA plays on the character in one action over its strips, in which Fill makes the "
+        "seams between them; Reject gives the strips back"
+    )
+
+    @classmethod
+    def reason_not(cls, context: bpy.types.Context) -> str:
+        reason, character = _reason_now(context), character_of(context)
+        if reason or character is None:
+            return reason
+        if not has_strips(character):
+            return f"The NLA plays no strips of {character.name}, or an action lies over them."
+        return ""
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        from ...fill.merge import merge_strips
+        from ...keys.keyed import discard_take
+
+        scene = context.scene
+        with sentences(self):
+            keyed = merge_strips(character_of(context), scene)
+            try:
+                remember(scene, keyed)
+            except BaseException:
+                discard_take(keyed)
+                raise
+            text = (
+                f"What the NLA plays from {keyed.first} to {keyed.last} is one action now; put the playhead "
+                "on a cut and fill the Seam at the Playhead."
+            )
+            show_results(settings_of(scene), [(text, True)])
+            self.report({"INFO"}, text)
+            return {"FINISHED"}
+        return {"CANCELLED"}
+
+
 def _draw(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
     self.layout.separator()
     self.layout.operator("nsm.fill", icon="KEYFRAME").where = "MENU"
@@ -252,4 +309,4 @@ def uninstall() -> None:
         _installed = False
 
 
-CLASSES = (NSM_OT_fill, NSM_OT_another_fill, NSM_OT_decompress, NSM_OT_thin_out)
+CLASSES = (NSM_OT_fill, NSM_OT_another_fill, NSM_OT_decompress, NSM_OT_thin_out, NSM_OT_merge_strips)

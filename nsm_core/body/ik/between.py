@@ -22,6 +22,8 @@ from .stiffness import stiffness
 from .two_bone import place_on
 
 ENDS = 2  # frames on either side that are kept: where they are, and how fast
+GLIDES = 0.8  # m/s of a toe that a network means to stand: where people's feet rest, its go on a little
+SETTLED = 6  # frames over which what planting changes at the ends fades: for longer, feet that stand would go
 Ground = Callable[[Array], Array]  # world places (N, 2) -> heights (N,), metres
 
 
@@ -40,12 +42,12 @@ class SensedGround(Terrain):
         return np.asarray(self.query(np.asarray(points, dtype=np.float64)), dtype=np.float64)
 
 
-def joined(hips: Array, local: Array) -> tuple[Array, Array]:
+def joined(hips: Array, local: Array, frames: int = BLEND_FRAMES) -> tuple[Array, Array]:
     """A motion, hips (T, 3) and local rotations (T, J, 4), with the jumps of pose and speed taken out behind
-    its first ENDS frames and before its last ENDS, which stay.
+    its first ENDS frames and before its last ENDS, which stay; they fade over ``frames``.
     """
     hips, local = hips.copy(), local.copy()
-    blend = _blend(len(hips))
+    blend = _blend(len(hips), frames)
     soften_seam(hips, local, ENDS, blend)
     back_hips, back_local = hips[::-1].copy(), local[::-1].copy()
     soften_seam(back_hips, back_local, ENDS, blend)
@@ -58,10 +60,11 @@ def planted(
     ground: Ground | None = None,
     figure: Figure = BUNDLED,
     solids: Sequence[Obstacle] = (),
+    slow: float = GLIDES,
 ) -> tuple[Array, Array]:
     """The same motion of a ``figure`` with feet that stand from landing to lift-off, on the ``ground`` or,
     without, on the floor at z = 0, kept out of ``solids`` but for what touches them at either end; its first
-    and last ENDS frames stay.
+    and last ENDS frames stay.  A foot stands where its toes are low and slower than ``slow`` m/s.
     """
     span = slice(ENDS - 1, len(hips) - ENDS + 1)  # one frame that stays at either end
     whole = Pose(figure.tree, hips.astype(np.float64), local.astype(np.float64))
@@ -70,7 +73,7 @@ def planted(
     soil = FootGround(terrain, Terrain(), np.zeros(len(pose.hips)))
     over = whole.positions.copy()
     over[..., 2] -= soil.height(over[..., :2])
-    labels = detect_foot_contacts(over)[span].astype(np.float64)
+    labels = detect_foot_contacts(over, speed=slow)[span].astype(np.float64)
     first, last = ((pose.positions[k, TOES], pose.world[k, ANKLES]) for k in (0, -1))
     feet = footsteps(pose.positions[:, TOES], pose.world[:, ANKLES], labels, soil, figure.sole, first, last)
     limits: list[Task] = []
@@ -83,10 +86,10 @@ def planted(
     def within(old: Array, new: Array) -> Array:
         return np.concatenate((old[:ENDS], new[1:-1], old[-ENDS:]))
 
-    new_hips, new_local = joined(within(whole.hips, done.hips), within(whole.local, done.local))
+    new_hips, new_local = joined(within(whole.hips, done.hips), within(whole.local, done.local), SETTLED)
     ankles = within(whole.positions[:, ANKLES], feet.ankles)
     turns = within(whole.world[:, ANKLES], feet.rotations)
-    blend = _blend(len(hips))
+    blend = _blend(len(hips), SETTLED)
     for _ in (0, 1):  # forth and back
         soften_places(ankles, ENDS, blend)
         soften_turns(turns, ENDS, blend)
@@ -113,9 +116,11 @@ def _let_in(solids: Sequence[Obstacle], pose: Pose, figure: Figure) -> list[Obst
     return out
 
 
-def _blend(count: int) -> int:
-    """Frames over which a jump fades in a motion of so many, ENDS at either side among them."""
-    return min(BLEND_FRAMES, max(1, count - 2 * ENDS))
+def _blend(count: int, frames: int) -> int:
+    """Frames, ``frames`` at most, over which a jump fades in a motion of ``count``, ENDS at either side among
+    them.
+    """
+    return min(frames, max(1, count - 2 * ENDS))
 
 
-__all__ = ["ENDS", "Ground", "joined", "planted"]
+__all__ = ["ENDS", "GLIDES", "Ground", "joined", "planted"]
