@@ -142,6 +142,18 @@ def mixamo(sources: Sources) -> Case:
     return Case(character, middle - 12, middle + 13)
 
 
+def podium() -> Case:
+    """A take onto a podium of 35 cm, a second and a third around its step missing."""
+    _empty(30)
+    top = _box("Podium", (-0.7, -3.2, 0.0), (0.7, -1.7, 0.35))
+    character = nsm.add_character((0.0, 0.0, 0.0))
+    _floor((0.0, -1.5))
+    take = _take(character, [nsm.GoalSpec("climb", top), nsm.GoalSpec("idle", hold=0.5)])
+    height = np.array([_hips(character, f)[2] for f in range(take.keyed.first, take.keyed.last + 1)])
+    middle = take.keyed.first + int(np.abs(height - (height[0] + height[-1]) / 2).argmin())
+    return Case(character, middle - 20, middle + 21)
+
+
 CASES: dict[str, Callable[[Sources], Case]] = {
     "walk": walk,
     "run": run,

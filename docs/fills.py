@@ -22,7 +22,7 @@ import bpy
 import numpy as np
 from fill_cases import CASES, Case, Sources
 from mathutils import Vector
-from strobe import KEYED, MADE
+from strobe import KEYED, MADE, write
 
 import nsm_blender as nsm
 from nsm_blender.animation.rate import scene_fps
@@ -30,7 +30,7 @@ from nsm_blender.keys.keyed import discard_take
 from nsm_blender.leaving import leave
 from nsm_blender.pictures.labels import stamp
 from nsm_blender.pictures.outputs import scratch_folder
-from nsm_blender.pictures.render import join_tiles, read_png, render_still, write_png
+from nsm_blender.pictures.render import join_tiles, read_png, render_still
 from nsm_blender.pictures.studio import studio
 from nsm_blender.prepare import figure_of
 from nsm_blender.rigs.armature import Placement, read_world_pose
@@ -108,10 +108,10 @@ class Camera:
     it, so that rows are comparable.
     """
 
-    def __init__(self, looker: Looker) -> None:
+    def __init__(self, looker: Looker, tiles: int = TILES) -> None:
         case, frames = looker.case, list(looker.frames)
         self.case = case
-        self.frames = [frames[0], *np.linspace(case.start, case.end, TILES).round().astype(int), frames[-1]]
+        self.frames = [frames[0], *np.linspace(case.start, case.end, tiles).round().astype(int), frames[-1]]
         rows = [frames.index(case.start), frames.index(case.end)]
         ends = looker.frame.to_world(looker.before.hips[rows])
         ends[:, 2] = looker.frame.to_world(looker.before.joints[rows])[..., 2].min(1) + 0.92
@@ -176,7 +176,7 @@ def sheet(name: str, sources: Sources, folder: Path) -> list[str]:
             drawn.append(camera.row(view, MADE if method == "network" else (0.45, 0.52, 0.62, 1.0)))
         discard_take(done.keyed)
     tiles = [tile for drawn in rows.values() for row in drawn for tile in row]
-    write_png(folder / f"fill_{name}.png", join_tiles(tiles, len(camera.frames), 2))
+    write(folder / f"fill_{name}.png", join_tiles(tiles, len(camera.frames), 2))
     return lines
 
 

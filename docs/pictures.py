@@ -14,6 +14,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import bpy
+import fill_cases
+import fills
 import numpy as np
 import strobe
 import take as whole_take
@@ -23,13 +25,18 @@ from nsm_blender import demo
 from nsm_blender.animation.channels import curves_in
 from nsm_blender.demo_scene.room import place
 from nsm_blender.fill.key_arrays import read_keys, taken, write_keys
+from nsm_blender.fill.thin import thin_out
+from nsm_blender.keys.keyed import discard_take
 from nsm_blender.leaving import leave
 from nsm_blender.outlook import outlook
 from nsm_blender.overlays.picture import overlay_sheet
+from nsm_blender.pictures.outputs import scratch_folder
+from nsm_blender.pictures.render import join_tiles, read_png
 from nsm_core.world.scene.furniture import make
 
 HERE = Path(__file__).resolve().parent
 TILE = (250, 210)  # pixels
+GREY = (0.45, 0.52, 0.62, 1.0)  # of motions that are neither keyed nor made
 
 
 def sheet(path: Path, take: nsm.Take, tiles: int = 6, columns: int = 6, view=None, frames=None) -> None:
@@ -122,6 +129,54 @@ def thinned(character: bpy.types.Object, start: float, end: float) -> None:
         write_keys(curve, taken(keys, (frames <= start) | (frames >= end)))
 
 
+def ground(path: Path) -> None:
+    """A step onto a podium filled with the ground felt, and with none to feel."""
+    case = fill_cases.podium()
+    camera = fills.Camera(fills.Looker(case), 6)
+    spec = nsm.FillSpec(case.character, case.start, case.end, replace=True)
+    block, rows = bpy.data.objects["Podium"], []
+    for felt in (True, False):
+        if not felt:
+            bpy.context.scene.collection.objects.unlink(block)
+        done = nsm.finish(nsm.fill_gap(spec, bpy.context.scene))
+        if not felt:
+            bpy.context.scene.collection.objects.link(block)
+        print("  ", done.report)
+        rows += camera.row("side", strobe.MADE)
+        discard_take(done.keyed)
+    strobe.write(path, join_tiles(rows, len(camera.frames), 2))
+
+
+def decompressed(path: Path) -> None:
+    """A walk with a turn as it was, and as made again of a pose and its pace a second."""
+    empty_scene()
+    character, scene = nsm.add_character((-1.5, 0.0, 0.0)), bpy.context.scene
+    goals = [nsm.GoalSpec("walk", None, 0.0, location=(1.2, 0.6, 0.0)), nsm.GoalSpec("idle", hold=0.5)]
+    first = made(character, goals).keyed.first
+    frames = range(first, first + 121, 6)
+    kept = [frame for frame in range(first, first + 121) if (frame - first) % 30 < 2]
+    rows = [_strip(character, frames, kept, GREY)]
+    thinned_out, counts = thin_out(character, scene)
+    spec = nsm.FillSpec(character, first, thinned_out.last)
+    print("  ", counts, nsm.finish(nsm.fill_gap(spec, scene)).report)
+    rows.append(_strip(character, frames, kept, strobe.MADE))
+    strobe.write(path, join_tiles(rows, 1, 2))
+
+
+def _strip(character: bpy.types.Object, frames: range, kept: list[int], colour: tuple[float, ...]):
+    """Pixels of a character at frames, spread apart; those ``kept`` as keyed, the others in a colour."""
+    coloured = [(f, strobe.KEYED if f in kept else colour) for f in frames]
+    copies = strobe.figures(character, coloured, 0.5, 0.0)
+    with scratch_folder() as folder:
+        wide = 0.5 * len(coloured) + 0.3
+        part = folder / "strip.png"
+        strobe.picture(part, (1100, 230), (0.25 * (len(coloured) - 1), 0.0, 0.9), wide, 0.03)
+        pixels = read_png(part)
+    for copy in copies:
+        bpy.data.objects.remove(copy)
+    return pixels
+
+
 def main_take(path: Path) -> None:
     """The demo's take at the moments that show its actions."""
     whole_take.main(path)
@@ -133,6 +188,8 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "curve": curve,
     "going_on": going_on,
     "fill": fill,
+    "ground": ground,
+    "decompressed": decompressed,
 }
 
 

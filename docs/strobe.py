@@ -61,4 +61,9 @@ def picture(path: Path, size: tuple[int, int], middle: Sequence[float], wide: fl
         scene.render.image_settings.file_format = "PNG"
         scene.render.filepath = str(path)
         render_still(path, scene)
-    write_png(path, np.round(read_png(path) * _SHADES) / _SHADES)
+    write(path, read_png(path))
+
+
+def write(path: Path, pixels: np.ndarray) -> None:
+    """Save pixels (H, W, 4) in few shades."""
+    write_png(path, np.round(pixels * _SHADES) / _SHADES)
