@@ -23,6 +23,7 @@ import take as whole_take
 import nsm_blender as nsm
 from nsm_blender import demo
 from nsm_blender.animation.channels import curves_in
+from nsm_blender.animation.rate import scene_fps
 from nsm_blender.demo_scene.room import place
 from nsm_blender.fill.key_arrays import read_keys, taken, write_keys
 from nsm_blender.fill.thin import thin_out
@@ -154,7 +155,8 @@ def decompressed(path: Path) -> None:
     goals = [nsm.GoalSpec("walk", None, 0.0, location=(1.2, 0.6, 0.0)), nsm.GoalSpec("idle", hold=0.5)]
     first = made(character, goals).keyed.first
     frames = range(first, first + 121, 6)
-    kept = [frame for frame in range(first, first + 121) if (frame - first) % 30 < 2]
+    second = round(scene_fps(scene))
+    kept = [frame for frame in range(first, first + 121) if (frame - first) % second < 2]
     rows = [_strip(character, frames, kept, GREY)]
     thinned_out, counts = thin_out(character, scene)
     spec = nsm.FillSpec(character, first, thinned_out.last)

@@ -9,12 +9,14 @@ torch = pytest.importorskip("torch")
 
 from nsm_core.data.reaches.library import load_library, make_library
 from nsm_core.errors import CaptureError, WeightsError
+from nsm_core.evaluation.hand_ways import judge, table
 from nsm_core.model.inference.field_model import FieldModel, KnownFields, load_fields
 from nsm_core.model.networks.field_config import FieldConfig
 from nsm_core.model.networks.field_decoder import FieldDecoder
 from nsm_core.model.networks.field_numpy import NumpyFields
 from nsm_core.model.networks.protocol import Weights
-from nsm_core.training.hand_fields import FieldSettings, FieldTrainer, run
+from nsm_core.training.hand_fields import FieldSettings, FieldTrainer
+from nsm_core.training.timed_run import run
 from nsm_core.world.planning.hand_fields import grid_around
 
 SMALL = FieldConfig(width=32, layers=4, again=2, latent=16, encoder=24)
@@ -112,6 +114,10 @@ def test_a_training_goes_on_and_its_weights_are_read(ways, tmp_path):
     query = np.concatenate((np.tile(condition, (len(places), 1)), places), 1).astype(np.float32)
     told = other.net(torch.from_numpy(query)[None], torch.from_numpy(code)[None])[0].detach().numpy() * scale
     assert np.allclose(model.fields(places, condition, code), told, atol=0.2)
+    judged = judge(model, library, np.arange(2), np.arange(len(library.laden)))
+    assert judged["made"].success == 1 and judged["made"].room > 0.03
+    assert judged["planner"].seconds > 0 and np.isfinite(judged["planner"].jerk)
+    assert table(judged).count("\n") == 4
     torch.save({"net": {}}, tmp_path / "checkpoint.pt")
     with pytest.raises(WeightsError, match="choose another folder"):
         other.load(tmp_path / "checkpoint.pt")

@@ -84,7 +84,7 @@ class NsmFillOptions(bpy.types.PropertyGroup):
         name="Method",
         description="What makes the frames",
         items=(
-            ("network", "Transition Network", "Motion as people move, by a Recurrent Transition Network "
+            ("network", "Transition Network", "Motion as people move, by a network "
              "that has learned from captures and senses the ground below"),
             ("interpolate", "Interpolation", "The shortest way from pose to pose, with planted feet"),
         ),

@@ -16,7 +16,8 @@ from nsm_core.evaluation.hand_ways import judge, table
 from nsm_core.model.inference.field_model import load_fields
 from nsm_core.model.networks.allocator import keep_freed_memory
 from nsm_core.model.networks.field_config import FieldConfig
-from nsm_core.training.hand_fields import FieldSettings, FieldTrainer, run
+from nsm_core.training.hand_fields import FieldSettings, FieldTrainer
+from nsm_core.training.timed_run import run
 
 
 def main(arguments: list[str]) -> int:

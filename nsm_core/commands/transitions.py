@@ -14,7 +14,8 @@ from nsm_core.model.networks.gap_config import GapConfig
 from nsm_core.model.networks.gap_kinds import TRANSITIONS
 from nsm_core.model.networks.rtn_config import INITIAL, TransitionConfig
 from nsm_core.model.networks.rtn_rows import ROWS, TransitionSettings
-from nsm_core.training.transitions import TransitionTrainer, run
+from nsm_core.training.timed_run import run
+from nsm_core.training.transitions import TransitionTrainer
 
 
 def main(arguments: list[str]) -> int:

@@ -1,7 +1,7 @@
 """Fill: the missing frames of a motion, from what stands before them to what stands after (papers/001).
 
-Past and target are the animator's and stay as they are.  What is between comes from a Recurrent Transition
-Network, or without one from interpolation; then it is made to leave and reach both without a pop, and its
+Past and target are the animator's and stay as they are.  What is between comes from a transition
+network, or without one from interpolation; then it is made to leave and reach both without a pop, and its
 feet to stand.
 """
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -109,6 +108,10 @@ class FieldTrainer:
         known = (lib.target[rows].astype(np.float32), lib.obstacles[rows].astype(np.float32))
         return seen_of(*known, condition, self.net.field_scale.numpy(), self.net.query_scale.numpy())
 
+    def judge(self) -> tuple[float, ...]:
+        """Nothing: ways not learnt from are planned when all is learnt (``evaluation.hand_ways``)."""
+        return ()
+
     def save(self, path: Path) -> None:
         """Write a checkpoint, whole or not at all."""
         state = {
@@ -153,27 +156,4 @@ class FieldTrainer:
         )
 
 
-def run(trainer: FieldTrainer, folder: Path, every: float, tell: Callable[[str], None]) -> None:
-    """Train to the end of its minutes, a checkpoint and a line of the log ``every`` so many seconds."""
-    checkpoint, log = folder / "checkpoint.pt", folder / "log.csv"
-    if checkpoint.exists():
-        trainer.load(checkpoint)
-        tell(f"Going on from step {trainer.step}.")
-    recent: list[tuple[float, float]] = []
-    since = time.monotonic()
-    while True:
-        over = trainer.done >= 1
-        if over or time.monotonic() - since > every:
-            trainer.save(checkpoint)
-            error, missed = np.mean(recent, axis=0) if recent else (float("nan"),) * 2
-            line = f"{trainer.step},{trainer.seconds / 60:.2f},{error:.5f},{missed:.5f}"
-            with open(log, "a", encoding="utf-8") as file:
-                file.write(line + "\n")
-            tell(line)
-            recent, since = [], time.monotonic()
-        if over:
-            return
-        recent.append(trainer.learn())
-
-
-__all__ = ["FieldSettings", "FieldTrainer", "run"]
+__all__ = ["FieldSettings", "FieldTrainer"]

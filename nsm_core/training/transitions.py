@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
@@ -58,7 +57,7 @@ class TransitionTrainer:
             1.0, self.step / settings.steps if settings.steps else self.seconds / (60 * settings.minutes)
         )
 
-    def learn(self) -> float:
+    def learn(self) -> tuple[float]:
         """One step; returns its error."""
         begun, settings = time.perf_counter(), self.settings
         rng = np.random.default_rng((settings.seed, self.step))
@@ -84,7 +83,7 @@ class TransitionTrainer:
         self.optimiser.step()
         self.step += 1
         self.seconds += time.perf_counter() - begun
-        return float(error.detach())
+        return (float(error.detach()),)
 
     def _world(self, out: RollOut) -> torch.Tensor:
         return ((out.joints - out.true_joints) / self.net.offset_std).square().mean()
@@ -95,14 +94,14 @@ class TransitionTrainer:
         return (told - true).abs().mean()
 
     @torch.no_grad()
-    def judge(self) -> float:
+    def judge(self) -> tuple[float]:
         """Error on gaps of actors held out; the network that has the least is kept."""
         self.net.eval()
         error = float(filled(self.net, self.held.fixed(*VALIDATED)).error())
         if error < self.least:
             self.least = error
             self.best.load_state_dict(self.net.state_dict())
-        return error
+        return (error,)
 
     def save(self, path: Path) -> None:
         """Write a checkpoint, whole or not at all."""
@@ -150,31 +149,4 @@ class TransitionTrainer:
         )
 
 
-def run(
-    trainer: TransitionTrainer, folder: Path, every: float, tell: Callable[[str], None]
-) -> TransitionTrainer:
-    """Train to the end of its minutes, a checkpoint and a line of the log ``every`` so many seconds."""
-    checkpoint, log = folder / "checkpoint.pt", folder / "log.csv"
-    folder.mkdir(parents=True, exist_ok=True)
-    if checkpoint.exists():
-        trainer.load(checkpoint)
-        tell(f"Going on from step {trainer.step}.")
-    recent: list[float] = []
-    since = time.monotonic()
-    while True:
-        over = trainer.done >= 1
-        if over or time.monotonic() - since > every:
-            error = trainer.judge()
-            trainer.save(checkpoint)
-            train = float(np.mean(recent)) if recent else float("nan")
-            line = f"{trainer.step},{trainer.seconds / 60:.2f},{train:.5f},{error:.5f}"
-            with open(log, "a", encoding="utf-8") as file:
-                file.write(line + "\n")
-            tell(line)
-            recent, since = [], time.monotonic()
-        if over:
-            return trainer
-        recent.append(trainer.learn())
-
-
-__all__ = ["TransitionTrainer", "run"]
+__all__ = ["TransitionTrainer"]
