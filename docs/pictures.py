@@ -43,6 +43,7 @@ GREY = (0.45, 0.52, 0.62, 1.0)  # of motions that are neither keyed nor made
 def sheet(path: Path, take: nsm.Take, tiles: int = 6, columns: int = 6, view=None, frames=None) -> None:
     """A row of pictures of a take."""
     nsm.contact_sheet(take.keyed, path, tiles, columns, TILE, view, numbers=False, frames=frames)
+    strobe.write(path, read_png(path))
 
 
 def made(character: bpy.types.Object, goals: list[nsm.GoalSpec], **more) -> nsm.Take:
@@ -133,7 +134,7 @@ def thinned(character: bpy.types.Object, start: float, end: float) -> None:
 def ground(path: Path) -> None:
     """A step onto a podium filled with the ground felt, and with none to feel."""
     case = fill_cases.podium()
-    camera = fills.Camera(fills.Looker(case), 6)
+    camera = fills.Camera(fills.Looker(case), 5)
     spec = nsm.FillSpec(case.character, case.start, case.end, replace=True)
     block, rows = bpy.data.objects["Podium"], []
     for felt in (True, False):
@@ -154,7 +155,7 @@ def decompressed(path: Path) -> None:
     character, scene = nsm.add_character((-1.5, 0.0, 0.0)), bpy.context.scene
     goals = [nsm.GoalSpec("walk", None, 0.0, location=(1.2, 0.6, 0.0)), nsm.GoalSpec("idle", hold=0.5)]
     first = made(character, goals).keyed.first
-    frames = range(first, first + 121, 6)
+    frames = range(first, first + 121, 8)
     second = round(scene_fps(scene))
     kept = [frame for frame in range(first, first + 121) if (frame - first) % second < 2]
     rows = [_strip(character, frames, kept, GREY)]
@@ -172,7 +173,7 @@ def _strip(character: bpy.types.Object, frames: range, kept: list[int], colour: 
     with scratch_folder() as folder:
         wide = 0.5 * len(coloured) + 0.3
         part = folder / "strip.png"
-        strobe.picture(part, (1100, 230), (0.25 * (len(coloured) - 1), 0.0, 0.9), wide, 0.03)
+        strobe.picture(part, (640, 172), (0.25 * (len(coloured) - 1), 0.0, 0.9), wide, 0.03)
         pixels = read_png(part)
     for copy in copies:
         bpy.data.objects.remove(copy)

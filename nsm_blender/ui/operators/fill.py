@@ -19,6 +19,7 @@ from .reporting import WhileIdle, sentences
 if TYPE_CHECKING:
     from ...fill.fill import FilledGap
     from ...fill.spec import FillSpec
+    from ...keys.keyed import KeyedTake
     from ...progress import Progress
 
 _MENUS = ("DOPESHEET_MT_key", "GRAPH_MT_key")
@@ -98,7 +99,7 @@ class _Filler(TakeMaker):
     def _keep(self, scene: bpy.types.Scene, take: FilledGap) -> set[str]:
         from ...fill.report import fill_lines
 
-        with listed_or_discarded(scene, [take]):
+        with listed_or_discarded(scene, [take.keyed]):
             lines = fill_lines(take.report)
             remember(scene, take.keyed, self._spec.seed, self.beside)
         settings = settings_of(scene)
@@ -227,19 +228,12 @@ class NSM_OT_thin_out(WhileIdle, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         from ...fill.thin import thin_out
-        from ...keys.keyed import discard_take
 
         scene = context.scene
         with sentences(self):
             keyed, (before, after) = thin_out(character_of(context), scene)
-            try:
-                remember(scene, keyed)
-            except BaseException:
-                discard_take(keyed)
-                raise
             text = f"{after} keys of the body's {before} are left; Decompress makes the others again."
-            show_results(settings_of(scene), [(text, True)])
-            self.report({"INFO"}, text)
+            _listed(self, scene, keyed, text)
             return {"FINISHED"}
         return {"CANCELLED"}
 
@@ -263,24 +257,25 @@ class NSM_OT_merge_strips(WhileIdle, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         from ...fill.merge import merge_strips
-        from ...keys.keyed import discard_take
 
         scene = context.scene
         with sentences(self):
             keyed = merge_strips(character_of(context), scene)
-            try:
-                remember(scene, keyed)
-            except BaseException:
-                discard_take(keyed)
-                raise
             text = (
                 f"What the NLA plays from {keyed.first} to {keyed.last} is one action now; put the playhead "
                 "on a cut and fill the Seam at the Playhead."
             )
-            show_results(settings_of(scene), [(text, True)])
-            self.report({"INFO"}, text)
+            _listed(self, scene, keyed, text)
             return {"FINISHED"}
         return {"CANCELLED"}
+
+
+def _listed(operator: bpy.types.Operator, scene: bpy.types.Scene, keyed: KeyedTake, text: str) -> None:
+    """Put what was keyed on the list of takes and tell of it."""
+    with listed_or_discarded(scene, [keyed]):
+        remember(scene, keyed)
+    show_results(settings_of(scene), [(text, True)])
+    operator.report({"INFO"}, text)
 
 
 def _draw(self: bpy.types.Menu, _context: bpy.types.Context) -> None:

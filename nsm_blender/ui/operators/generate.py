@@ -21,6 +21,7 @@ from .modal import Modal, take_back
 from .reporting import Guarded
 
 if TYPE_CHECKING:
+    from ...keys.keyed import KeyedTake
     from ...prepare import TakeSpec
     from ...progress import Progress
     from ...takes import Take
@@ -91,7 +92,7 @@ class TakeMaker(Guarded, Modal):
     def _keep(self, scene: bpy.types.Scene, take: Take) -> set[str]:
         from ...keys.report import result_lines
 
-        with listed_or_discarded(scene, [take]):
+        with listed_or_discarded(scene, [take.keyed]):
             lines = result_lines(take.report, take.keyed.frame_start, scene.frame_end)
             remember(scene, take.keyed, self._spec.seed, self.beside)
         settings_of(scene).seed = self._spec.seed
@@ -102,13 +103,13 @@ class TakeMaker(Guarded, Modal):
 
 
 @contextmanager
-def listed_or_discarded(scene: bpy.types.Scene, takes: Sequence[Take]) -> Iterator[None]:
+def listed_or_discarded(scene: bpy.types.Scene, takes: Sequence[KeyedTake]) -> Iterator[None]:
     """Put takes on the list inside; where that fails, the list is as before and they are discarded, since
     nobody could reject them.
     """
     from ...keys.keyed import discard_take
 
-    made = [replace(t.keyed, things=[replace(thing) for thing in t.keyed.things]) for t in takes]
+    made = [replace(take, things=[replace(thing) for thing in take.things]) for take in takes]
     before = KeptTakes(scene)
     try:
         yield
@@ -194,7 +195,7 @@ class NSM_OT_variations(TakeMaker, bpy.types.Operator):
             for label, take in zip(labels, value, strict=True)
             for goal in take.report["goals"]
         ]
-        with listed_or_discarded(scene, value):
+        with listed_or_discarded(scene, [take.keyed for take in value]):
             made = [(take.keyed, self._spec.seed + number) for number, take in enumerate(value)]
             remember_all(scene, made, self.beside)
             show(scene, next(t for t in takes_of(scene) if t.character.action == value[0].keyed.action))

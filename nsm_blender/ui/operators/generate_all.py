@@ -80,7 +80,7 @@ class NSM_OT_generate_all(Guarded, Modal, bpy.types.Operator):
         from ...keys.report import result_lines
 
         lines: list[tuple[str, bool]] = []
-        with listed_or_discarded(scene, takes):
+        with listed_or_discarded(scene, [take.keyed for take in takes]):
             made = [(take.keyed, spec.seed) for take, spec in zip(takes, self._group.takes, strict=True)]
             remember_all(scene, made, together=True)
         for take in takes:

@@ -107,11 +107,10 @@ def _way(
         return None
     path = timed(np.concatenate((way, wrist.place[None])), fastest)
     middle = thing.to_world((thing.low + thing.high) / 2)
-    fields = HandFields(space.points, space.target, space.obstacles, space.arrival(path))
     back = np.float64(-heading)
     rotation = np.stack([rotate_planar(column, back) for column in wrist.rotation.T], -1)
     return HandWay(
-        fields,
+        space.along(path),
         rotate_planar(path - middle, back),
         np.repeat(rotation[None], len(path), 0),
         float(middle[2]),

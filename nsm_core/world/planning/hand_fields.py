@@ -64,12 +64,14 @@ class HandSpace:
     target: Array
     obstacles: Array
 
-    def arrival(self, path: Array) -> Array:
-        """The field (N, N, N) of when a hand arrives that goes along ``path`` (T, 3), 30 Hz, world
-        (equation 6).  Raises GeometryError as ``hand_fields``.
+    def along(self, path: Array) -> HandFields:
+        """The three fields of a hand that goes along ``path`` (T, 3), 30 Hz, world, to where it holds the
+        thing.  To leave is the way there, backwards.  Raises GeometryError on a path of fewer than two
+        places, or one that does not come into the cube.
         """
         shut = (self.to_target <= 0) | (self.to_obstacles < _SHUT)
-        return _inverse(_arrival(self.points, np.asarray(path, dtype=np.float64), shut), SOONEST)
+        arrival = _inverse(_arrival(self.points, np.asarray(path, dtype=np.float64), shut), SOONEST)
+        return HandFields(self.points, self.target, self.obstacles, arrival)
 
 
 def hand_space(
@@ -91,14 +93,8 @@ def hand_space(
 
 
 def hand_fields(target: DistanceQuery, obstacles: DistanceQuery, centre: Array, path: Array) -> HandFields:
-    """Compute the three fields around ``centre`` (3,).
-
-    ``target`` the thing and ``obstacles`` everything else, world; ``path`` (T, 3) places of the wrist at 30
-    Hz that end where it holds the thing.  To leave is the way there, backwards.  Raises GeometryError on a
-    path of fewer than two places, or one that does not come into the cube.
-    """
-    space = hand_space(target, obstacles, centre)
-    return HandFields(space.points, space.target, space.obstacles, space.arrival(path))
+    """Compute the three fields around ``centre`` (3,) for one ``path`` (T, 3), as ``HandSpace.along``."""
+    return hand_space(target, obstacles, centre).along(path)
 
 
 def _marched(near: Array, closed: Array) -> Array:
