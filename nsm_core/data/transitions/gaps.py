@@ -12,7 +12,7 @@ from nsm_core.model.transitions.layout import PAST, TARGET_FRAMES, patch_grid
 from nsm_core.model.transitions.representation import facing, poses_of, targets_of, turned
 from nsm_core.rotations import Array, rotate_planar
 
-from .samples import Samples, sampled
+from .samples import sampled
 from .windows import Windows
 
 
@@ -61,7 +61,6 @@ class GapSource:
         """``faced``: gaps are turned so that the last past frame has the heading 0; else by chance."""
         self.windows, self.held, self.faced = windows, held, faced
         self.joints = windows.joints()
-        self._samples: dict[tuple[int, int], Samples] = {}
 
     def draw(self, frames: int, rows: int, rng: np.random.Generator) -> Gaps:
         """Gaps of ``frames`` frames by chance: the window, where in it, the ground, the heading, the side."""
@@ -97,7 +96,7 @@ class GapSource:
             angle = -facing(joints[:, PAST - 1])
         joints = turned(joints, np.zeros((len(index), 2)), angle).astype(np.float32)
         under, maps = self.windows.grounds[index, ground], self.windows.maps
-        samples = sampled([self._sampled(*pair) for pair in zip(index, ground, strict=True)])
+        samples = sampled([self.windows.sampled(*pair) for pair in zip(index, ground, strict=True)])
 
         def captured(places: Array) -> Array:
             there = rotate_planar(places, -angle[:, None].astype(np.float32))
@@ -113,16 +112,6 @@ class GapSource:
             middle,
             angle,
         )
-
-    def _sampled(self, window: int, ground: int) -> Samples:
-        """A window's ground, sampled when it is first asked for."""
-        if (window, ground) not in self._samples:
-            windows = self.windows
-            start = windows.start[window]
-            way = windows.hips[start : start + windows.length[window], :2]
-            under = windows.grounds[window, ground]
-            self._samples[window, ground] = Samples.around(way, lambda at: under.height(windows.maps, at))
-        return self._samples[window, ground]
 
 
 def statistics_of(source: GapSource, lengths: list[int], rng: np.random.Generator) -> dict[str, Array]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +23,7 @@ from .actors import actor_of, held_out
 from .fitting import KEPT, fitted
 from .ground import Grounds
 from .heightmaps import heightmaps
+from .samples import Samples
 
 AFTER = 10  # frames kept behind a transition, the first two of them its target
 EVERY = 20  # frames from the start of a window to that of the next (papers/001 table 6)
@@ -48,6 +49,8 @@ class Windows:
     grounds: Grounds
     maps: Array
     about: dict[str, object]
+    # Ground of windows as sampled when it was first asked for: runs one after the other share it.
+    _samples: dict[tuple[int, int], Samples] = field(default_factory=dict, init=False, repr=False)
 
     def chosen(self, held: bool, frames: int) -> Array:
         """Windows with ``frames`` frames at least, of actors held out or of the others."""
@@ -57,6 +60,15 @@ class Windows:
         """World joints (F, 23, 3) of all frames, float32."""
         parts = np.array_split(np.arange(len(self.hips)), max(1, len(self.hips) // 4096))
         return np.concatenate([forward_kinematics(self.hips[p], self.local[p])[0] for p in parts])
+
+    def sampled(self, window: int, ground: int) -> Samples:
+        """The ``ground`` of a window around the captured way."""
+        if (window, ground) not in self._samples:
+            start = self.start[window]
+            way = self.hips[start : start + self.length[window], :2]
+            under = self.grounds[window, ground]
+            self._samples[window, ground] = Samples.around(way, lambda at: under.height(self.maps, at))
+        return self._samples[window, ground]
 
     def save(self, path: Path) -> None:
         """Write all but the maps, which are made again."""
