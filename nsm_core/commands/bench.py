@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 
 from nsm_core.evaluation.speed import growth
+from nsm_core.evaluation.speed.fills import report_fills
 from nsm_core.evaluation.speed.network import random_weights, report_batches, report_frame, report_training
 from nsm_core.evaluation.speed.record import add
 from nsm_core.evaluation.speed.takes import report_steered, report_takes
 from nsm_core.model.inference.model import BUNDLED, model_of
+from nsm_core.model.inference.transition_model import load_transitions
 from nsm_core.model.inference.weights_file import load_weights
 from nsm_core.model.networks.nsm_config import NsmConfig
 
@@ -67,6 +69,8 @@ def main(arguments: list[str]) -> int:
     if "stance" in ours.metadata and not options.no_takes:
         told["takes_ms"] = report_takes(ours)
         told["steered_ms"] = report_steered(ours)
+        told["fills_ms"] = report_fills(ours, load_transitions())
+        ratios["fill_of_60_frames_s"] = told["fills_ms"]["60"]["whole"] / 1e3
         ratios["real_time_over_frame"] = float(np.median([t["real_time"] for t in told["takes_ms"].values()]))
     if options.training and theirs:
         told["training_samples_per_s"] = report_training(ours.config, options.threads)

@@ -13,6 +13,7 @@ from nsm_core.files import output
 TARGETS: dict[str, tuple[str, float]] = {
     "network_over_memory_floor": ("<=", 1.5),
     "real_time_over_frame": (">=", 8.0),
+    "fill_of_60_frames_s": ("<=", 0.5),
     "sensing_ms": ("<=", 1.5),
     "character_frames_per_s_64": (">=", 10_000.0),
     "memory_beside_blender_mb": ("<=", 600.0),
