@@ -44,6 +44,12 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--world", type=float, default=1.0, help="weight of where joints are in the world")
     parser.add_argument("--pace", type=float, default=0.0, help="weight of how fast joints are in the world")
     parser.add_argument(
+        "--evened",
+        type=float,
+        default=0.0,
+        help="by how much rare paces are drawn as often as others, 0 to 1",
+    )
+    parser.add_argument(
         "--rows",
         nargs="*",
         metavar="NAME",
@@ -83,7 +89,7 @@ def main(arguments: list[str]) -> int:
     settings = TransitionSettings(
         a.minutes, least, most, a.batch, a.learning_rate, a.teacher, a.scheduled,
         0.0 if a.paper else a.world, a.seed, a.steps,
-        a.pace,
+        a.pace, a.evened,
     )  # fmt: skip
     keep_freed_memory()
     torch.set_num_threads(a.threads)

@@ -38,7 +38,8 @@ class TransitionTrainer:
         self.settings, self.windows = settings, windows
         torch.manual_seed(settings.seed)
         self.net, self.best = gap_network(config), gap_network(config)
-        self.source, self.held = (GapSource(windows, held, config.faced) for held in (False, True))
+        self.source = GapSource(windows, False, config.faced, settings.evened)
+        self.held = GapSource(windows, True, config.faced)
         self.optimiser = torch.optim.Adam(
             self.net.parameters(), lr=settings.learning_rate, amsgrad=True, fused=True
         )

@@ -54,18 +54,27 @@ class Gaps:
         return (heights - roots[..., 2:]).astype(np.float32)
 
 
+PACES = (0.3, 0.8, 1.6, 2.4)  # m/s of the hips: who stays, steps, walks, hurries and runs
+
+
 class GapSource:
     """Draws gaps from windows: of the actors held out, or of all others."""
 
-    def __init__(self, windows: Windows, held: bool, faced: bool) -> None:
-        """``faced``: gaps are turned so that the last past frame has the heading 0; else by chance."""
+    def __init__(self, windows: Windows, held: bool, faced: bool, evened: float = 0.0) -> None:
+        """``faced``: gaps are turned so that the last past frame has the heading 0; else by chance.
+        ``evened``: by how much all paces are drawn alike, from 0, each window as often as any other, to 1,
+        each of PACES as often as any other.
+        """
         self.windows, self.held, self.faced = windows, held, faced
+        pace = np.searchsorted(PACES, windows.speeds(), side="right")
+        self.shares = np.bincount(pace)[pace].astype(float) ** -evened
         self.joints = windows.joints()
 
     def draw(self, frames: int, rows: int, rng: np.random.Generator) -> Gaps:
         """Gaps of ``frames`` frames by chance: the window, where in it, the ground, the heading, the side."""
         chosen = self.windows.chosen(self.held, PAST + frames + TARGET_FRAMES)
-        index = rng.choice(chosen, rows)
+        shares = self.shares[chosen]
+        index = rng.choice(chosen, rows, p=shares / shares.sum())
         room = self.windows.length[index] - (PAST + frames + TARGET_FRAMES)
         into = (rng.random(rows) * (room + 1)).astype(int)
         ground = rng.integers(self.windows.grounds.map.shape[1], size=rows)

@@ -13,6 +13,7 @@ import numpy as np
 from nsm_core import npz
 from nsm_core.body.clip import Clip
 from nsm_core.body.skeleton import J, forward_kinematics
+from nsm_core.conventions import FPS
 from nsm_core.data.captures.folder import CaptureFolder
 from nsm_core.errors import CaptureError
 from nsm_core.files import output
@@ -60,6 +61,12 @@ class Windows:
         """World joints (F, 23, 3) of all frames, float32."""
         parts = np.array_split(np.arange(len(self.hips)), max(1, len(self.hips) // 4096))
         return np.concatenate([forward_kinematics(self.hips[p], self.local[p])[0] for p in parts])
+
+    def speeds(self) -> Array:
+        """How fast the hips go over the floor on average (N,), m/s."""
+        gone = np.linalg.norm(np.diff(self.hips[:, :2], axis=0, append=self.hips[-1:, :2]), axis=1)
+        spans = zip(self.start, self.length, strict=True)
+        return np.array([FPS * gone[first : first + length - 1].mean() for first, length in spans])
 
     def sampled(self, window: int, ground: int) -> Samples:
         """The ``ground`` of a window around the captured way."""

@@ -18,9 +18,10 @@ class TransitionSettings:
     of true frames that the network reads of what is missing, falling from 1 to 0 over the run where it is
     ``scheduled``; ``world``: weight in the loss of how far joints are from where they should be in the world,
     in deviations of the offset vector, 0 in the paper; ``pace``: of how far off their speeds are, in those of
-    the target's velocity and not squared: feet that most likely stand are told to.  A run ends after
-    ``minutes``, or where ``steps`` is not 0 after so many of them: networks that are compared on machines
-    that do other work besides.
+    the target's velocity and not squared: feet that most likely stand are told to; ``evened``: by how much
+    all paces are drawn alike, 0 in the paper: few captures run.  A run ends after ``minutes``, or where
+    ``steps`` is not 0 after so many of them: networks that are compared on machines that do other work
+    besides.
     """
 
     minutes: float = 50.0
@@ -34,6 +35,7 @@ class TransitionSettings:
     seed: int = 0
     steps: int = 0
     pace: float = 0.0
+    evened: float = 0.0
 
 
 @dataclass(frozen=True)
