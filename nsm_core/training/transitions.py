@@ -18,8 +18,10 @@ from nsm_core.errors import WeightsError
 from nsm_core.files import output
 from nsm_core.model.inference.weights_file import save_weights
 from nsm_core.model.networks.deferred import collect
+from nsm_core.model.networks.delta import DeltaNetwork
 from nsm_core.model.networks.gap_config import NOISE, GapConfig
 from nsm_core.model.networks.gap_torch import filled, gap_network
+from nsm_core.model.networks.precision import half_precision_pays
 from nsm_core.model.networks.rtn_rollout import RollOut
 from nsm_core.model.networks.rtn_rows import TransitionSettings
 from nsm_core.model.transitions.layout import layout_description
@@ -38,6 +40,8 @@ class TransitionTrainer:
         self.settings, self.windows = settings, windows
         torch.manual_seed(settings.seed)
         self.net, self.best = gap_network(config), gap_network(config)
+        if isinstance(self.net, DeltaNetwork):
+            self.net.half = half_precision_pays(torch.device("cpu"))
         self.source = GapSource(windows, False, config.faced, settings.evened)
         self.held = GapSource(windows, True, config.faced)
         self.optimiser = torch.optim.Adam(

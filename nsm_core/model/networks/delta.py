@@ -45,6 +45,7 @@ class DeltaNetwork(nn.Module):
     def __init__(self, config: DeltaConfig) -> None:
         super().__init__()
         self.config = config
+        self.half = False  # whether training multiplies in half precision
         self.read = nn.Linear(config.seen, config.width)
         self.layers = nn.ModuleList(DeltaLayer(config) for _ in range(config.layers))
         self.last = nn.LayerNorm(config.width)
@@ -60,12 +61,14 @@ class DeltaNetwork(nn.Module):
         """What is added to missing frames and target (B, frames + 1, 69), in units of their reach, of
         ``tokens`` (B, T, seen) and what is added to them when they are read (T, width) or (B, T, width).
         """
-        x = self.read(tokens) + extra
-        place = torch.arange(x.shape[1])
+        place = torch.arange(tokens.shape[1])
         apart = (place[None] - place[:, None]).clamp(-LONGEST, LONGEST) + LONGEST
-        for layer in self.layers:
-            x = layer(x, apart)
-        out: Tensor = self.tell(self.last(x[:, PAST : -TARGET_FRAMES + 1]))
+        with torch.autocast("cpu", torch.bfloat16, enabled=self.half and self.training):
+            x = self.read(tokens) + extra
+            for layer in self.layers:
+                x = layer(x, apart)
+        # Places come of what is told: half precision would round them.
+        out: Tensor = self.tell(self.last(x[:, PAST : -TARGET_FRAMES + 1].float()))
         return out
 
 
