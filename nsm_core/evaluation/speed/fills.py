@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from nsm_core.body.clip import Clip
@@ -33,8 +35,8 @@ def report_fills(model: Model, network: TransitionModel) -> dict[str, dict[str, 
             walked[first - PAST : first], walked[first + frames : first + frames + TARGET_FRAMES], frames
         )
         past, target = (side.world()[0] for side in (gap.past, gap.target))
-        alone = median_ms(lambda p=past, t=target, n=frames: network.predict(p, t, n, _level), 10)
-        whole = median_ms(lambda g=gap: fill(g, network), 10)
+        alone = median_ms(partial(network.predict, past, target, frames, _level), 10)
+        whole = median_ms(partial(fill, gap, network), 10)
         ratio = 1e3 * frames / FPS / whole
         print(f"  {frames:<22d}{alone:10.1f}{whole:9.1f}{ratio:13.1f}", flush=True)
         told[str(frames)] = {"network": alone, "whole": whole, "real_time": ratio}
