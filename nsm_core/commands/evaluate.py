@@ -97,9 +97,9 @@ def main(arguments: list[str]) -> int:
 def _transitions(folder: Path, out: Path, sheets: str | None, weights: str | None) -> int:
     """Print the tables of transition networks (papers/001), or draw gaps that they fill."""
     from nsm_core.data.transitions.windows import Windows
-    from nsm_core.evaluation.transitions import finished
+    from nsm_core.evaluation.transitions import finished, terrain
     from nsm_core.evaluation.transitions.sheets import draw_fills
-    from nsm_core.evaluation.transitions.tables import measured, text  # needs torch
+    from nsm_core.evaluation.transitions.tables import Judge, measured, read, text  # needs torch
 
     path = Path(weights) if weights else FILL
     windows = Windows.load(folder / "windows.npz")
@@ -113,6 +113,9 @@ def _transitions(folder: Path, out: Path, sheets: str | None, weights: str | Non
         model = load_transitions(path)
         gaps, whole = finished.finished(windows, model), finished.decompressed(windows, model)
         print("\n" + finished.text(gaps, whole))
+        felt = terrain.felt(Judge(windows), read(path))
+        print("\n" + terrain.text(felt))
+        found["terrain"] = {frames: {n: asdict(f) for n, f in rows.items()} for frames, rows in felt.items()}
         found |= {"finished": {name: asdict(g) for name, g in gaps.items()}, "decompressed": whole}
     write_report(found, out)
     return 0

@@ -81,9 +81,11 @@ class GapSource:
         angle = rng.uniform(-np.pi, np.pi, rows)
         return self.gaps(frames, index, into, ground, angle, rng.random(rows) < 0.5)
 
-    def fixed(self, frames: int, most: int) -> Gaps:
-        """The first gaps of windows spread over all of them, at most so many, the same at every call."""
-        chosen = self.windows.chosen(self.held, PAST + frames + TARGET_FRAMES)
+    def fixed(self, frames: int, most: int, among: Array | None = None) -> Gaps:
+        """The first gaps of windows spread over all of them, or over those ``among`` which they are to be, at
+        most so many, the same at every call.
+        """
+        chosen = self.windows.chosen(self.held, PAST + frames + TARGET_FRAMES) if among is None else among
         index = chosen[np.unique(np.linspace(0, len(chosen) - 1, min(most, len(chosen))).astype(int))]
         rng, none = np.random.default_rng(frames), np.zeros(len(index), int)
         return self.gaps(frames, index, none, none, rng.uniform(-np.pi, np.pi, len(index)), none.astype(bool))

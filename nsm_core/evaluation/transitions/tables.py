@@ -46,19 +46,29 @@ class Judge:
         drawn = statistics_of(GapSource(windows, False, False), [30] * 4, np.random.default_rng(0))
         self.mean, self.deviation = drawn["pose_mean"], drawn["pose_std"]
 
-    def gaps(self, frames: int) -> Gaps:
-        return self.sources[False].fixed(frames, MOST)
+    def gaps(self, frames: int, among: Array | None = None) -> Gaps:
+        """Gaps in windows spread over all, or over those ``among`` which they are to be, seen alike."""
+        return self.sources[False].fixed(frames, MOST, among)
+
+    def seen(self, net: GapNetwork, frames: int, among: Array | None = None) -> Gaps:
+        """The same gaps as ``net`` sees them."""
+        return self.sources[net.config.faced].fixed(frames, MOST, among)
+
+    def told(self, net: GapNetwork, seen: Gaps, gaps: Gaps) -> Array:
+        """World joints (B, frames + 1, 23, 3) that a network tells of what it has ``seen``, as ``gaps`` are
+        turned.
+        """
+        with torch.no_grad():
+            joints = filled(net, seen).joints.numpy()
+        joints = joints.reshape(*joints.shape[:2], -1, 3)
+        return rotate_planar(joints, (gaps.angle - seen.angle)[:, None, None])
 
     def judged(self, net: GapNetwork | None, frames: int) -> Errors:
         """Of a network, or of interpolation without one."""
         gaps = self.gaps(frames)
-        if net is None:
-            return errors(gaps, interpolation(self.windows, gaps), self.mean, self.deviation)
-        own = self.sources[net.config.faced].fixed(frames, MOST)
-        with torch.no_grad():
-            told = filled(net, own).joints.numpy()
-        joints: Array = told.reshape(len(told), frames + 1, -1, 3)
-        joints = rotate_planar(joints, (gaps.angle - own.angle)[:, None, None])
+        joints = (
+            interpolation(self.windows, gaps) if net is None else self.told(net, self.seen(net, frames), gaps)
+        )
         return errors(gaps, joints, self.mean, self.deviation)
 
 
