@@ -97,17 +97,15 @@ class GapKeys:
     ) -> tuple[dict[int, bpy.types.FCurve], Array, Array]:
         """The curves of a property, the rows (K,) at which it has its value already, and these (K, C)."""
         old = self._curves(path)
-        inner = [f for curve in old.values() for f in frames_of(curve) if self._inside(f)]
+        inner = np.concatenate([np.zeros(0), *(self._inner(curve) for curve in old.values())])
         if self.replace:
             for curve in old.values():
                 keys = read_keys(curve)
-                gone = np.array([self._inside(f) for f in keys["co"][:, 0]], bool)
-                if gone.any():
+                if self._inside(keys["co"][:, 0]).any():
                     self._hold_shape(curve)  # while it is still what is seen outside
                     keys = read_keys(curve)
-                    gone = np.array([self._inside(f) for f in keys["co"][:, 0]], bool)
-                    write_keys(curve, taken(keys, ~gone))
-            inner = []
+                    write_keys(curve, taken(keys, ~self._inside(keys["co"][:, 0])))
+            inner = np.zeros(0)
         ends = [end for end, off in ((self.start, free[0]), (self.end, free[1])) if not off]
         frames = np.unique(np.round([*ends, *inner], 3))
         anchors = np.unique(np.array([np.abs(rows - frame).argmin() for frame in frames], int))
@@ -129,7 +127,7 @@ class GapKeys:
         if not old and np.abs(values - now).max() < _STILL:
             return
         inner = slice(1, -1)
-        kept = {round(f, 3) for curve in old.values() for f in frames_of(curve) if self._inside(f)}
+        kept = {round(f, 3) for curve in old.values() for f in self._inner(curve).tolist()}
         if kept:
             self.kept[bone] = self.kept.get(bone, 0) + len(kept)
         holds = None if held is None else held[inner]
@@ -183,8 +181,13 @@ class GapKeys:
     def _curves(self, path: str) -> dict[int, bpy.types.FCurve]:
         return {c.array_index: c for c in self.channels.bag.fcurves if c.data_path == path}
 
-    def _inside(self, frame: float) -> bool:
-        return self.start + _SAME < frame < self.end - _SAME
+    def _inner(self, curve: bpy.types.FCurve) -> Array:
+        """Frames of a curve's keys inside the gap."""
+        frames = frames_of(curve)
+        return np.asarray(frames[self._inside(frames)], float)
+
+    def _inside(self, frames: Array) -> Array:
+        return (frames > self.start + _SAME) & (frames < self.end - _SAME)
 
 
 def require_open(curves: Iterable[bpy.types.FCurve], who: str) -> None:
