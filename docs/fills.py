@@ -151,6 +151,9 @@ class Camera:
 
 def _paint(character: bpy.types.Object, colour: tuple[float, ...]) -> None:
     for body in skins(character):
+        if not any(slot.material for slot in body.material_slots):
+            body.data.materials.clear()
+            body.data.materials.append(bpy.data.materials.new("Shown"))
         for slot in body.material_slots:
             if slot.material is not None:
                 slot.material.diffuse_color = colour

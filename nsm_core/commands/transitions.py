@@ -50,6 +50,12 @@ def main(arguments: list[str]) -> int:
         help="by how much rare paces are drawn as often as others, 0 to 1",
     )
     parser.add_argument(
+        "--hasted",
+        type=float,
+        default=0.0,
+        help="share by which captures are played faster or slower at most",
+    )
+    parser.add_argument(
         "--rows",
         nargs="*",
         metavar="NAME",
@@ -89,7 +95,7 @@ def main(arguments: list[str]) -> int:
     settings = TransitionSettings(
         a.minutes, least, most, a.batch, a.learning_rate, a.teacher, a.scheduled,
         0.0 if a.paper else a.world, a.seed, a.steps,
-        a.pace, a.evened,
+        a.pace, a.evened, a.hasted,
     )  # fmt: skip
     keep_freed_memory()
     torch.set_num_threads(a.threads)

@@ -42,7 +42,7 @@ class TransitionTrainer:
         self.net, self.best = gap_network(config), gap_network(config)
         if isinstance(self.net, DeltaNetwork):
             self.net.half = half_precision_pays(torch.device("cpu"))
-        self.source = GapSource(windows, False, config.faced, settings.evened)
+        self.source = GapSource(windows, False, config.faced, settings.evened, settings.hasted)
         self.held = GapSource(windows, True, config.faced)
         self.optimiser = torch.optim.Adam(
             self.net.parameters(), lr=settings.learning_rate, amsgrad=True, fused=True

@@ -60,12 +60,15 @@ PACES = (0.3, 0.8, 1.6, 2.4)  # m/s of the hips: who stays, steps, walks, hurrie
 class GapSource:
     """Draws gaps from windows: of the actors held out, or of all others."""
 
-    def __init__(self, windows: Windows, held: bool, faced: bool, evened: float = 0.0) -> None:
+    def __init__(
+        self, windows: Windows, held: bool, faced: bool, evened: float = 0.0, hasted: float = 0.0
+    ) -> None:
         """``faced``: gaps are turned so that the last past frame has the heading 0; else by chance.
         ``evened``: by how much all paces are drawn alike, from 0, each window as often as any other, to 1,
-        each of PACES as often as any other.
+        each of PACES as often as any other.  ``hasted``: share by which drawn windows are played faster or
+        slower at most.
         """
-        self.windows, self.held, self.faced = windows, held, faced
+        self.windows, self.held, self.faced, self.hasted = windows, held, faced, hasted
         pace = np.searchsorted(PACES, windows.speeds(), side="right")
         self.shares = np.bincount(pace)[pace].astype(float) ** -evened
         self.joints = windows.joints()
@@ -75,11 +78,17 @@ class GapSource:
         chosen = self.windows.chosen(self.held, PAST + frames + TARGET_FRAMES)
         shares = self.shares[chosen]
         index = rng.choice(chosen, rows, p=shares / shares.sum())
-        room = self.windows.length[index] - (PAST + frames + TARGET_FRAMES)
+        whole, length = PAST + frames + TARGET_FRAMES, self.windows.length[index]
+        room = length - whole
         into = (rng.random(rows) * (room + 1)).astype(int)
         ground = rng.integers(self.windows.grounds.map.shape[1], size=rows)
         angle = rng.uniform(-np.pi, np.pi, rows)
-        return self.gaps(frames, index, into, ground, angle, rng.random(rows) < 0.5)
+        mirrored = rng.random(rows) < 0.5
+        rate = None
+        if self.hasted:
+            rate = (1 + self.hasted) ** rng.uniform(-1, 1, rows)
+            rate = np.minimum(rate, (length - 1 - into) / (whole - 1))
+        return self.gaps(frames, index, into, ground, angle, mirrored, rate)
 
     def fixed(self, frames: int, most: int, among: Array | None = None) -> Gaps:
         """The first gaps of windows spread over all of them, or over those ``among`` which they are to be, at
@@ -91,13 +100,27 @@ class GapSource:
         return self.gaps(frames, index, none, none, rng.uniform(-np.pi, np.pi, len(index)), none.astype(bool))
 
     def gaps(
-        self, frames: int, index: Array, into: Array, ground: Array, angle: Array, mirrored: Array
+        self,
+        frames: int,
+        index: Array,
+        into: Array,
+        ground: Array,
+        angle: Array,
+        mirrored: Array,
+        rate: Array | None = None,
     ) -> Gaps:
         """Gaps of windows ``index`` (B,) from frame ``into`` (B,) of each, on its ``ground`` (B,), turned by
-        ``angle`` (B,) radians where they are not faced, and seen in a mirror where ``mirrored`` (B,).
+        ``angle`` (B,) radians where they are not faced, and seen in a mirror where ``mirrored`` (B,);
+        played ``rate`` (B,) times as fast.
         """
-        first = self.windows.start[index] + into
-        joints = self.joints[first[:, None] + np.arange(PAST + frames + TARGET_FRAMES)]
+        first, each = self.windows.start[index] + into, np.arange(PAST + frames + TARGET_FRAMES)
+        if rate is None:
+            joints = self.joints[first[:, None] + each]
+        else:
+            at = first[:, None] + rate[:, None] * each
+            low = np.minimum(at.astype(int), len(self.joints) - 2)
+            share = (at - low).astype(np.float32)[..., None, None]
+            joints = (1 - share) * self.joints[low] + share * self.joints[low + 1]
         middle = joints[:, PAST - 1, HIPS, :2].copy()
         side = np.where(mirrored, -1.0, 1.0).astype(np.float32)
         joints = np.where(mirrored[:, None, None, None], joints[:, :, MIRROR], joints)

@@ -19,9 +19,9 @@ class TransitionSettings:
     ``scheduled``; ``world``: weight in the loss of how far joints are from where they should be in the world,
     in deviations of the offset vector, 0 in the paper; ``pace``: of how far off their speeds are, in those of
     the target's velocity and not squared: feet that most likely stand are told to; ``evened``: by how much
-    all paces are drawn alike, 0 in the paper: few captures run.  A run ends after ``minutes``, or where
-    ``steps`` is not 0 after so many of them: networks that are compared on machines that do other work
-    besides.
+    all paces are drawn alike, 0 in the paper: few captures run; ``hasted``: share by which captures are
+    played faster or slower at most, 0 in the paper.  A run ends after ``minutes``, or where ``steps`` is not
+    0 after so many of them: networks that are compared on machines that do other work besides.
     """
 
     minutes: float = 50.0
@@ -36,6 +36,7 @@ class TransitionSettings:
     steps: int = 0
     pace: float = 0.0
     evened: float = 0.0
+    hasted: float = 0.0
 
 
 @dataclass(frozen=True)
