@@ -138,7 +138,7 @@ class TestJobFile:
             (take(goals='[{ object = "Box", action = "carry" }]'), "'to' is missing in goal 1 of take 'one'"),
             (
                 take(goals='[{ object = "Chair", action = "sit", to = "Table" }]'),
-                "'to' says where a box is carried",
+                "'to' says where a thing is brought",
             ),
             (take(goals='[{ action = "open" }]'), "'object' is missing in goal 1"),
             (take(goals='[{ action = "run" }]'), "'run' needs an 'object' or a 'location'"),

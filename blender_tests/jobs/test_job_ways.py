@@ -35,7 +35,7 @@ def test_a_box_may_be_given_its_weight(tmp_path):
         ('curve = "Path", action = "walk", speed = 3.0', "asks for 3 m/s"),
         ('curve = "Path", action = "walk", rounds = 0', "'rounds'"),
         ('curve = 3, action = "walk"', "'curve'"),
-        ('object = "Chair", action = "sit", mass = 3', "'mass' is that of what is carried"),
+        ('object = "Chair", action = "sit", mass = 3', "'mass' is that of what is brought somewhere"),
         ('object = "Box", action = "carry", to = "There", mass = -1', "'mass'"),
     ],
 )

@@ -11,4 +11,5 @@ ICONS = {
     "open": "LOOP_FORWARDS",
     "climb": "TRIA_UP_BAR",
     "touch": "VIEW_PAN",
+    "place": "IMPORT",
 }

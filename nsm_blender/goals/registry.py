@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from . import carry, climb, idle, open, sit, touch, walk
+from . import carry, climb, idle, open, place, sit, touch, walk
 from .finder import Finder
 
 FINDERS: dict[str, Finder] = {
@@ -14,4 +14,5 @@ FINDERS: dict[str, Finder] = {
     "open": open.FINDER,
     "climb": climb.FINDER,
     "touch": touch.FINDER,
+    "place": place.FINDER,
 }

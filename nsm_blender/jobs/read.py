@@ -173,7 +173,8 @@ def _goal(entry: Any, where: str) -> JobGoal:
     to = _object(entry, "to", where, action.needs_destination)
     if to is not None and not action.needs_destination:
         raise JobError(
-            f"In {where}, 'to' says where a box is carried; remove it, or take the action 'carry'."
+            f"In {where}, 'to' says where a thing is brought; remove it, or take the action 'carry' or "
+            "'place'."
         )
     hold = validate.number(entry.get("hold", 2.0), f"'hold' in {where}", JobError, 0, _LONGEST_HOLD)
     location = entry.get("location")
@@ -202,7 +203,8 @@ def _goal(entry: Any, where: str) -> JobGoal:
     mass = entry.get("mass")
     if mass is not None and not action.needs_destination:
         raise JobError(
-            f"In {where}, 'mass' is that of what is carried; remove it, or take the action 'carry'."
+            f"In {where}, 'mass' is that of what is brought somewhere; remove it, or take the action 'carry' "
+            "or 'place'."
         )
     if mass is not None:
         mass = validate.number(mass, f"'mass' in {where}", JobError, 0, _HEAVIEST)

@@ -17,6 +17,7 @@ from .beside import freely
 CELL = 0.02  # metres
 _EVEN = 0.02  # how uneven a level may be, metres
 _SLOT = 2  # cells of gaps between boards that count as closed
+_LEVEL = 0.97  # cosine of how far a board may slope
 _LEAST_AREA = 0.02  # square metres
 _WINDOW = 2.2  # metres around a place in which the tops of large things are looked for
 
@@ -91,6 +92,23 @@ def find_levels(vertices: Array, triangles: Array, near: Array) -> list[Level]:
         levels.append(Level(height, top, top.copy(), corner))
         left &= ~mask
     return sorted(levels, key=lambda level: -level.area)
+
+
+def boards_of(vertices: Array, triangles: Array, near: Array) -> list[Level]:
+    """All level boards of a mesh, those too that are seen from above by nobody, such as a shelf's, from the
+    lowest up; as ``find_levels``, and what stands over them is to be told to ``occupy``.
+    """
+    corners = np.asarray(vertices, dtype=np.float64)[triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(normal, axis=1)
+    level = normal[:, 2] > _LEVEL * np.maximum(area, 1e-12)
+    height = np.round(corners[:, :, 2].mean(1) / _EVEN).astype(np.int64)
+    found: list[Level] = []
+    for step in np.unique(height[level]):
+        some = level & (height == step)
+        if area[some].sum() / 2 >= _LEAST_AREA:
+            found += find_levels(vertices, triangles[some], near)[:1]
+    return found
 
 
 @freely()

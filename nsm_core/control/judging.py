@@ -10,9 +10,9 @@ from nsm_core.body.capsules import Figure
 from nsm_core.body.clip import smoothed_root
 from nsm_core.body.skeleton import ARMS, forward_kinematics, root_of
 from nsm_core.rotations import Array
+from nsm_core.world.actions import BY_KEY
 from nsm_core.world.planning.floor_plan import resample_path
 from nsm_core.world.planning.track import off_line
-from nsm_core.world.scene.props import Box
 
 from .director import Director, rotation_error
 from .goals import GoalResult
@@ -31,7 +31,8 @@ def judge_reached(director: Director, network_hips: Array, heading: float) -> bo
     assert stage is not None
     result.place, result.facing, result.axes = stage.target()
     result.line, result.remarks = stage.line()
-    if isinstance(prop, Box):  # it was not set down where it should be
+    # It was not set down where it should be.
+    if prop is not None and BY_KEY[result.action].needs_destination:
         result.axes = 3
         result.position_error_cm, result.rotation_error_deg = goal_errors(
             result, prop.pose[:3], float(prop.pose[3])

@@ -36,6 +36,7 @@ from nsm_core.world.scene.terrain import Terrain
 from .actions.base import Grasp, SeatTarget
 from .actions.hold import Lead, SeenBody
 from .actions.seat_manner import SeatedManner
+from .bending import bent
 from .gaze import looking
 from .goals import Moment
 from .hands import hands_of
@@ -150,6 +151,7 @@ class PostProcess:
         yield
         pose = leant(pose, *(np.array(column) for column in zip(*[n.load for n in notes], strict=True)))
         pose, laid = sat(pose, [n.manner for n in notes], self.figure)
+        pose = yield from bent(pose, [n.leads for n in notes], self.figure)
         hands = hands_of([n.leads or own for n, own in zip(notes, laid, strict=True)], pose, self.figure)
         self.beside = hands.beside
         # Arms go first, so that the trunk gives no more than what they lack.

@@ -16,7 +16,7 @@ import numpy as np
 from nsm_core.body.animated_body import obstacle_of
 from nsm_core.body.ik.clearance import Obstacle
 from nsm_core.body.skeleton import ARMS, HIPS
-from nsm_core.conventions import CONTACTS, FOOT_CONTACTS, FPS
+from nsm_core.conventions import CONTACTS, FOOT_CONTACTS, FPS, HAND_CONTACTS
 from nsm_core.errors import GoalError
 from nsm_core.model.features.codec import SensorReading, build_inputs, no_object, read_outputs
 from nsm_core.model.features.layout import Inputs
@@ -317,6 +317,10 @@ class TakeRunner:
             taken = grasp.errors.get("taken")
             if taken is not None and taken.frame < 0:
                 taken.frame = len(self._frames)
+        contact = contact.copy()
+        for lead in self._post.notes[-1].leads:
+            if lead.closed:  # which the network knows nothing of
+                contact[HAND_CONTACTS[lead.hand]] = 1
         for name, pose in self.prop_poses().items():
             self._poses[name].append(pose)
         self._frames.append(
@@ -325,7 +329,7 @@ class TakeRunner:
                 rotations,
                 hips,
                 rotations,
-                contact.copy(),
+                contact,
                 s.root[0].copy(),
                 s.style_past[0, -1].copy(),
                 experts,

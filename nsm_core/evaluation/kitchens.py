@@ -7,13 +7,11 @@ from time import perf_counter
 
 import numpy as np
 
-from nsm_core.rotations import Array
 from nsm_core.world.affordances.grasps import OneHandGrasp, find_grasps
 from nsm_core.world.affordances.reach import Reach, reaches
 from nsm_core.world.assets.kitchen import Kitchen
 from nsm_core.world.geometry.distance import DistanceQuery, Union
 from nsm_core.world.planning.hand_fields import hand_fields, straight_in
-from nsm_core.world.scene.small_things import SmallThing
 
 KITCHENS = 60  # of the benchmark
 _ARM = 0.75  # metres around a thing in which a hand and a forearm may meet something
@@ -80,13 +78,8 @@ def fields_of(kitchen: Kitchen, taking: Taking) -> tuple[float, float]:
     thing = kitchen.things[taking.name].thing
     others = kitchen.scene().near(thing.pose[:2], _ARM, thing)
     begun = perf_counter()
-    made = hand_fields(thing, others, middle_of(thing), straight_in(taking.grasp.at(thing.pose)))
+    made = hand_fields(thing, others, thing.middle, straight_in(taking.grasp.at(thing.pose)))
     return perf_counter() - begun, float((made.arrival > 0).mean())
-
-
-def middle_of(thing: SmallThing) -> Array:
-    """The middle (3,) of a thing's bounding box, world."""
-    return thing.to_world((thing.low + thing.high) / 2)
 
 
 def least_gap(kitchen: Kitchen) -> float:

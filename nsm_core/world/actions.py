@@ -113,6 +113,18 @@ ACTIONS = (
         hands=True,
         labels=("idle", "walk"),
     ),
+    Action(
+        "place",
+        "Pick and Place",
+        "Take the object, which is light, with one hand, out of what it stands in, and put it on another "
+        "one, or where an empty is",
+        "put down",
+        needs_destination=True,
+        moved="Thing",
+        handles="a light thing to pick up",
+        hands=True,
+        labels=("idle", "walk"),
+    ),
 )
 BY_KEY = {a.key: a for a in ACTIONS}
 

@@ -60,7 +60,8 @@ class Lead:
     """Where a ``hand`` (0 right, 1 left) is to be, ``target`` (3,) of its wrist, world, and how firmly, 0..1.
 
     ``turn`` (4,) is what the hand is turned by from how the pose has it, about world axes; None leaves it.
-    ``grip`` tells how it lies on what it holds.
+    ``grip`` tells how it lies on what it holds.  With ``bends`` the body bends over, and down, for what the
+    arm does not reach; ``closed`` tells that fingers are closed about something.
     """
 
     hand: int
@@ -68,6 +69,8 @@ class Lead:
     share: float
     turn: Array | None = None
     grip: Grip | None = None
+    bends: bool = False
+    closed: bool = False
 
 
 class Hold:

@@ -15,7 +15,7 @@ from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene.solids import Scene
 
-from . import carry, climb, open, sit, touch, walk
+from . import carry, climb, open, place, sit, touch, walk
 from .approach import Ground
 from .base import Grasp, Performer, Stage, StageStart, Way
 from .rise import TurnBack
@@ -30,6 +30,7 @@ PERFORMERS: dict[str, Performer] = {
     "open": open.PERFORMER,
     "climb": climb.PERFORMER,
     "touch": touch.PERFORMER,
+    "place": place.PERFORMER,
 }
 
 

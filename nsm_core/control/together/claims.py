@@ -22,6 +22,7 @@ LINES = {
     "carry": 1.7,
     "climb": 1.9,
     "touch": 1.0,
+    "place": 1.2,
 }  # metres off a thing at which others wait
 LEFT = {
     "open": 1.3,
@@ -29,6 +30,7 @@ LEFT = {
     "carry": 0.0,
     "climb": 1.2,
     "touch": 0.7,
+    "place": 0.0,
 }  # metres off it at which one has left it
 
 

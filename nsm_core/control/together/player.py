@@ -24,7 +24,7 @@ RADIUS = 0.36  # metres of floor that a walker takes, arms that swing included, 
 _STILL = 0.12  # m/s below which one stands
 _PACE = 1.1  # m/s of one who is sent, not led
 # Metres from where it is done from which on an action gives way to nobody.
-AT_WORK = {"sit": 1.0, "carry": 0.9, "open": 1.5, "climb": 1.4, "touch": 0.5}
+AT_WORK = {"sit": 1.0, "carry": 0.9, "open": 1.5, "climb": 1.4, "touch": 0.5, "place": 0.7}
 _RISEN = 0.15  # sit label below which one is up
 
 

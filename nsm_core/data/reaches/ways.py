@@ -12,21 +12,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsm_core.rotations import Array, heading_to_direction, rotate_planar
+from nsm_core.rotations import Array, rotate_planar
 from nsm_core.world.affordances.grasps import find_grasps
-from nsm_core.world.affordances.reach import LEFT, Reach, reaches
+from nsm_core.world.affordances.reach import LEFT, Reach, raised, reaches
 from nsm_core.world.assets.kitchen import Kitchen, make_kitchen
 from nsm_core.world.geometry.distance import Union
 from nsm_core.world.planning.hand_fields import HandFields, HandSpace, hand_space
-from nsm_core.world.planning.hand_way import HAND, timed, way_past
+from nsm_core.world.planning.hand_way import timed, way_into
 from nsm_core.world.scene.small_things import SmallThing
 from nsm_core.world.scene.wrist import WristPose
 
 FASTEST = (0.6, 1.2)  # m/s of a hand, drawn
-_STRAIGHT, _LIFT = 0.08, 0.04  # metres straight into a grasp, and up before a thing leaves
 _ARM = 0.75  # metres around a thing in which a hand may meet something
 _TRIED, _KEPT = 24, 2  # grasps that are tried, and that are kept of a thing
-_BEFORE, _BESIDE, _HIGH = 0.28, 0.2, 0.95  # metres from the root, and over the floor, of a hand at rest
 
 
 @dataclass(frozen=True)
@@ -68,8 +66,7 @@ def _ways_to(kitchen: Kitchen, name: str, rng: np.random.Generator) -> Iterator[
         name, thing.query, thing.low, thing.high, thing.pose, around, thing.mass, thing.handle, 0.01
     )
     solids = Union([scene.environment, *(p for c in kitchen.containers.values() for p in c.parts)])
-    middle = thing.to_world((thing.low + thing.high) / 2)
-    space, kept = hand_space(thing, around, middle, heading), 0
+    space, kept = hand_space(thing, around, thing.middle, heading), 0
     for grasp in grasps[:_TRIED]:
         wrist = grasp.at(thing.pose)
         found = reaches(wrist, solids)
@@ -95,25 +92,17 @@ def _way(
     heading: float,
     fastest: float,
 ) -> HandWay | None:
-    ahead = heading_to_direction(np.array(reach.heading))
-    aside = rotate_planar(ahead, np.float64(np.pi / 2))
-    rest = np.append(reach.place + _BEFORE * ahead + reach.side * _BESIDE * aside, _HIGH)
-    radius, end = HAND, wrist.place - _STRAIGHT * wrist.towards
-    if laden:
-        radius = max(HAND, 0.5 * float(np.sort(thing.size)[1]))
-        end = wrist.place - 0.25 * _STRAIGHT * wrist.towards + (0, 0, _LIFT)
-    way = way_past(space, end, rest, radius, not laden)
+    way = way_into(space, wrist, raised(reach), thing if laden else None)
     if way is None:
         return None
-    path = timed(np.concatenate((way, wrist.place[None])), fastest)
-    middle = thing.to_world((thing.low + thing.high) / 2)
+    path = timed(way, fastest)
     back = np.float64(-heading)
     rotation = np.stack([rotate_planar(column, back) for column in wrist.rotation.T], -1)
     return HandWay(
         space.along(path),
-        rotate_planar(path - middle, back),
+        rotate_planar(path - thing.middle, back),
         np.repeat(rotation[None], len(path), 0),
-        float(middle[2]),
+        float(thing.middle[2]),
         reach.side == LEFT,
         laden,
     )

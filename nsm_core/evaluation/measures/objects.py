@@ -18,13 +18,14 @@ from nsm_core.body.skeleton import ANKLE_HEIGHT, ARMS, OFFSETS, TOE_HEIGHT, forw
 from nsm_core.conventions import CARRY, CLIMB, FPS, OPEN, RUN, SIT, STYLES
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.world.geometry.distance import Cuboids, DistanceQuery
-from nsm_core.world.scene.props import Box, Leaf, Prop
+from nsm_core.world.scene.props import Box, Leaf, Prop, Thing
 
 from .motion import DEEP, SKATE_HEIGHT, foot_sliding, over_ground
 
 WRISTS = [arm[2] for arm in ARMS]  # right, left
 MOVES, TURNS = 0.002, np.radians(0.15)  # a frame, from which a thing counts as moving: metres and radians
 _GRASP = 0.15  # metres about a handle within which a hand of the bundled size is closed around it
+_FINE = 0.01  # metres between the points that stand for a light thing
 _GRID = 0.05  # metres between the points that stand for a box
 
 
@@ -84,8 +85,19 @@ def _between_hands(box: Box, body: Body, local: Array, seen: Array) -> Array:
     return held
 
 
+def _by_hand(thing: Thing, body: Body, local: Array, seen: Array) -> Array:
+    """Of a light thing, a hand within its length of it."""
+    reach = _GRASP * body.hand_size + float(np.linalg.norm(thing.size)) / 2
+    near = np.linalg.norm(seen - (thing.low + thing.high) / 2, axis=-1) < reach
+    held = np.zeros(local.shape[:2], bool)
+    for hand in (0, 1):
+        held |= near[:, hand, None] & (body.hand == hand)
+    return held
+
+
 _holding.register(Leaf, _at_the_handle)
 _holding.register(Box, _between_hands)
+_holding.register(Thing, _by_hand)
 
 
 def all_depths(
@@ -178,6 +190,20 @@ def box_in_solids(box: Box, poses: Array, still: DistanceQuery) -> float:
         if len(others):
             local = rotate_planar(others - part[:, None, :3], -part[:, None, 3])
             deepest = max(deepest, float((half - np.abs(local)).min(-1).max()))
+    return deepest
+
+
+def thing_in_solids(thing: Thing, poses: Array, still: DistanceQuery) -> float:
+    """Depth in metres to which a thing that has ``poses`` (T, 4) comes into solids, the deepest: of points on
+    it, a centimetre apart.
+    """
+    axes = [np.arange(a, b + _FINE, _FINE) for a, b in zip(thing.low, thing.high, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    on_it = np.abs(thing.query.signed_distance(points.astype(np.float32), _FINE)) < _FINE / 2
+    points, deepest = points[on_it], 0.0
+    for pose in poses[np.concatenate(([True], moving_frames(poses)[1:]))]:
+        world = thing.to_world(points, pose).astype(np.float32)
+        deepest = max(deepest, -float(still.signed_distance(world, _FINE).min(initial=0.0)))
     return deepest
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from . import carry, carry_far, climb, interrupt, locomotion, open, sit, stairs, touch
+from . import carry, carry_far, climb, interrupt, locomotion, open, place, sit, stairs, touch
 from .part import ABLATIONS, Row, TrialPart
 from .rollout import Report
 
@@ -28,6 +28,7 @@ PARTS: dict[str, TrialPart] = {
     "response": locomotion.RESPONSE,
     "interrupt": interrupt.PART,
     "touch": touch.PART,
+    "place": place.PART,
 }
 
 

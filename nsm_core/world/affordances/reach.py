@@ -5,11 +5,12 @@ The bundled body's measures: it bends its knees and its back for what is low, an
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from nsm_core.rotations import Array, heading_to_direction
+from nsm_core.rotations import Array, heading_to_direction, rotate_planar
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.clearance_map import HEIGHTS
 from nsm_core.world.scene.wrist import WristPose
@@ -25,9 +26,15 @@ _TOES = 0.06  # metres by which lower legs may be under the edge of something, a
 _OFFS = np.arange(0.26, 0.86, 0.06)  # metres over the floor from the root to the wrist
 _BEARINGS = np.radians(np.arange(-75, 76, 15))  # the wrist's bearing from where the body faces
 _PLACES = 16
+_ROOM, _KNEES = (
+    0.19,
+    0.3,
+)  # metres about who stands and reaches, and more by the metre that the body goes down
+_AT_ONCE = 16  # places of which it is looked at once whether a body has room there
 # Metres that the shoulder goes ahead by leaning over something, what it loses in height for a metre squared,
 # and what such a metre strains; how far it is raised for what is high.
 _LEANS, _SINKS, _STRAINS, _RAISED = (0.0, 0.1, 0.2), 1.0, 1.0, 0.06
+_BEFORE, _BESIDE, _HIGH = 0.28, 0.2, 0.95  # metres from the root, and over the floor, of a hand raised
 _LEAN = 0.5  # share of what it goes down by which the shoulder goes ahead as well, metres a metre
 
 
@@ -53,8 +60,35 @@ def reaches(wrist: WristPose, solids: DistanceQuery, sides: tuple[float, ...] = 
     ``solids`` what is in the way of a body that stands there.  Heights outside of ``REACHED`` are out of
     reach.
     """
+    found = _strained(wrist, sides)
+    return [_reach(row) for row in found[_stands(found[:, :2], solids)]]
+
+
+def least_strained(
+    wrist: WristPose, solids: DistanceQuery, side: float, room: Callable[[Array], Array]
+) -> Reach | None:
+    """The first of ``reaches`` about whose place there is ``room`` (N,), metres, of places (N, 2), and more
+    for knees where the body goes down; None where there is none.
+    """
+    found = _strained(wrist, (side,))
+    if len(found):
+        found = found[room(found[:, :2]) > _ROOM + _KNEES * found[:, 4]]
+    for first in range(0, len(found), _AT_ONCE):
+        some = found[first : first + _AT_ONCE]
+        stands = np.flatnonzero(_stands(some[:, :2], solids))
+        if len(stands):
+            return _reach(some[int(stands[0])])
+    return None
+
+
+def _reach(row: Array) -> Reach:
+    return Reach(row[:2].copy(), *(float(value) for value in row[2:]))
+
+
+def _strained(wrist: WristPose, sides: tuple[float, ...]) -> Array:
+    """All that an arm can do, whatever stands there, the least strained first: rows (N, 7) of ``Reach``."""
     if not REACHED[0] <= wrist.held[2] <= REACHED[1]:
-        return []
+        return np.zeros((0, 7))
     around = np.arange(_PLACES) * 2 * np.pi / _PLACES
     grid = np.stack(np.meshgrid(_OFFS, around, _BEARINGS, sides, _LEANS, indexing="ij"), -1).reshape(-1, 5)
     off, facing_wrist, bearing, side, lean = grid.T
@@ -74,11 +108,15 @@ def reaches(wrist: WristPose, solids: DistanceQuery, sides: tuple[float, ...] = 
     strain = strain + _STRAINS * lean
     ways = np.flatnonzero((length <= _ARM) & (length >= _FOLDED) & (bent <= _WRIST))
     ways = ways[np.argsort(strain[ways], kind="stable")]
-    free = _stands(place[ways], solids)
-    return [
-        Reach(place[k], float(heading[k]), float(side[k]), float(down), float(strain[k]), float(lean[k]))
-        for k in ways[free]
-    ]
+    rows = np.column_stack((place, heading, side, np.full(len(off), down), strain, lean))
+    return rows[ways]
+
+
+def raised(reach: Reach, nearer: float = 0.0) -> Array:
+    """Where (3,) the wrist is that a body standing so holds before itself, ``nearer`` metres back."""
+    ahead = heading_to_direction(np.array(reach.heading))
+    aside = rotate_planar(ahead, np.float64(np.pi / 2))
+    return np.append(reach.place + (_BEFORE - nearer) * ahead + reach.side * _BESIDE * aside, _HIGH)
 
 
 def _stands(places: Array, solids: DistanceQuery) -> Array:

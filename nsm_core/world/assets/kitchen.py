@@ -74,8 +74,7 @@ class Kitchen:
         """
         container, board = self.board_of(name)
         thing = self.things[name].thing
-        middle = thing.to_world((thing.low + thing.high) / 2)
-        own = rotate_planar(middle - container.pose[:3], np.float64(-container.pose[3]))
+        own = rotate_planar(thing.middle - container.pose[:3], np.float64(-container.pose[3]))
         found = container.shut_by(board, own)
         for aside in (-_HAND, _HAND):
             found += [

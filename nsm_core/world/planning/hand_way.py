@@ -12,6 +12,8 @@ from nsm_core.conventions import FPS
 from nsm_core.rotations import Array, cross, quat_from_axis_angle, quat_to_matrix
 from nsm_core.signals import gaussian_smooth
 from nsm_core.world.geometry.eikonal import NEVER, arrival_times
+from nsm_core.world.scene.props import Thing
+from nsm_core.world.scene.wrist import WristPose
 
 from .hand_fields import CELL, HandSpace
 
@@ -19,15 +21,19 @@ HAND = 0.045  # metres from the middle of wrist and forearm to their skin, and a
 AMPLE = 0.12  # metres of room from which on a hand goes at its full speed
 _CROWDED = 0.06  # share of it where there is none
 FROM = 0.33  # metres from its end at which a way begins, or at the edge of what is looked at
+STRAIGHT, LIFT = 0.08, 0.04  # metres straight into a grasp, and up before a thing leaves
 _STEP = 0.01  # metres between the places of a way that is not timed yet
 _SMOOTH = 3.0  # of such places: deviation of what evens a way out
 _NEIGHBOURS = np.array([d for d in product((-1, 0, 1), repeat=3) if any(d)])
 
 
-def way_past(space: HandSpace, end: Array, begin: Array, radius: float, around_target: bool) -> Array | None:
+def way_past(
+    space: HandSpace, end: Array, begin: Array, radius: float, around_target: bool, whole: bool = False
+) -> Array | None:
     """The quickest way (K, 3), world, of a ball of ``radius`` metres to ``end`` (3,) from where it comes near
     on its way from ``begin`` (3,), slower where there is little room; None where there is none.  Places are
-    about a centimetre apart.  ``around_target``: the thing itself is in the way too.
+    about a centimetre apart.  ``around_target``: the thing itself is in the way too.  ``whole``: it
+    begins where the space does, or at ``begin`` where that is in it.
     """
     points, room = space.points, space.to_obstacles
     if around_target:
@@ -36,10 +42,13 @@ def way_past(space: HandSpace, end: Array, begin: Array, radius: float, around_t
     rate = np.clip(room / AMPLE, _CROWDED, 1.0)
     start = np.where(near < CELL, near, np.inf)
     times = arrival_times(np.where((room < 0) & (near >= CELL), np.inf, 1 / rate), start, CELL)
-    outer = near > FROM
-    for axis in range(3):
-        np.moveaxis(outer, axis, 0)[[0, -1]] = True
-    cost = np.where(outer & (times < NEVER), times + np.linalg.norm(points - begin, axis=-1), NEVER)
+    off = np.linalg.norm(points - begin, axis=-1)
+    within = whole and off.min() < CELL
+    outer = off < 2 * CELL if within else np.full(near.shape, False) if whole else near > FROM
+    if not within:
+        for axis in range(3):
+            np.moveaxis(outer, axis, 0)[[0, -1]] = True
+    cost = np.where(outer & (times < NEVER), times + off, NEVER)
     cell = np.array(np.unravel_index(int(cost.argmin()), cost.shape))
     if cost[tuple(cell)] >= NEVER:
         return None
@@ -55,6 +64,21 @@ def way_past(space: HandSpace, end: Array, begin: Array, radius: float, around_t
         found.append(points[tuple(cell)])
     way = resampled(np.array([*found, end]), _STEP)
     return np.concatenate((way[:1], gaussian_smooth(way, _SMOOTH)[1:-1], way[-1:]))
+
+
+def way_into(
+    space: HandSpace, wrist: WristPose, begin: Array, held: Thing | None = None, whole: bool = False
+) -> Array | None:
+    """The quickest way (K, 3), world, of a hand from where it comes near on its way from ``begin`` (3,)
+    straight into a grasp; with what is ``held`` it is wider, and comes to its place from above.  ``whole`` as
+    in ``way_past``.  None where there is none.
+    """
+    radius, end = HAND, wrist.place - STRAIGHT * wrist.towards
+    if held is not None:
+        radius = max(HAND, 0.5 * float(np.sort(held.size)[1]))
+        end = wrist.place - 0.25 * STRAIGHT * wrist.towards + (0, 0, LIFT)
+    way = way_past(space, end, begin, radius, held is None, whole)
+    return None if way is None else np.concatenate((way, wrist.place[None]))
 
 
 def resampled(way: Array, step: float) -> Array:

@@ -157,6 +157,34 @@ class Box(Prop):
 
 
 @dataclass
+class Thing(Prop):
+    """A light thing that one hand holds; it stays upright, and its frame lies under the middle of its foot.
+
+    ``low``, ``high`` (3,) corners of its bounding box, own frame; ``mass`` kilograms; ``handle`` (2, 3) the
+    corners of a box around its handle, own frame, None without.
+    """
+
+    low: Array = None  # type: ignore[assignment]
+    high: Array = None  # type: ignore[assignment]
+    mass: float = 0.0
+    handle: Array | None = None
+
+    @property
+    def size(self) -> Array:
+        """Size (3,) of its bounding box, metres."""
+        return self.high - self.low
+
+    @property
+    def middle(self) -> Array:
+        """The middle (3,) of its bounding box, world."""
+        return self.to_world((self.low + self.high) / 2)
+
+    def put(self, pose: Array) -> Thing:
+        """The same thing at another ``pose`` (4,)."""
+        return replace(self, pose=pose)
+
+
+@dataclass
 class Leaf(Prop):
     """The leaf of a door; its frame lies on the floor under the hinge, +X towards the free edge when closed.
 

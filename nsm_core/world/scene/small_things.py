@@ -17,7 +17,7 @@ from nsm_core.world.geometry.distance import Cuboids, DistanceQuery, Union
 from nsm_core.world.geometry.revolved import Revolved
 
 from .furniture.piece import Part, box_mesh
-from .props import Prop, sense
+from .props import Thing, sense
 
 LARGEST, HEAVIEST = 0.25, 3.0  # metres along any axis and kilograms that one hand takes
 
@@ -25,27 +25,17 @@ Outline = list[tuple[float, float]]
 
 
 @dataclass
-class SmallThing(Prop):
-    """A light thing that stands upright; its frame is told above.
+class SmallThing(Thing):
+    """A light thing of a ``kind``; its frame is told above.
 
-    ``low``, ``high`` (3,) corners of its bounding box, own frame; ``mass`` kilograms; ``handle`` (2, 3) the
-    corners of a box around its handle, own frame, None without; ``outline`` (K, 2) radii and heights of its
-    round part, None without, and ``mins``, ``maxs`` (M, 3) of its boxes.
+    ``outline`` (K, 2) radii and heights of its round part, None without, and ``mins``, ``maxs`` (M, 3) of its
+    boxes.
     """
 
     kind: str = ""
-    low: Array = None  # type: ignore[assignment]
-    high: Array = None  # type: ignore[assignment]
-    mass: float = 0.0
-    handle: Array | None = None
     outline: Array | None = None
     mins: Array = None  # type: ignore[assignment]
     maxs: Array = None  # type: ignore[assignment]
-
-    @property
-    def size(self) -> Array:
-        """Size (3,) of its bounding box, metres."""
-        return self.high - self.low
 
     def mesh(self) -> tuple[Array, Array]:
         """Vertices (V, 3) float32 and triangles (F, 3), own frame."""
@@ -249,11 +239,11 @@ def make_thing(
         query,
         sense(query, low, high),
         np.asarray(pose, dtype=np.float64),
-        kind,
         low,
         high,
         shape.mass,
         handle,
+        kind,
         None if shape.outline is None else np.array(shape.outline),
         mins,
         maxs,

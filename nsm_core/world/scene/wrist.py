@@ -13,6 +13,7 @@ import numpy as np
 from nsm_core.rotations import Array, cross, matrix_from_forward_up
 
 TO_HELD = 0.11  # from the wrist to the middle of what the hand is closed about, metres
+PALM_SKIN = 0.022  # from the middle of a wrist to the skin of the palm, metres
 WIDEST_GRIP = 0.1  # what thumb and fingers reach around, metres
 
 
@@ -46,3 +47,15 @@ def wrist_at(held: Array, towards: Array, thumb: Array) -> WristPose:
     return WristPose(
         np.asarray(held, dtype=np.float64) - TO_HELD * towards, matrix_from_forward_up(towards, thumb)
     )
+
+
+def palm_of(rotation: Array, side: float) -> Array:
+    """The way (3,) that the palm faces of a hand turned so; ``side`` -1 right, 1 left."""
+    return np.asarray(side * -rotation[:, 0])
+
+
+def beside_held(wrist: WristPose, width: float, side: float) -> WristPose:
+    """The pose of a wrist whose palm lies on what is ``width`` metres wide, where ``wrist`` points through
+    its middle; ``side`` -1 right, 1 left.
+    """
+    return WristPose(wrist.place - (width / 2 + PALM_SKIN) * palm_of(wrist.rotation, side), wrist.rotation)

@@ -1,0 +1,260 @@
+"""A light thing in one hand: led to it along a planned way, out with it, before the body while one walks, to
+its place, and back.
+
+The thing stays upright and leads, the wrist goes with it; all that is noted is where the hand is to be.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from nsm_core.control.goals import Taken
+from nsm_core.conventions import DT, FPS
+from nsm_core.rotations import (
+    Array,
+    direction_to_heading,
+    heading_to_direction,
+    rotate_planar,
+    wrap_angle,
+)
+from nsm_core.signals import gaussian_smooth, smooth_step
+from nsm_core.world.affordances.picking import Picking, Visit
+from nsm_core.world.affordances.reach import LEFT, RIGHT
+from nsm_core.world.geometry.distance import DistanceQuery
+from nsm_core.world.planning.hand_way import resampled, timed
+from nsm_core.world.scene.props import Thing
+from nsm_core.world.scene.wrist import WristPose
+
+from .hold import Lead, SeenBody
+from .led_hand import lead_to
+
+FASTEST, LADEN = 1.0, 0.8  # m/s of an empty hand and of one that holds something, at most
+DRAWN = 15  # frames in which a hand is drawn onto its way, and given back
+CLOSING = 8  # frames for which a hand stays where it takes or leaves a thing
+TAKING_UP = 24  # frames in which what was elsewhere comes before the body, or onto its way
+BEFORE, BESIDE, HIGH = 0.34, 0.16, 1.04  # metres of a wrist with a thing from the root, and over the floor
+# Metres from where a thing was taken, and from where it is left, over which it comes before the body and off.
+LEAVES, COMES = (0.15, 0.6), (0.12, 0.5)
+INWARD = np.radians(25)  # by which such a hand points across the body
+# Share of the way of the hips, up and down, that what is held goes along with, and metres at most.
+BOBS, MOST_BOB = 0.7, 0.04
+_STEP, _ROUNDED = 0.01, 3.0  # metres between places of a way; how many of them its corners are rounded by
+_GRAVITY = 9.81
+
+
+class Holding:
+    """One thing and the hand that takes it, brings it and leaves it; one call a frame.
+
+    ``state`` is "reach", "take", "out", "carry" until ``put_down``, then "in", "leave" and "back"; "free" in
+    the end, or "falling" where it was let go in the air.
+    """
+
+    forearms = False
+
+    def __init__(self, thing: Thing, picking: Picking, solids: DistanceQuery) -> None:
+        """``solids`` are what the thing falls onto where it is let go."""
+        self.prop, self.picking, self.hand, self.solids = thing, picking, picking.hand, solids
+        self.state = "reach"
+        self.errors: dict[str, Any] = {}
+        self.leads: list[Lead] = []
+        self._side = (RIGHT, LEFT)[picking.hand]
+        self._held_at = _carried(picking, self._side)
+        self._taken_at = _beside(picking.pick, picking.at)
+        self._left_at = _beside(picking.put, picking.pose)
+        self._gone = self._come = 0.0  # how far, 0..1, from where it was taken, and to where it is left
+        self._off = np.zeros(4)  # of the thing, from where it is to be; fades
+        self._hips: float | None = None
+        self._fall, self._weight = 0.0, 0.0
+        self._last = picking.pick.wrist
+        self._begin("reach", _way(picking.pick.empty, FASTEST))
+
+    @property
+    def active(self) -> bool:
+        """Whether it still has to be called."""
+        return self.state != "free"
+
+    @property
+    def bears(self) -> float:
+        """Kilograms that its hand bears."""
+        return self.prop.mass if self.state in ("out", "carry", "in") else 0.0
+
+    @property
+    def brought(self) -> bool:
+        """Whether the thing is before the body, so that one may go."""
+        return self.state == "carry" and self._frame >= TAKING_UP
+
+    @property
+    def left(self) -> bool:
+        """Whether the thing stands and the hand is off it."""
+        return self.state in ("back", "free") and "position_error_cm" in self.errors
+
+    def holds(self, hand: int) -> float:
+        """How far a hand is led by it, 0..1."""
+        return self._weight if hand == self.hand else 0.0
+
+    def touches(self, hand: int) -> bool:
+        """Whether a hand is meant to touch the prop, and so is not kept off it."""
+        near = self.state in ("take", "out", "carry", "in", "leave")
+        return hand == self.hand and (near or self.state == "reach" and self._share > 0.6)
+
+    def put_down(self) -> None:
+        """Bring the thing to its place from now on."""
+        put = self.picking.put
+        self._begin("in", _way(put.laden, LADEN))
+        self._off = self.prop.pose - self._placed(self._way[0])
+        self._off[3] = wrap_angle(self._off[3])
+
+    def let_go(self) -> None:
+        """End it at any time: the hand returns, and a thing in the air falls."""
+        if self.state in ("out", "carry", "in"):
+            self._begin("falling", self._way[-1:])
+            self._fall = 0.0
+        elif self.state in ("reach", "take", "leave"):
+            self._begin("back", self._way[-1:])
+
+    def give_way(self) -> None:
+        """Leave the thing to another hold of it: this hand only returns."""
+        if self.state != "free":
+            self._begin("back", self._way[-1:])
+
+    def apply(self, seen: SeenBody, root: Array, contacts: Array) -> None:
+        """Move the thing and lead the hand by one frame; ``root`` (3,)."""
+        doing = self.state
+        self._frame += 1
+        place = self._way[min(self._frame, len(self._way) - 1)]
+        done = self._frame >= len(self._way)
+        draws = DT / (DRAWN * DT)
+        returns = doing in ("back", "falling") and done
+        self._weight = float(np.clip(self._weight + (-draws if returns else draws), 0, 1))
+        fade = 1 - float(smooth_step(self._frame / TAKING_UP))
+        if doing == "out":
+            self.prop.pose[:3] = self._from[:3] + place - self._way[0]
+        elif doing == "carry":
+            self._carry(root, float(seen.hips[2]))
+        elif doing == "in":
+            self.prop.pose[:] = self._placed(place) + fade * self._off
+        elif doing == "falling":
+            self._drop()
+        rotation = self.picking.pick.wrist.rotation
+        if doing in ("out", "carry", "in"):
+            wrist = self.picking.wrist(self.prop.pose)
+            place, rotation = wrist.place, wrist.rotation
+        elif doing in ("leave", "back", "falling"):
+            rotation = self._last.rotation
+        self._last = WristPose(np.array(place), rotation)
+        gripped = self._share if doing in ("reach", "back") else 1.0
+        now = seen.wrists[self.hand].astype(np.float64)
+        share = float(smooth_step(self._weight))
+        closed = doing in ("out", "carry", "in") or doing in ("take", "leave") and self._frame > CLOSING / 2
+        self.leads = [lead_to(self.hand, self._last, now, share, gripped, closed)] if share > 0 else []
+        if done:
+            self._next(root, float(seen.hips[2]))
+
+    @property
+    def _share(self) -> float:
+        """How far along its way the hand is to the thing, 0..1."""
+        share = min(self._frame / max(len(self._way) - 1, 1), 1.0)
+        return float(smooth_step(2 * (share if self.state == "reach" else 1 - share)))
+
+    def _begin(self, state: str, way: Array) -> None:
+        self.state, self._way, self._frame, self._from = state, way, 0, self.prop.pose.copy()
+
+    def _next(self, root: Array, hips: float) -> None:
+        """Go on to what follows a part that is done."""
+        pick, put = self.picking.pick, self.picking.put
+        if self.state == "reach":
+            self._begin("take", np.repeat(self._way[-1:], CLOSING, 0))
+        elif self.state == "take":
+            self.errors["taken"] = Taken([self.hand], self.prop.to_local(pick.wrist.place)[None])
+            self._begin("out", _way(pick.laden, LADEN)[::-1])
+        elif self.state == "out":
+            self._hips = hips
+            self._off = self._seen_by(root) - self._taken_at
+            self._off[3] = wrap_angle(self._off[3])
+            self._begin("carry", np.repeat(self._way[-1:], TAKING_UP, 0))
+        elif self.state == "in":
+            self.prop.pose[:] = self.picking.pose
+            self._begin("leave", np.repeat(self._way[-1:], CLOSING, 0))
+        elif self.state == "leave":
+            self.errors |= {"position_error_cm": 0.0, "rotation_error_deg": 0.0}
+            self._begin("back", _way(put.empty, FASTEST)[::-1])
+        elif self.state in ("back", "falling") and self._weight <= 0:
+            self.state = "free"
+
+    def _placed(self, wrist: Array) -> Array:
+        """The thing's pose (4,) with its hand at a place (3,) of the way to where it is put down."""
+        pose = self.picking.pose.copy()
+        pose[:3] += wrist - self.picking.put.wrist.place
+        return pose
+
+    def _carry(self, root: Array, hips: float) -> None:
+        """Hold the thing before the body, and as it was or will be held where it is taken and left."""
+        off, on = (
+            float(np.linalg.norm(root[:2] - visit.reach.place))
+            for visit in (self.picking.pick, self.picking.put)
+        )
+        step = 1 / TAKING_UP
+        gone = float(np.clip((off - LEAVES[0]) / (LEAVES[1] - LEAVES[0]), self._gone, 1))
+        come = float(np.clip((COMES[1] - on) / (COMES[1] - COMES[0]), self._come, 1)) if gone > 0 else 0.0
+        self._gone, self._come = min(gone, self._gone + step), min(come, self._come + step)
+        held = self._held_at.copy()
+        held[2] += float(np.clip(BOBS * (hips - (self._hips or hips)), -MOST_BOB, MOST_BOB))
+        for pose, share in ((self._taken_at, 1 - self._gone), (self._left_at, self._come)):
+            way = pose - held
+            way[3] = wrap_angle(way[3])
+            held += float(smooth_step(share)) * way
+        held += (1 - float(smooth_step(self._frame / TAKING_UP))) * self._off
+        turned = self.prop.pose[3] + wrap_angle(held[3] + root[2] - self.prop.pose[3])
+        self.prop.pose[:3] = rotate_planar(held[:3], np.float64(root[2])) + (root[0], root[1], 0.0)
+        self.prop.pose[3] = turned
+
+    def _seen_by(self, root: Array) -> Array:
+        """The thing's pose (4,) seen from a body at ``root`` (3,)."""
+        place = rotate_planar(self.prop.pose[:3] - (root[0], root[1], 0.0), np.float64(-root[2]))
+        return np.append(place, wrap_angle(self.prop.pose[3] - root[2]))
+
+    def _drop(self) -> None:
+        """Let the thing fall upright onto what is under it."""
+        self._fall += _GRAVITY * DT
+        pose = self.prop.pose
+        corners = np.array([(x, y) for x in (-0.4, 0, 0.4) for y in (-0.4, 0, 0.4)]) * self.prop.size[:2]
+        under = np.column_stack((rotate_planar(corners, np.float64(pose[3])) + pose[:2], np.zeros(9)))
+        left = self._fall * DT
+        while left > 0:
+            under[:, 2] = pose[2] - 0.002
+            if pose[2] <= 0 or (self.solids.signed_distance(under.astype(np.float32), 0.1) < 0).any():
+                break
+            pose[2], left = max(pose[2] - min(left, 0.004), 0.0), left - 0.004
+
+
+def _way(way: Array, fastest: float) -> Array:
+    """Places (T, 3) at 30 Hz of a hand along a way, no faster than is needed to be drawn onto it."""
+    way = resampled(way, _STEP)
+    way = np.concatenate((way[:1], gaussian_smooth(way, _ROUNDED)[1:-1], way[-1:]))
+    length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+    return timed(way, min(fastest, 1.875 * length * FPS / TAKING_UP))
+
+
+def _beside(visit: Visit, pose: Array) -> Array:
+    """Pose (4,) of a thing, seen from a body that stands for a visit, with the hand where its ways begin; it
+    stands at ``pose`` (4,) where they end.
+    """
+    reach = visit.reach
+    off = pose[:3] + visit.laden[0] - visit.wrist.place - (*reach.place, 0.0)
+    return np.append(rotate_planar(off, np.float64(-reach.heading)), wrap_angle(pose[3] - reach.heading))
+
+
+def _carried(picking: Picking, side: float) -> Array:
+    """Pose (4,) of a thing that is carried, seen from the root of a body that faces heading 0."""
+    ahead = heading_to_direction(np.array(0.0))
+    rotation = picking.grasp.wrist.rotation
+    way = -rotation[:, 1] if abs(rotation[2, 1]) < 0.8 else rotation[:, 2]
+    turn = float(direction_to_heading(ahead)) - side * INWARD - float(direction_to_heading(way[:2]))
+    place = np.append(BEFORE * ahead + side * BESIDE * np.array((1.0, 0.0)), HIGH)
+    held = picking.wrist(np.array((0.0, 0.0, 0.0, turn))).place
+    return np.append(place - held, wrap_angle(turn))
+
+
+__all__ = ["Holding"]

@@ -1,0 +1,172 @@
+"""Pick and place trials: in kitchens by seed, one light thing that stands open, to a free place elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from nsm_core.control.goals import Goal
+from nsm_core.control.take import TakeRequest, TakeResult
+from nsm_core.errors import GoalError
+from nsm_core.evaluation.measures.objects import thing_in_solids
+from nsm_core.model.inference.model import Model
+from nsm_core.rotations import Array
+from nsm_core.world.assets.kitchen import Kitchen, make_kitchen
+from nsm_core.world.geometry.distance import Cuboids, DistanceQuery
+from nsm_core.world.scene.furniture import cuboids
+from nsm_core.world.scene.props import Thing
+
+from . import rollout
+from .part import TrialPart
+from .rollout import SEED, Report
+from .together import Trying, rolled
+
+PLACED, DEEP = (
+    0.02,
+    2.0,
+)  # metres off its place at which a thing counts as put; cm that a body may be in things
+SUNK = 1.0  # cm that the thing itself may be in what stands there
+_EDGE = (0.1, 0.2)  # metres from the front edge of a board to the middle of a thing that is put on it
+_FREE = 0.06  # metres about a thing where it is put that are free
+_TRIES = 60
+
+
+@dataclass(frozen=True)
+class PlaceTrial:
+    """The ``thing`` of the kitchen of a ``seed``, by its name, and where (3,) its foot is put; one start."""
+
+    setting: int
+    name: str
+    seed: int
+    thing: str
+    place: Array
+    start: Array
+    heading: float
+
+
+def trials(kitchens: int = 10) -> list[PlaceTrial]:
+    """The same trials at every call: one in each of so many kitchens."""
+    made = (_trial(seed) for seed in range(kitchens))
+    return [one for one in made if one is not None]
+
+
+def _trial(seed: int) -> PlaceTrial | None:
+    rng, kitchen = np.random.default_rng((SEED, 14, seed)), make_kitchen(seed)
+    names = [n for n, s in kitchen.things.items() if not s.blockers and not kitchen.shut_by(n)]
+    for k in rng.permutation(len(names)):
+        thing = kitchen.things[names[k]].thing
+        still = standing(kitchen, thing)
+        place = _free_place(kitchen, thing, still, rng)
+        if place is None:
+            continue
+        try:
+            middle = np.array((thing.pose[0], -1.3))
+            start, heading = rollout.start_about(rng, middle, rollout.clear_of(still), 0.0, 1.5)
+        except GoalError:
+            continue
+        return PlaceTrial(0, "open", seed, thing.name, place, start, heading)
+    return None
+
+
+def standing(kitchen: Kitchen, thing: Thing) -> DistanceQuery:
+    """What stands of a kitchen beside one thing, no floor; furniture shut, other things as boxes."""
+    groups = [cuboids([(kitchen.walls, np.zeros(3), 0.0)])]
+    things = [s.thing for s in kitchen.things.values() if s.thing is not thing]
+    for container in kitchen.containers.values():
+        groups.append(container.standing())
+        for part in container.parts:
+            shut = part.query.groups if isinstance(part.query, Cuboids) else []
+            boxes = [(part.pose[:3], part.pose[3], g.centres - g.halves, g.centres + g.halves) for g in shut]
+            groups.append(Cuboids(boxes))
+    groups.append(Cuboids([(t.pose[:3], t.pose[3], t.low[None], t.high[None]) for t in things]))
+    whole = Cuboids()
+    whole.groups = [g for one in groups for g in one.groups]
+    return whole
+
+
+def _free_place(
+    kitchen: Kitchen, thing: Thing, still: DistanceQuery, rng: np.random.Generator
+) -> Array | None:
+    """Draw where (3,) a thing is put: near the front edge of an open board other than its own."""
+    own = kitchen.things[thing.name].container
+    boards = [
+        (c, b)
+        for name, c in kitchen.containers.items()
+        for b in c.boards
+        if name != own and not c.parts and b.room > thing.size[2] + 0.1 and 0.3 < b.height + c.pose[2] < 1.6
+    ]
+    half = float(np.linalg.norm(thing.size[:2])) / 2
+    for _ in range(_TRIES):
+        container, board = boards[int(rng.integers(len(boards)))]
+        y = board.low[1] + max(float(rng.uniform(*_EDGE)), half + 0.02)
+        x = (
+            float(rng.uniform(board.low[0] + half, board.high[0] - half))
+            if board.size[0] > 2 * half
+            else np.nan
+        )
+        if not np.isfinite(x) or y + half > board.high[1]:
+            continue
+        if container.kind == "table" and rng.random() < 0.5:  # from behind it
+            y = board.low[1] + board.high[1] - y
+        place = container.to_world((x, y, board.height))
+        up = np.arange(0.03, float(thing.size[2]) + 0.03, 0.03)
+        column = np.column_stack((np.tile(place[:2], (len(up), 1)), place[2] + up))
+        if (
+            still.signed_distance(column.astype(np.float32), 0.5) > np.minimum(half + _FREE, up - 0.01)
+        ).all():
+            return np.asarray(place, dtype=np.float64)
+    return None
+
+
+def request(trial: PlaceTrial, hold: float = 0.5, **more: Any) -> TakeRequest:
+    """Set up one trial's take."""
+    kitchen = make_kitchen(trial.seed)
+    thing = kitchen.things[trial.thing].thing
+    goal = Goal("place", trial.thing, trial.place, 0.0, hold, prop=thing)
+    return TakeRequest(trial.start, trial.heading, [goal], standing(kitchen, thing), **more)
+
+
+def run_trial(model: Model, trial: PlaceTrial, **more: Any) -> Trying[tuple[TakeResult, Report]]:
+    """Roll one trial out; returns the take and its figures."""
+    asked = request(trial, **more)
+    take = yield from rolled(model, asked)
+    report, _ = rollout.judge(asked, take)
+    thing = asked.goals[0].prop
+    assert isinstance(thing, Thing)
+    poses = take.props[thing.name]
+    off = float(np.linalg.norm(poses[-1, :3] - trial.place))
+    report["thing_off_cm"] = 100 * off
+    report["thing_in_solids_cm"] = 100 * thing_in_solids(thing, poses, asked.environment)
+    report["placed"] = float(bool(report["reached"]) and off <= PLACED)
+    report["clean"] = float(report["penetration_cm"] <= DEEP and report["thing_in_solids_cm"] <= SUNK)
+    return take, report
+
+
+def summarise(reports: Sequence[Report]) -> Report:
+    """Figures over trials; see ``rollout.summarise``."""
+    return rollout.summarise(reports) | {
+        "placed": rollout.share(reports, lambda r: r["placed"] > 0),
+        "success": rollout.share(reports, lambda r: r["placed"] > 0 and r["clean"] > 0),
+    }
+
+
+def rows(s: Report) -> list[tuple[str, str, str, str]]:
+    """Lines of the table: what, ours, the paper's, the aim."""
+    hand = f"{s['hand_pe_cm_mean']:.2f} / {s['hand_pe_cm_worst']:.2f}"
+    sunk = f"{s['thing_in_solids_cm_median']:.1f} / {s['thing_in_solids_cm_worst']:.1f}"
+    return [
+        ("placed within 2 cm, upright", f"{s['placed']:.0%}", "", ""),
+        ("placed, body no deeper than 2 cm and thing than 1 cm", f"{s['success']:.0%}", "", "95 %"),
+        ("wrist off its grasp cm, with the solver (mean / worst)", hand, "", "1"),
+        ("thing inside what stands there cm (median / worst)", sunk, "", "0"),
+        ("seconds (median)", f"{s['seconds_median']:.1f}", "", ""),
+    ]
+
+
+PART = TrialPart(
+    "pick and place", lambda starts, pool: trials(starts), run_trial, summarise, rows, request, ("place",),
+    done="success",
+)  # fmt: skip

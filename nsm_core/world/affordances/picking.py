@@ -1,0 +1,220 @@
+"""How one hand takes a light thing and puts it elsewhere: the grasp that serves both places, where one stands
+for either, and the ways of the wrist to and from them, past everything that stands there.
+
+Fields by fast marching lead the ways (``planning.hand_way``), as those do that a planner is taught by
+(papers/002 section 4).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from nsm_core.errors import GoalError
+from nsm_core.rotations import Array
+from nsm_core.world.geometry.distance import DistanceQuery
+from nsm_core.world.planning.hand_fields import HandSpace, hand_space
+from nsm_core.world.planning.hand_way import FROM, way_into
+from nsm_core.world.scene.props import Thing
+from nsm_core.world.scene.wrist import WristPose, beside_held
+
+from .grasps import OneHandGrasp, find_grasps
+from .reach import LEFT, REACHED, RIGHT, Reach, least_strained, raised
+
+_LEAST_ROOM = 0.005  # metres that a hand has around it where it takes a thing
+_GRASPS, _ALIKE = 8, 2  # of a kind that are tried, and of these by either hand, the best first
+_WAYS = 7  # of them for which ways are looked for
+_HEADINGS = 12  # in which a thing may be put down
+_NEARER = (0.0, 0.1, 0.2, 0.28)  # metres by which a hand is held nearer to the body than with ease
+_HEIGHTS, _AMPLE = (0.95, 1.3), 0.13  # metres over the floor, and around it, of a hand held there
+_WORTH = 4.0  # strain that a metre of a grasp's score makes up for
+
+
+@dataclass(frozen=True)
+class Visit:
+    """A hand at a thing where it stands: the pose of the ``wrist``, world, with the thing on its palm, the
+    ``reach`` of the body, and ways (K, 3) there from one place beside or before it: of an ``empty`` hand, and
+    ``laden`` with the thing.
+    """
+
+    wrist: WristPose
+    reach: Reach
+    empty: Array
+    laden: Array
+
+
+@dataclass(frozen=True)
+class Picking:
+    """A thing taken from where it is ``at`` (4,) by the ``grasp`` of one ``hand`` (0 right, 1 left), and put
+    down at ``pose`` (4,).
+    """
+
+    grasp: OneHandGrasp
+    hand: int
+    pick: Visit
+    put: Visit
+    at: Array
+    pose: Array
+
+    def wrist(self, pose: Array) -> WristPose:
+        """The wrist in the world that holds the thing where that has ``pose`` (4,)."""
+        return beside_held(self.grasp.at(pose), self.grasp.width, (RIGHT, LEFT)[self.hand])
+
+
+@dataclass(frozen=True)
+class Around:
+    """What a picking is planned among, without the thing itself: ``hands`` keep off all of it, ``bodies``
+    stand off it, where there is ``room`` (N,), metres, about places (N, 2) on the floor.
+    """
+
+    hands: DistanceQuery
+    bodies: DistanceQuery
+    room: Callable[[Array], Array]
+
+
+def plan_picking(thing: Thing, place: Array, around: Around) -> Picking:
+    """Plan to take a thing from where it is and put it down with its foot at ``place`` (3,).
+
+    Raises GoalError, a sentence on what stands in the way: no grasp that has room, no place to stand, no way
+    of the hand.
+    """
+    grasps = find_grasps(
+        thing.name,
+        thing.query,
+        thing.low,
+        thing.high,
+        thing.pose,
+        around.hands,
+        thing.mass,
+        thing.handle,
+        _LEAST_ROOM,
+    )
+    grasps = _mixed(grasps, lambda grasp: grasp.kind, _GRASPS)
+    if not grasps:
+        raise GoalError(f"A hand has no room to take {thing.name}; move away what stands close to it.")
+    picks = sorted(_picks(thing, grasps, around), key=lambda one: one[0])
+    picks = _mixed(picks, lambda one: (one[1].kind, one[2]), _ALIKE)
+    if not picks:
+        raise GoalError(f"{thing.name} is out of reach: {_why(thing.middle[2])}")
+    puts = list(_puts(thing, place, picks, around))
+    if not puts:
+        raise GoalError(
+            f"The place of {thing.name} is out of reach of the hand that takes it: "
+            f"{_why(place[2] + float(thing.size[2]) / 2)}"
+        )
+    puts.sort(key=lambda one: one[0])
+    first = hand_space(thing, around.hands, thing.middle)
+    spaces: dict[float, HandSpace] = {}
+    cleared = False
+    for _, grasp, hand, pick, put, pose in puts[:_WAYS]:
+        visit = _visit(thing, grasp, hand, pick, first, around)
+        if visit is None:
+            continue
+        cleared = True
+        there = thing.put(pose)
+        space = spaces.setdefault(float(pose[3]), hand_space(there, around.hands, there.middle))
+        last = _visit(there, grasp, hand, put, space, around)
+        if last is not None:
+            return Picking(grasp, hand, visit, last, thing.pose.copy(), pose)
+    where = f"the place of {thing.name}" if cleared else thing.name
+    raise GoalError(
+        f"No way leads a hand to {where} past what stands there; move something away from before it."
+    )
+
+
+_Pick = tuple[float, OneHandGrasp, int, Reach]
+
+
+_One = TypeVar("_One")
+
+
+def _mixed(found: Sequence[_One], kind: Callable[[_One], object], most: int) -> list[_One]:
+    """The first ones of every kind, in their order."""
+    seen: Counter[object] = Counter()
+    kept = []
+    for one in found:
+        seen[kind(one)] += 1
+        if seen[kind(one)] <= most:
+            kept.append(one)
+    return kept
+
+
+def _picks(thing: Thing, grasps: Sequence[OneHandGrasp], around: Around) -> Iterator[_Pick]:
+    """Cost, grasp, hand and where one stands, the least strained of either hand."""
+    for grasp in grasps:
+        for hand, side in enumerate((RIGHT, LEFT)):
+            wrist = beside_held(grasp.at(thing.pose), grasp.width, side)
+            found = _standing(wrist, side, around)
+            if found is not None:
+                yield found.strain - _WORTH * grasp.score, grasp, hand, found
+
+
+def _puts(
+    thing: Thing, place: Array, picks: Sequence[_Pick], around: Around
+) -> Iterator[tuple[float, OneHandGrasp, int, Reach, Reach, Array]]:
+    """The same with where one stands to put the thing down, and how it then stands (4,)."""
+    for cost, grasp, hand, pick in picks:
+        side, best = (RIGHT, LEFT)[hand], None
+        for turn in np.arange(_HEADINGS) * 2 * np.pi / _HEADINGS:
+            pose = np.append(place, turn)
+            found = _standing(beside_held(grasp.at(pose), grasp.width, side), side, around)
+            if found is not None and (best is None or found.strain < best[0].strain):
+                best = found, pose
+        if best is not None:
+            yield cost + best[0].strain, grasp, hand, pick, *best
+
+
+def _standing(wrist: WristPose, side: float, around: Around) -> Reach | None:
+    """The least strained way to stand for a wrist where the floor is free."""
+    return least_strained(wrist, around.bodies, side, around.room)
+
+
+def _visit(
+    thing: Thing, grasp: OneHandGrasp, hand: int, reach: Reach, space: HandSpace, around: Around
+) -> Visit | None:
+    wrist = beside_held(grasp.at(thing.pose), grasp.width, (RIGHT, LEFT)[hand])
+    begin = _begin(thing, wrist, reach, around.hands)
+    empty, laden = (way_into(space, wrist, begin, held, whole=True) for held in (None, thing))
+    if empty is None or laden is None:
+        return None
+    return Visit(wrist, reach, *(np.concatenate((begin[None], way)) for way in (empty, laden)))
+
+
+def _begin(thing: Thing, wrist: WristPose, reach: Reach, around: DistanceQuery) -> Array:
+    """Where (3,) before or beside the body a hand with a thing has most room, and on from there to where its
+    way to the thing begins.
+    """
+    height = float(np.clip(wrist.place[2], *_HEIGHTS))
+    best, most = raised(reach), -np.inf
+    under = float(thing.pose[2] + (thing.low + thing.high)[2] / 2 - wrist.place[2])
+    for near in _NEARER:
+        for z in (height, best[2]):
+            begin = raised(reach, near)
+            begin[2] = z
+            way = wrist.place - begin
+            length = max(float(np.linalg.norm(way)), 1e-6)
+            line = np.linspace(0, max(1 - FROM / length, 0), 6)[:, None] * way + begin
+            out = np.append(reach.place, z) + np.linspace(0.3, 1, 6)[:, None] * (
+                begin - np.append(reach.place, z)
+            )  # no board lies between it and the body
+            points = np.concatenate((line, line + (0.0, 0.0, under), out))
+            room = min(float(around.signed_distance(points.astype(np.float32), _AMPLE).min()), _AMPLE)
+            if room > most + 0.01:
+                best, most = begin, room
+            if most >= _AMPLE:
+                return best
+    return best
+
+
+def _why(height: float) -> str:
+    low, high = REACHED
+    if not low <= height <= high:
+        return (
+            f"it is {height:.2f} m over the floor, and hands are used between {low:.1f} and {high:.1f} m; "
+            "choose another height."
+        )
+    return "there is no free floor before it within an arm's length; make room to stand there."
