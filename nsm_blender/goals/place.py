@@ -17,7 +17,7 @@ from nsm_core.rotations import Array, rotate_planar
 from nsm_core.world.affordances.reach import REACHED
 from nsm_core.world.geometry.distance import DistanceQuery, Union
 from nsm_core.world.planning.floor_plan import FloorPlan
-from nsm_core.world.scene.props import Thing, sense
+from nsm_core.world.scene.props import LightThing, sense
 from nsm_core.world.scene.small_things import LARGEST
 
 from ..world.bodies import place_of
@@ -43,12 +43,12 @@ def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: 
         raise GoalError(f"{target.name} cannot be put down on itself; choose another destination.")
     earlier = around.left.get(target)
     thing, pose = earlier if earlier else (read_thing(target, around, spec.mass), None)
-    if not isinstance(thing, Thing):
+    if not isinstance(thing, LightThing):
         raise GoalError(f"{target.name} is moved in another way earlier in the take; choose another object.")
     if pose is not None:
         thing = thing.put(pose)
     others = [
-        prop.put(at) for o, (prop, at) in around.left.items() if o != target and isinstance(prop, Thing)
+        prop.put(at) for o, (prop, at) in around.left.items() if o != target and isinstance(prop, LightThing)
     ]
     solids: DistanceQuery = Union([around.query, *others]) if others else around.query
     point = goal_point_of(scene, target, spec.action, to)
@@ -80,7 +80,7 @@ def require_ways(pick: Array, put: Array, here: Array, plan: FloorPlan) -> None:
     plan.require_way(pick, put)
 
 
-def read_thing(target: bpy.types.Object, around: Surroundings, mass: float | None) -> Thing:
+def read_thing(target: bpy.types.Object, around: Surroundings, mass: float | None) -> LightThing:
     """An object as a thing in one hand: its frame under the middle of its foot, upright."""
     body = around.body(target)
     low, high = body.bounds
@@ -90,10 +90,10 @@ def read_thing(target: bpy.types.Object, around: Surroundings, mass: float | Non
     size = high - low
     corners = np.append(-size[:2] / 2, 0.0), np.append(size[:2] / 2, size[2])
     weighs = by_volume(size) if mass is None else mass
-    return Thing(target.name, query, sense(query, *corners), pose, *corners, mass=weighs)
+    return LightThing(target.name, query, sense(query, *corners), pose, *corners, mass=weighs)
 
 
-def spots_on(to: bpy.types.Object, thing: Thing, here: Array, around: Surroundings) -> Iterator[Array]:
+def spots_on(to: bpy.types.Object, thing: LightThing, here: Array, around: Surroundings) -> Iterator[Array]:
     """Free places (3,) on the boards of ``to`` where a thing can stand, those first that one comes to with
     the least trouble.  Raises GoalError where there is none.
     """
@@ -135,10 +135,10 @@ def spots_on(to: bpy.types.Object, thing: Thing, here: Array, around: Surroundin
             yield spots[k]
 
 
-def _left(around: Surroundings, thing: Thing) -> Iterator[tuple[Array, Array]]:
+def _left(around: Surroundings, thing: LightThing) -> Iterator[tuple[Array, Array]]:
     """Corners of what stands elsewhere by now, as meshes, core frame."""
     for prop, pose in around.left.values():
-        if isinstance(prop, Thing) and prop.name != thing.name:
+        if isinstance(prop, LightThing) and prop.name != thing.name:
             x, y, z = np.meshgrid(*np.stack((prop.low, prop.high), 1), indexing="ij")
             corners = np.stack((x, y, z), -1).reshape(-1, 3)
             yield prop.to_world(corners, pose), np.array(((0, 1, 3), (0, 3, 2), (4, 5, 7), (4, 7, 6)))

@@ -144,7 +144,8 @@ class NsmGoal(bpy.types.PropertyGroup):
     )
     destination: PointerProperty(
         name="To",
-        description="Where a carried object goes: set down on top of this one, or in the place of this empty",
+        description="Where a carried object goes: set down on top of this one, a light one also on a "
+        "board of it, or in the place of this empty",
         type=bpy.types.Object,
         poll=_is_goal,
         override=OVERRIDABLE,

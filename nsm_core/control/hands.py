@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsm_core.body.capsules import BUNDLED, Figure
-from nsm_core.body.ik.grip import Grip, laid, twist_of, within
+from nsm_core.body.ik.grip import ACROSS, FINGERTIP, PALM, Grip, laid, twist_of, within
 from nsm_core.body.ik.solver import Pose, Task
 from nsm_core.body.ik.tasks import PointTask, TurnTask
 from nsm_core.body.ik.two_bone import place_on
@@ -25,9 +25,6 @@ FIRM = 0.3  # share of its way from which on a hand is led in full
 # left to a neck that is not to come lower, or further ahead, than the network's, metres.
 AT_WORK, NECK = 20, 0.02
 LONGEST = 1.6  # times as long as the network's is a trunk that has to come further ahead for arms to reach
-# Metres from the wrist to what lies across the palm, along fingers and off the palm; from the last sphere of
-# a hand to its tips.
-ACROSS, PALM, FINGERTIP = 0.075, 0.03, 0.015
 SWIVEL = np.radians(40)  # by which a hand turns about what lies across its palm, to meet its forearm
 FOREARM = 0.5  # share of a hand's turn about its forearm that the forearm does
 _WRISTS = [arm[2] for arm in ARMS]

@@ -120,7 +120,7 @@ ACTIONS = (
         "one, or where an empty is",
         "put down",
         needs_destination=True,
-        moved="Thing",
+        moved="LightThing",
         handles="a light thing to pick up",
         hands=True,
         labels=("idle", "walk"),

@@ -20,6 +20,10 @@ _EASY = np.radians(22)
 # Of a wrist, from its forearm: bent any way, and turned about it (most of that is the forearm's own).
 MOST_BEND, MOST_TWIST = np.radians(65), np.radians(80)
 
+# Metres from the wrist to what lies across the palm, along fingers and off the palm; from the last sphere of
+# a hand to its tips.
+ACROSS, PALM, FINGERTIP = 0.075, 0.03, 0.015
+
 
 @dataclass(frozen=True)
 class Grip:
@@ -78,4 +82,4 @@ def twist_of(wrists: Array) -> Array:
     return np.asarray(2 * np.arctan2(wrists[:, 1] * np.where(wrists[:, 0] < 0, -1, 1), np.abs(wrists[:, 0])))
 
 
-__all__ = ["Grip", "laid", "twist_of", "within"]
+__all__ = ["ACROSS", "FINGERTIP", "PALM", "Grip", "laid", "twist_of", "within"]

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nsm_core.body.capsules import BUNDLED
-from nsm_core.body.ik.grip import Grip
-from nsm_core.control.hands import FINGERTIP, PALM
+from nsm_core.body.ik.grip import FINGERTIP, PALM, Grip
 from nsm_core.rotations import Array
 from nsm_core.world.affordances.reach import LEFT, RIGHT
 from nsm_core.world.scene.wrist import TO_HELD, WristPose, palm_of

@@ -14,7 +14,7 @@ from nsm_core.world.affordances.picking import Around, Picking, plan_picking
 from nsm_core.world.affordances.reach import Reach
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan
-from nsm_core.world.scene.props import Thing
+from nsm_core.world.scene.props import LightThing
 
 from .approach import WALKING, Approach, Command, Gait, Ground
 from .base import Performer, Stage, StageStart, Way
@@ -32,7 +32,7 @@ def planned(goal: Goal, solids: DistanceQuery, plan: FloorPlan | None, pose: Arr
     """How the thing of a goal is taken and put down among ``solids``, which are everything but it; ``pose``
     (4,) where it stands by then.  GoalError where it cannot be.
     """
-    thing = goal.moves(Thing)
+    thing = goal.moves(LightThing)
     pose = thing.pose if pose is None else pose
     known = goal.picking
     if known is not None and np.linalg.norm(known.at[:3] - pose[:3]) < _MOVED:
@@ -51,7 +51,7 @@ class Place(Stage):
 
     def __init__(self, goal: Goal, start: StageStart) -> None:
         super().__init__(goal)
-        thing = goal.moves(Thing)
+        thing = goal.moves(LightThing)
         self.ground: Ground = start.ground
         solids = start.scene.but(thing)
         self.picking = planned(goal, solids, start.ground.plan)
@@ -109,7 +109,7 @@ class Place(Stage):
 
 def _places(goal: Goal, way: Way) -> list[Array | None]:
     """To where the thing is taken, and to where it is put down."""
-    thing = goal.moves(Thing)
+    thing = goal.moves(LightThing)
     if way.solids is None:
         return []
     picking = planned(goal, way.solids, way.plan, way.poses.get(thing.name))

@@ -24,7 +24,7 @@ from nsm_core.world.affordances.picking import Picking, Visit
 from nsm_core.world.affordances.reach import LEFT, RIGHT
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.hand_way import resampled, timed
-from nsm_core.world.scene.props import Thing
+from nsm_core.world.scene.props import LightThing
 from nsm_core.world.scene.wrist import WristPose
 
 from .hold import Lead, SeenBody
@@ -53,7 +53,7 @@ class Holding:
 
     forearms = False
 
-    def __init__(self, thing: Thing, picking: Picking, solids: DistanceQuery) -> None:
+    def __init__(self, thing: LightThing, picking: Picking, solids: DistanceQuery) -> None:
         """``solids`` are what the thing falls onto where it is let go."""
         self.prop, self.picking, self.hand, self.solids = thing, picking, picking.hand, solids
         self.state = "reach"

@@ -18,7 +18,7 @@ from nsm_core.body.skeleton import ANKLE_HEIGHT, ARMS, OFFSETS, TOE_HEIGHT, forw
 from nsm_core.conventions import CARRY, CLIMB, FPS, OPEN, RUN, SIT, STYLES
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.world.geometry.distance import Cuboids, DistanceQuery
-from nsm_core.world.scene.props import Box, Leaf, Prop, Thing
+from nsm_core.world.scene.props import Box, Leaf, LightThing, Prop
 
 from .motion import DEEP, SKATE_HEIGHT, foot_sliding, over_ground
 
@@ -85,7 +85,7 @@ def _between_hands(box: Box, body: Body, local: Array, seen: Array) -> Array:
     return held
 
 
-def _by_hand(thing: Thing, body: Body, local: Array, seen: Array) -> Array:
+def _by_hand(thing: LightThing, body: Body, local: Array, seen: Array) -> Array:
     """Of a light thing, a hand within its length of it."""
     reach = _GRASP * body.hand_size + float(np.linalg.norm(thing.size)) / 2
     near = np.linalg.norm(seen - (thing.low + thing.high) / 2, axis=-1) < reach
@@ -97,7 +97,7 @@ def _by_hand(thing: Thing, body: Body, local: Array, seen: Array) -> Array:
 
 _holding.register(Leaf, _at_the_handle)
 _holding.register(Box, _between_hands)
-_holding.register(Thing, _by_hand)
+_holding.register(LightThing, _by_hand)
 
 
 def all_depths(
@@ -193,7 +193,7 @@ def box_in_solids(box: Box, poses: Array, still: DistanceQuery) -> float:
     return deepest
 
 
-def thing_in_solids(thing: Thing, poses: Array, still: DistanceQuery) -> float:
+def thing_in_solids(thing: LightThing, poses: Array, still: DistanceQuery) -> float:
     """Depth in metres to which a thing that has ``poses`` (T, 4) comes into solids, the deepest: of points on
     it, a centimetre apart.
     """

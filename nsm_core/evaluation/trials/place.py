@@ -17,7 +17,7 @@ from nsm_core.rotations import Array
 from nsm_core.world.assets.kitchen import Kitchen, make_kitchen
 from nsm_core.world.geometry.distance import Cuboids, DistanceQuery
 from nsm_core.world.scene.furniture import cuboids
-from nsm_core.world.scene.props import Thing
+from nsm_core.world.scene.props import LightThing
 
 from . import rollout
 from .part import TrialPart
@@ -71,7 +71,7 @@ def _trial(seed: int) -> PlaceTrial | None:
     return None
 
 
-def standing(kitchen: Kitchen, thing: Thing) -> DistanceQuery:
+def standing(kitchen: Kitchen, thing: LightThing) -> DistanceQuery:
     """What stands of a kitchen beside one thing, no floor; furniture shut, other things as boxes."""
     groups = [cuboids([(kitchen.walls, np.zeros(3), 0.0)])]
     things = [s.thing for s in kitchen.things.values() if s.thing is not thing]
@@ -88,7 +88,7 @@ def standing(kitchen: Kitchen, thing: Thing) -> DistanceQuery:
 
 
 def _free_place(
-    kitchen: Kitchen, thing: Thing, still: DistanceQuery, rng: np.random.Generator
+    kitchen: Kitchen, thing: LightThing, still: DistanceQuery, rng: np.random.Generator
 ) -> Array | None:
     """Draw where (3,) a thing is put: near the front edge of an open board other than its own."""
     own = kitchen.things[thing.name].container
@@ -135,7 +135,7 @@ def run_trial(model: Model, trial: PlaceTrial, **more: Any) -> Trying[tuple[Take
     take = yield from rolled(model, asked)
     report, _ = rollout.judge(asked, take)
     thing = asked.goals[0].prop
-    assert isinstance(thing, Thing)
+    assert isinstance(thing, LightThing)
     poses = take.props[thing.name]
     off = float(np.linalg.norm(poses[-1, :3] - trial.place))
     report["thing_off_cm"] = 100 * off

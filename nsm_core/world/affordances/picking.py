@@ -19,7 +19,7 @@ from nsm_core.rotations import Array
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.hand_fields import HandSpace, hand_space
 from nsm_core.world.planning.hand_way import FROM, way_into
-from nsm_core.world.scene.props import Thing
+from nsm_core.world.scene.props import LightThing
 from nsm_core.world.scene.wrist import WristPose, beside_held
 
 from .grasps import OneHandGrasp, find_grasps
@@ -76,7 +76,7 @@ class Around:
     room: Callable[[Array], Array]
 
 
-def plan_picking(thing: Thing, place: Array, around: Around) -> Picking:
+def plan_picking(thing: LightThing, place: Array, around: Around) -> Picking:
     """Plan to take a thing from where it is and put it down with its foot at ``place`` (3,).
 
     Raises GoalError, a sentence on what stands in the way: no grasp that has room, no place to stand, no way
@@ -143,7 +143,7 @@ def _mixed(found: Sequence[_One], kind: Callable[[_One], object], most: int) -> 
     return kept
 
 
-def _picks(thing: Thing, grasps: Sequence[OneHandGrasp], around: Around) -> Iterator[_Pick]:
+def _picks(thing: LightThing, grasps: Sequence[OneHandGrasp], around: Around) -> Iterator[_Pick]:
     """Cost, grasp, hand and where one stands, the least strained of either hand."""
     for grasp in grasps:
         for hand, side in enumerate((RIGHT, LEFT)):
@@ -154,7 +154,7 @@ def _picks(thing: Thing, grasps: Sequence[OneHandGrasp], around: Around) -> Iter
 
 
 def _puts(
-    thing: Thing, place: Array, picks: Sequence[_Pick], around: Around
+    thing: LightThing, place: Array, picks: Sequence[_Pick], around: Around
 ) -> Iterator[tuple[float, OneHandGrasp, int, Reach, Reach, Array]]:
     """The same with where one stands to put the thing down, and how it then stands (4,)."""
     for cost, grasp, hand, pick in picks:
@@ -174,7 +174,7 @@ def _standing(wrist: WristPose, side: float, around: Around) -> Reach | None:
 
 
 def _visit(
-    thing: Thing, grasp: OneHandGrasp, hand: int, reach: Reach, space: HandSpace, around: Around
+    thing: LightThing, grasp: OneHandGrasp, hand: int, reach: Reach, space: HandSpace, around: Around
 ) -> Visit | None:
     wrist = beside_held(grasp.at(thing.pose), grasp.width, (RIGHT, LEFT)[hand])
     begin = _begin(thing, wrist, reach, around.hands)
@@ -184,7 +184,7 @@ def _visit(
     return Visit(wrist, reach, *(np.concatenate((begin[None], way)) for way in (empty, laden)))
 
 
-def _begin(thing: Thing, wrist: WristPose, reach: Reach, around: DistanceQuery) -> Array:
+def _begin(thing: LightThing, wrist: WristPose, reach: Reach, around: DistanceQuery) -> Array:
     """Where (3,) before or beside the body a hand with a thing has most room, and on from there to where its
     way to the thing begins.
     """

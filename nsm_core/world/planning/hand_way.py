@@ -12,7 +12,7 @@ from nsm_core.conventions import FPS
 from nsm_core.rotations import Array, cross, quat_from_axis_angle, quat_to_matrix
 from nsm_core.signals import gaussian_smooth
 from nsm_core.world.geometry.eikonal import NEVER, arrival_times
-from nsm_core.world.scene.props import Thing
+from nsm_core.world.scene.props import LightThing
 from nsm_core.world.scene.wrist import WristPose
 
 from .hand_fields import CELL, HandSpace
@@ -67,7 +67,7 @@ def way_past(
 
 
 def way_into(
-    space: HandSpace, wrist: WristPose, begin: Array, held: Thing | None = None, whole: bool = False
+    space: HandSpace, wrist: WristPose, begin: Array, held: LightThing | None = None, whole: bool = False
 ) -> Array | None:
     """The quickest way (K, 3), world, of a hand from where it comes near on its way from ``begin`` (3,)
     straight into a grasp; with what is ``held`` it is wider, and comes to its place from above.  ``whole`` as

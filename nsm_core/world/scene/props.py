@@ -157,7 +157,7 @@ class Box(Prop):
 
 
 @dataclass
-class Thing(Prop):
+class LightThing(Prop):
     """A light thing that one hand holds; it stays upright, and its frame lies under the middle of its foot.
 
     ``low``, ``high`` (3,) corners of its bounding box, own frame; ``mass`` kilograms; ``handle`` (2, 3) the
@@ -179,7 +179,7 @@ class Thing(Prop):
         """The middle (3,) of its bounding box, world."""
         return self.to_world((self.low + self.high) / 2)
 
-    def put(self, pose: Array) -> Thing:
+    def put(self, pose: Array) -> LightThing:
         """The same thing at another ``pose`` (4,)."""
         return replace(self, pose=pose)
 

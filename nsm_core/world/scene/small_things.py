@@ -17,7 +17,7 @@ from nsm_core.world.geometry.distance import Cuboids, DistanceQuery, Union
 from nsm_core.world.geometry.revolved import Revolved
 
 from .furniture.piece import Part, box_mesh
-from .props import Thing, sense
+from .props import LightThing, sense
 
 LARGEST, HEAVIEST = 0.25, 3.0  # metres along any axis and kilograms that one hand takes
 
@@ -25,7 +25,7 @@ Outline = list[tuple[float, float]]
 
 
 @dataclass
-class SmallThing(Thing):
+class SmallThing(LightThing):
     """A light thing of a ``kind``; its frame is told above.
 
     ``outline`` (K, 2) radii and heights of its round part, None without, and ``mins``, ``maxs`` (M, 3) of its
