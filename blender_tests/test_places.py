@@ -58,7 +58,7 @@ def test_a_place_is_found_on_a_top_on_a_shelf_and_at_an_empty():
     [
         ("Jar", {}, "cannot be put down on itself"),
         ("Table", {"mass": 4.0}, "weighs 4.0 kg, too much for one hand"),
-        ("High", {}, "it is 2.46 m over the floor"),
+        ("High", {}, "it is 2.46 m over the floor, and one hand"),
         ("Ball", {}, "no level board"),
     ],
 )

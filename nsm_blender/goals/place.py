@@ -14,6 +14,7 @@ from nsm_core.control.goals import Goal
 from nsm_core.control.load import by_volume
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, rotate_planar
+from nsm_core.world.affordances.picking import LOWEST
 from nsm_core.world.affordances.reach import REACHED
 from nsm_core.world.geometry.distance import DistanceQuery, Union
 from nsm_core.world.planning.floor_plan import FloorPlan
@@ -104,12 +105,12 @@ def spots_on(to: bpy.types.Object, thing: LightThing, here: Array, around: Surro
             f"{to.name} has no level board to put {thing.name} on; choose another object, or an empty where "
             "it is to stand."
         )
-    low, high = REACHED
+    low, high = LOWEST, REACHED[1]
     within = [b for b in boards if low - 0.1 <= b.height <= high - 0.1]
     if not within:
         heights = ", ".join(f"{b.height * scale:.2f}" for b in boards)
         raise GoalError(
-            f"The boards of {to.name} are {heights} m over the floor, and hands are used between "
+            f"The boards of {to.name} are {heights} m over the floor, and one hand puts things between "
             f"{low * scale:.2f} and {high * scale:.2f} m; choose another destination, or an empty."
         )
     wide = float(np.linalg.norm(thing.size[:2])) + 2 * BESIDE

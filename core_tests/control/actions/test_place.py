@@ -78,7 +78,7 @@ def refused(thing, place=PLACE, solids=None):
 
 def test_what_no_hand_takes_is_told_in_a_sentence():
     high = Union([boards(), boards(((-0.4, 0.0, 2.2), (0.4, 0.3, 2.23)))])
-    assert "2.31 m over the floor, and hands are used between 0.2 and 2.0 m" in refused(
+    assert "2.31 m over the floor, and one hand takes things between 0.4 and 2.0 m" in refused(
         jar((0.05, 0.1, 2.23, 0.4)), solids=high
     )
     heavy = jar()

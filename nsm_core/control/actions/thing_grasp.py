@@ -35,6 +35,7 @@ DRAWN = 15  # frames in which a hand is drawn onto its way, and given back
 CLOSING = 8  # frames for which a hand stays where it takes or leaves a thing
 TAKING_UP = 24  # frames in which what was elsewhere comes before the body, or onto its way
 BEFORE, BESIDE, HIGH = 0.34, 0.16, 1.04  # metres of a wrist with a thing from the root, and over the floor
+OVER = 0.96  # metres over the floor of a thing's foot at least: worktops pass under it
 # Metres from where a thing was taken, and from where it is left, over which it comes before the body and off.
 LEAVES, COMES = (0.15, 0.6), (0.12, 0.5)
 INWARD = np.radians(25)  # by which such a hand points across the body
@@ -63,6 +64,8 @@ class Holding:
         self._held_at = _carried(picking, self._side)
         self._taken_at = _beside(picking.pick, picking.at)
         self._left_at = _beside(picking.put, picking.pose)
+        for pose in (self._taken_at, self._left_at):
+            pose[2] = max(pose[2], self._held_at[2])
         self._gone = self._come = 0.0  # how far, 0..1, from where it was taken, and to where it is left
         self._off = np.zeros(4)  # of the thing, from where it is to be; fades
         self._hips: float | None = None
@@ -252,8 +255,8 @@ def _carried(picking: Picking, side: float) -> Array:
     rotation = picking.grasp.wrist.rotation
     way = -rotation[:, 1] if abs(rotation[2, 1]) < 0.8 else rotation[:, 2]
     turn = float(direction_to_heading(ahead)) - side * INWARD - float(direction_to_heading(way[:2]))
-    place = np.append(BEFORE * ahead + side * BESIDE * np.array((1.0, 0.0)), HIGH)
     held = picking.wrist(np.array((0.0, 0.0, 0.0, turn))).place
+    place = np.append(BEFORE * ahead + side * BESIDE * np.array((1.0, 0.0)), max(HIGH, OVER + held[2]))
     return np.append(place - held, wrap_angle(turn))
 
 

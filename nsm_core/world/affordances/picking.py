@@ -25,6 +25,7 @@ from nsm_core.world.scene.wrist import WristPose, beside_held
 from .grasps import OneHandGrasp, find_grasps
 from .reach import LEFT, REACHED, RIGHT, Reach, least_strained, raised
 
+LOWEST = 0.4  # metres over the floor down to which a body bends for what one hand takes
 _LEAST_ROOM = 0.005  # metres that a hand has around it where it takes a thing
 _GRASPS, _ALIKE = 8, 2  # of a kind that are tried, and of these by either hand, the best first
 _WAYS = 7  # of them for which ways are looked for
@@ -170,6 +171,8 @@ def _puts(
 
 def _standing(wrist: WristPose, side: float, around: Around) -> Reach | None:
     """The least strained way to stand for a wrist where the floor is free."""
+    if not LOWEST <= wrist.held[2] <= REACHED[1]:
+        return None
     return least_strained(wrist, around.bodies, side, around.room)
 
 
@@ -211,10 +214,10 @@ def _begin(thing: LightThing, wrist: WristPose, reach: Reach, around: DistanceQu
 
 
 def _why(height: float) -> str:
-    low, high = REACHED
+    low, high = LOWEST, REACHED[1]
     if not low <= height <= high:
         return (
-            f"it is {height:.2f} m over the floor, and hands are used between {low:.1f} and {high:.1f} m; "
-            "choose another height."
+            f"it is {height:.2f} m over the floor, and one hand takes things between {low:.1f} and "
+            f"{high:.1f} m; choose another height."
         )
     return "there is no free floor before it within an arm's length; make room to stand there."
