@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from nsm_core.body.contacts import TOES
-from nsm_core.conventions import FPS, GOAL_ACTIONS, STYLES
+from nsm_core.conventions import FOOT_CONTACTS, FPS, GOAL_ACTIONS, STYLES
 from nsm_core.errors import OutputError
 from nsm_core.files import output
 from nsm_core.model.features.state import PIVOT
 from nsm_core.rotations import Array, direction_to_heading, wrap_angle
 
+from .scenarios.seams import SOFTENED
 from .storage import Dataset, described
 
 # Goals by what is asked for together, as in ``take.TimedCommand``; those with a static place have directions
@@ -31,6 +32,7 @@ KINDS = {
     "stand there": ("idle",),
 }
 GLIDES, LOW = 0.12, 0.04  # m/s, and metres of a toe joint over the floor
+ABOUT = 10  # frames before and after a place where two captured pieces meet that are looked at
 _BEARINGS, _DISTANCES, _HEIGHTS = np.arange(0, 181, 30), np.arange(0, 6.1, 0.5), np.arange(0, 1.31, 0.1)
 
 
@@ -70,25 +72,73 @@ def _minutes(data: Dataset) -> dict[str, float]:
     return {name: float(m) for name, m in zip(STYLES, style, strict=True)}
 
 
+def _feet(a: dict[str, Array]) -> tuple[Array, Array, Array]:
+    """Of toes (T - 1, 2), from frame to frame: m/s sideways, whether they glide near the ground, and whether
+    they are told to stand.
+    """
+    toes = np.array(a["joint_position"])[:, TOES]
+    speed = np.linalg.norm(np.diff(toes[..., :2], axis=0), axis=-1) * FPS
+    return speed, (speed > GLIDES) & (toes[1:, :, 2] < LOW), np.array(a["contact"][1:, FOOT_CONTACTS]) > 0.5
+
+
+def _centimetres(speed: Array, stands: Array) -> float:
+    """cm/s, mean, of feet that are told to stand."""
+    return 100 * float(speed[stands].mean()) if stands.any() else 0.0
+
+
 def gliding(data: Dataset) -> dict[str, tuple[float, float]]:
     """By action, of the frames that it begins or ends in (between none and all of it): share of feet in them
     that go sideways near the ground, landings and lift-offs among them; and cm/s, mean, of feet that are
     told to stand.
     """
     a = data.arrays
-    toes = np.array(a["joint_position"])[:, TOES]
     same = np.array(a["start"][1:]) == np.array(a["start"][:-1])
-    speed = np.linalg.norm(np.diff(toes[..., :2], axis=0), axis=-1) * FPS
-    glide = (speed > GLIDES) & (toes[1:, :, 2] < LOW)
-    stands = np.array(a["contact"][1:, 3:]) > 0.5
+    speed, glide, stands = _feet(a)
     found = {}
     for n, name in enumerate(STYLES):
         share = np.array(a["style"][1:, n])
         between = same & (share > 0.2) & (share < 0.8)
         if between.any():
-            standing = speed[between][stands[between]]
-            found[name] = float(glide[between].mean()), 100 * float(standing.mean()) if standing.size else 0.0
+            found[name] = float(glide[between].mean()), _centimetres(speed[between], stands[between])
     return found
+
+
+@dataclass(frozen=True)
+class Seams:
+    """Motion within ABOUT frames of where captured pieces meet, feet and objects fitted: share of ``glides``
+    and cm/s of feet that are told to ``stand``, as in ``gliding``; ``acceleration``, m/s^2, and ``jerk``,
+    m/s^3, of the joint that has most of it, mean of ``count`` seams; ``mean_jerk`` over all joints, m/s^3.
+    """
+
+    count: int
+    glides: float
+    stand: float
+    acceleration: float
+    jerk: float
+    mean_jerk: float
+
+
+def at_seams(data: Dataset, takes: list[dict[str, Any]]) -> Seams | None:
+    """Of the ``takes`` of ``data.json``; None where no pieces meet far enough from both ends of one."""
+    a = data.arrays
+    speed, glide, stands = _feet(a)
+    parts, most = [], []
+    for take in takes:
+        ends = take["start"] + np.cumsum([piece[3] for piece in take["pieces"]])
+        for seam in ends[:-1]:
+            first, end = int(seam) - ABOUT, int(seam) + ABOUT
+            if first < take["start"] or end > ends[-1]:
+                continue
+            joints = np.array(a["joint_position"][first:end], dtype=np.float64)
+            changes = [np.linalg.norm(np.diff(joints, n, axis=0), axis=-1) * FPS**n for n in (2, 3)]
+            most.append((*(change.max() for change in changes), changes[1].mean()))
+            parts.append(slice(first, end - 1))
+    if not parts:
+        return None
+    speeds, glides, standing = (np.concatenate([v[part] for part in parts]) for v in (speed, glide, stands))
+    return Seams(
+        len(parts), float(glides.mean()), _centimetres(speeds, standing), *np.mean(most, axis=0).tolist()
+    )
 
 
 def _seams(meta: dict[str, Any]) -> Array:
@@ -126,6 +176,14 @@ def report(folder: str | Path) -> str:
         + ", ".join(f"{name} {share:.1%} {speed:.1f}" for name, (share, speed) in glides)
     )
     lines.append(f"captured pieces per minute: {np.median(_seams(meta)):.1f} (median of takes)")
+    seams = at_seams(data, list(meta["takes"].values()))
+    if seams is not None:
+        lines.append(
+            f"within {ABOUT} frames of {seams.count} places where they meet ({meta.get('seams', SOFTENED)}): "
+            f"feet that glide near the ground {seams.glides:.1%}, cm/s of those that stand "
+            f"{seams.stand:.1f}; largest of a joint {seams.acceleration:.0f} m/s^2 and {seams.jerk:.0f} "
+            f"m/s^3, mean of all {seams.mean_jerk:.0f} m/s^3"
+        )
     return "\n".join(lines)
 
 
