@@ -12,7 +12,6 @@ def main(arguments: list[str]) -> int:
         report,  # these need this module
     )
     from nsm_core.data.export import export
-    from nsm_core.data.scenarios.seams import JOINS, SOFTENED
 
     parser = argparse.ArgumentParser(
         prog="compose", description="Stitch goal-directed performances from a capture folder."
@@ -25,13 +24,6 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2, help="processes that compose (default: 2)")
-    parser.add_argument(
-        "--seams",
-        choices=list(JOINS),
-        default=SOFTENED,
-        help="where captured pieces meet: let what is lacking fade away (default), or let the network of "
-        "Fill make the frames about it",
-    )
     a = parser.parse_args(arguments)
 
     def show(n: int, of: int) -> None:
@@ -46,7 +38,6 @@ def main(arguments: list[str]) -> int:
         workers=a.workers,
         progress=show,
         tell=lambda note: print(f"note: {note}"),
-        seams=a.seams,
     )
     print()
     print(report(folder))

@@ -17,7 +17,9 @@ from nsm_core.body.clip import Clip
 from nsm_core.body.contacts import RESTING, TOES
 from nsm_core.body.ik.between import ENDS, GLIDES, Ground, joined, planted
 from nsm_core.body.ik.clearance import Obstacle
-from nsm_core.body.interpolation import interpolated
+from nsm_core.body.ik.pose_fit import pose_from_places
+from nsm_core.body.interpolation import interpolated, target_blend
+from nsm_core.body.skeleton import HIPS
 from nsm_core.conventions import FPS
 from nsm_core.errors import GapError
 from nsm_core.model.inference.transition_model import TransitionModel
@@ -115,8 +117,7 @@ def fill(gap: Gap, network: TransitionModel | None) -> Filled:
         if gap.seed:
             notes += ("Interpolation has no variations.",)
     else:
-        ground = gap.ground or (lambda places: np.full(len(places), level))
-        hips, local, missed = network.poses(past, target, count, ground, gap.seed)
+        hips, local, missed = _transition(gap, network, level)
     hips = np.concatenate((_before(past.hips_position), hips, _after(target.hips_position)))
     local = np.concatenate((_before(past.local_rotations), local, _after(target.local_rotations)))
     up = np.array((0.0, 0.0, level))
@@ -134,6 +135,20 @@ def fill(gap: Gap, network: TransitionModel | None) -> Filled:
         told = f"The network came to {100 * missed:.0f} cm from the target; the rest was blended."
         return replace(filled, notes=(*notes, told))
     return filled
+
+
+def _transition(gap: Gap, network: TransitionModel, level: float) -> tuple[Array, Array, float]:
+    """Hips (frames, 3) and local rotations (frames, 23, 4) as a network tells them, with the target blend
+    (section 5.1) over all of them; and metres that it missed the target by.
+    """
+    goal = gap.target.world()[0][:2].astype(np.float64)
+    ground = gap.ground or (lambda places: np.full(len(places), level))
+    told = network.predict(gap.past.world()[0][-PAST:], goal, gap.frames, ground, gap.seed)
+    missed = float(np.linalg.norm(told[-1] - goal[0], axis=-1).mean())
+    places = target_blend(told, goal[0], gap.frames + 1)[:-1]
+    ends = gap.past.local_rotations[-1], gap.target.local_rotations[0]
+    near = interpolated((places[0, HIPS], places[-1, HIPS]), ends, gap.frames)[1][:-1]
+    return places[:, HIPS], pose_from_places(places, near), missed
 
 
 def level_under(clip: Clip, figure: Figure = BUNDLED) -> float:

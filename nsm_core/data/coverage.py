@@ -17,7 +17,6 @@ from nsm_core.files import output
 from nsm_core.model.features.state import PIVOT
 from nsm_core.rotations import Array, direction_to_heading, wrap_angle
 
-from .scenarios.seams import SOFTENED
 from .storage import Dataset, described
 
 # Goals by what is asked for together, as in ``take.TimedCommand``; those with a static place have directions
@@ -179,10 +178,10 @@ def report(folder: str | Path) -> str:
     seams = at_seams(data, list(meta["takes"].values()))
     if seams is not None:
         lines.append(
-            f"within {ABOUT} frames of {seams.count} places where they meet ({meta.get('seams', SOFTENED)}): "
-            f"feet that glide near the ground {seams.glides:.1%}, cm/s of those that stand "
-            f"{seams.stand:.1f}; largest of a joint {seams.acceleration:.0f} m/s^2 and {seams.jerk:.0f} "
-            f"m/s^3, mean of all {seams.mean_jerk:.0f} m/s^3"
+            f"within {ABOUT} frames of {seams.count} places where they meet: feet that glide near the ground "
+            f"{seams.glides:.1%}, cm/s of those that stand {seams.stand:.1f}; largest of a joint "
+            f"{seams.acceleration:.0f} m/s^2 and {seams.jerk:.0f} m/s^3, mean of all {seams.mean_jerk:.0f} "
+            "m/s^3"
         )
     return "\n".join(lines)
 

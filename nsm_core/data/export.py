@@ -27,7 +27,6 @@ from .captures.folder import CaptureFolder
 from .matching.selection import stance
 from .scenarios.composer import Composer, load
 from .scenarios.registry import drawn
-from .scenarios.seams import JOINS, SOFTENED
 from .scenarios.take import Annotated, ComposedTake, Piece, annotate, goal_tables
 from .storage import FIELDS, OBJECT_FIELDS
 
@@ -177,9 +176,9 @@ def take_arrays(take: ComposedTake) -> dict[str, Array]:
 _composer: Composer | None = None
 
 
-def _prepare(folder: str, objects: str | None, cache: str, stitch: bool, seams: str) -> None:
+def _prepare(folder: str, objects: str | None, cache: str, stitch: bool) -> None:
     global _composer
-    _composer = Composer(load(folder), pool=pool_of(objects, cache), stitch=stitch, join=JOINS[seams]())
+    _composer = Composer(load(folder), pool=pool_of(objects, cache), stitch=stitch)
 
 
 def pool_of(objects: str | None, cache: str) -> Pool | None:
@@ -203,15 +202,13 @@ def export(
     tell: Callable[[str], None] | None = None,
     meshes: str | None = None,
     stitch: bool = True,
-    seams: str = SOFTENED,
 ) -> Path:
     """Compose takes until ``minutes`` of motion are there and write them below ``out``; returns the folder.
 
     ``meshes`` names a folder of furniture meshes (``dataset.pool``) that join the parametric pieces; those
-    held back for testing are not used; ``stitch`` False leaves captured pieces by themselves; ``seams``, of
-    ``seams.JOINS``, says how they are joined.  The same seed gives the same data.  ``tell`` is called with
-    every note on a capture that was read other than its file says.  Raises CaptureError where the capture
-    folder is unusable, WeightsError where the network is that is to fill seams.
+    held back for testing are not used; ``stitch`` False leaves captured pieces by themselves.  The same seed
+    gives the same data.  ``tell`` is called with every note on a capture that was read other than its file
+    says.  Raises CaptureError where the capture folder is unusable.
     """
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
@@ -219,7 +216,6 @@ def export(
         raise CaptureError(f"{captures} is no folder; name the one with the captures.")
     index = CaptureFolder(captures)
     load(index)  # a damaged capture is told here, not as a broken pool of workers
-    JOINS[seams]()  # and so are damaged weights
     if tell is not None:
         for note in index.notes():
             tell(note)
@@ -230,7 +226,7 @@ def export(
     provenance = {}
     try:
         with ProcessPoolExecutor(
-            workers, initializer=_prepare, initargs=(captures, meshes, cache, stitch, seams)
+            workers, initializer=_prepare, initargs=(captures, meshes, cache, stitch)
         ) as pool:
             batch = seed
             while frames < wanted:
@@ -261,7 +257,6 @@ def export(
             "objects": objects,
             "seed": seed,
             "stance": stance(index),
-            "seams": seams,
             "meaning": meaning() | {"draws": drawn()},
         }
         temporary.write_text(json.dumps({**about, "takes": provenance}))

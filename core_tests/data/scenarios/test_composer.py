@@ -349,6 +349,8 @@ def test_coverage_counts_goals_by_kind_and_draws_them(tmp_path_factory, folder, 
     assert {"walk", "idle"} <= set(glides)
     assert all(share < 0.15 and speed < 5 for share, speed in glides.values()), glides
     text = coverage.report(where)
+    seams = coverage.at_seams(data, list(meta["takes"].values()))
+    assert seams is not None and seams.stand < 5 and f"of {seams.count} places where they meet" in text
     assert f"in {len(meta['takes'])} takes" in text and all(
         f"{kind}: {count} goals" in text for kind, count in asked.items() if count
     )

@@ -16,6 +16,7 @@ from nsm_core.body.contacts import ANKLES, LEGS, RESTING, TOES
 from nsm_core.body.ik.footsteps import FootGround, footsteps
 from nsm_core.body.ik.reach import into_reach, sinking
 from nsm_core.body.ik.two_bone import leg_reach, place_limbs
+from nsm_core.body.inertialization import soften_seam
 from nsm_core.body.skeleton import FEET, forward_kinematics
 from nsm_core.conventions import FOOT_CONTACTS, FPS
 from nsm_core.data.captures.folder import CaptureFolder
@@ -40,7 +41,6 @@ from .gaze import look_ahead
 from .landing import hold
 from .motion import Motion
 from .registry import SCENARIOS
-from .seams import Join, soften
 from .session import Session
 from .stairs.episode import StairEpisode
 from .take import ComposedTake, Piece, TimedCommand
@@ -66,7 +66,7 @@ class Composer:
 
     ``shares`` overrides how often each part is drawn; furniture comes from ``pool`` (default: the parametric
     generator alone).  Without ``stitch`` a take is one captured piece on its own (see ``single_clips``), to
-    show what stitching brings.  ``join`` makes one motion of the pieces (see ``seams``).
+    show what stitching brings.
     """
 
     def __init__(
@@ -75,9 +75,8 @@ class Composer:
         shares: dict[str, float] | None = None,
         pool: Pool | None = None,
         stitch: bool = True,
-        join: Join = soften,
     ) -> None:
-        self.source, self.pool, self.stitch, self.join = source, pool, stitch, join
+        self.source, self.pool, self.stitch = source, pool, stitch
         shares = {name: scenario.share for name, scenario in SCENARIOS.items()} if shares is None else shares
         self.shares = {name: share for name, share in shares.items() if share > 0}
 
@@ -86,10 +85,9 @@ class Composer:
         rng = np.random.default_rng(seed)
         session = Session(self.source, rng, self.pool)
         if not self.stitch:
-            laid = _play_alone(session, self.shares)
-            return _finish(session, single_clips.SHORTEST, self.join) if laid else None
+            return _finish(session, single_clips.SHORTEST) if _play_alone(session, self.shares) else None
         _perform(session, self.shares)
-        return _finish(session, SHORTEST, self.join)
+        return _finish(session, SHORTEST)
 
 
 def _perform(session: Session, shares: dict[str, float]) -> None:
@@ -129,7 +127,7 @@ def _play_alone(session: Session, shares: dict[str, float]) -> bool:
     return pieces[int(session.rng.choice(len(pieces), p=weights / weights.sum()))][1](session)
 
 
-def _finish(session: Session, shortest: int, join: Join) -> ComposedTake | None:
+def _finish(session: Session, shortest: int) -> ComposedTake | None:
     """Turn the tape into motion, fit the episodes and furnish the scene; None where it is of no use or
     ``shortest`` frames are more.
     """
@@ -137,7 +135,8 @@ def _finish(session: Session, shortest: int, join: Join) -> ComposedTake | None:
     if len(tape) < shortest:
         return None
     hips, rotations, feet, frames = _played(session)
-    join(hips, rotations, feet, tape.seams)
+    for seam in tape.seams:
+        soften_seam(hips, rotations, seam)
     motion = Motion(
         hips, rotations, np.array(tape.roots), np.array(tape.headings), feet, list(session.commands), rng
     )

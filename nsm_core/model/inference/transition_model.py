@@ -8,9 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from nsm_core.body.clip import Clip
-from nsm_core.body.ik.pose_fit import pose_from_places
-from nsm_core.body.interpolation import interpolated, target_blend
 from nsm_core.body.skeleton import HIPS, J
 from nsm_core.model.networks.delta_config import DeltaConfig
 from nsm_core.model.networks.delta_numpy import NumpyDelta
@@ -65,21 +62,6 @@ class TransitionModel:
         back = rotate_planar(out, -angle)
         back[..., :2] += middle
         return back
-
-    def poses(
-        self, past: Clip, target: Clip, frames: int, ground: Ground, seed: int = 0
-    ) -> tuple[Array, Array, float]:
-        """Hips (frames, 3) and local rotations (frames, 23, 4) between two clips as of ``predict``, with the
-        target blend (papers/001 section 5.1) over all of them; and metres, mean over joints, that the target
-        was missed by before it.
-        """
-        goal = target.world()[0][:2].astype(np.float64)
-        told = self.predict(past.world()[0][-PAST:], goal, frames, ground, seed)
-        missed = float(np.linalg.norm(told[-1] - goal[0], axis=-1).mean())
-        places = target_blend(told, goal[0], frames + 1)[:-1]
-        ends = past.local_rotations[-1], target.local_rotations[0]
-        near = interpolated((places[0, HIPS], places[-1, HIPS]), ends, frames)[1][:-1]
-        return places[:, HIPS], pose_from_places(places, near), missed
 
 
 def extended(past: Array) -> Array:
