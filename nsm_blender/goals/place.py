@@ -64,7 +64,7 @@ def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: 
     for spot in spots:
         goal = Goal(spec.action, spec.label, spot, 0.0, spec.hold, prop=thing)
         try:
-            picking = planned(goal, solids, plan)
+            picking = planned(goal, solids, plan, here[:2])
             require_ways(picking.pick.reach.place, picking.put.reach.place, here, plan)
         except GoalError as error:
             refused = refused or error

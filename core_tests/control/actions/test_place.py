@@ -72,7 +72,7 @@ def refused(thing, place=PLACE, solids=None):
     solids = solids or boards()
     plan = FloorPlan(solids, (np.array((-2.0, -4.0)), np.array((4.0, 2.0))))
     with pytest.raises(GoalError) as error:
-        planned(Goal("place", thing.name, place, 0.0, prop=thing), solids, plan)
+        planned(Goal("place", thing.name, place, 0.0, prop=thing), solids, plan, np.array((0.0, -2.0)))
     return str(error.value)
 
 

@@ -5,15 +5,19 @@ The network walks and stands; the hand goes along ways that are planned past eve
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from nsm_core.control.goals import Goal, Moment
 from nsm_core.conventions import SIT
+from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, wrap_angle
 from nsm_core.world.affordances.picking import Around, Picking, plan_picking
 from nsm_core.world.affordances.reach import Reach
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan
+from nsm_core.world.planning.walked_to import walked_to
 from nsm_core.world.scene.props import LightThing
 
 from .approach import WALKING, Approach, Command, Gait, Ground
@@ -28,21 +32,32 @@ LADEN = Gait(speeds=(0.85, 1.05))  # of who has a thing in one hand
 _MOVED = 0.01  # metres from where it was planned to be taken at which a thing is planned for anew
 
 
-def planned(goal: Goal, solids: DistanceQuery, plan: FloorPlan | None, pose: Array | None = None) -> Picking:
-    """How the thing of a goal is taken and put down among ``solids``, which are everything but it; ``pose``
-    (4,) where it stands by then.  GoalError where it cannot be.
+def planned(
+    goal: Goal, solids: DistanceQuery, plan: FloorPlan | None, here: Array, pose: Array | None = None
+) -> Picking:
+    """How the thing of a goal is taken and put down among ``solids``, which are everything but it, by who
+    comes from ``here`` (2,); ``pose`` (4,) where it stands by then.  GoalError where it cannot be.
     """
     thing = goal.moves(LightThing)
     pose = thing.pose if pose is None else pose
     known = goal.picking
     if known is not None and np.linalg.norm(known.at[:3] - pose[:3]) < _MOVED:
         return known
-    there = thing.put(pose)
+    there, end = thing.put(pose), goal.position.astype(np.float64)
 
     def room(places: Array) -> Array:
         return np.full(len(places), np.inf) if plan is None else np.asarray(plan.clearance(places))
 
-    goal.picking = plan_picking(there, goal.position.astype(np.float64), Around(solids, solids, room))
+    around = Around(solids, solids, room)
+    if plan is not None:
+        reached = walked_to(plan, here, np.stack((pose[:2], end[:2])))
+        led_to = replace(around, room=lambda places: np.where(reached(places), room(places), -np.inf))
+        try:
+            goal.picking = plan_picking(there, end, led_to)
+            return goal.picking
+        except GoalError:
+            pass  # a place that cannot be walked to is found all the same: then it is the way that is missing
+    goal.picking = plan_picking(there, end, around)
     return goal.picking
 
 
@@ -54,7 +69,7 @@ class Place(Stage):
         thing = goal.moves(LightThing)
         self.ground: Ground = start.ground
         solids = start.scene.but(thing)
-        self.picking = planned(goal, solids, start.ground.plan)
+        self.picking = planned(goal, solids, start.ground.plan, start.moment.root[:2])
         self.grasp: Holding | None = None
         self._hands = Holding(thing, self.picking, solids)
         self._go(self.picking.pick.reach)
@@ -112,7 +127,7 @@ def _places(goal: Goal, way: Way) -> list[Array | None]:
     thing = goal.moves(LightThing)
     if way.solids is None:
         return []
-    picking = planned(goal, way.solids, way.plan, way.poses.get(thing.name))
+    picking = planned(goal, way.solids, way.plan, way.here, way.poses.get(thing.name))
     way.poses[thing.name] = picking.pose
     return [picking.pick.reach.place, picking.put.reach.place]
 

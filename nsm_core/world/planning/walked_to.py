@@ -1,0 +1,53 @@
+"""Which places of a floor can be walked to from another one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from nsm_core.rotations import Array
+
+from .floor_plan import FloorPlan
+
+CELL, AROUND = 0.1, 3.0  # metres of a cell, and around all that is asked about that ways may lead over
+BESIDE = 0.35  # metres from free floor at which a body still comes to stand
+
+
+def walked_to(plan: FloorPlan, start: Array, about: Array) -> Callable[[Array], Array]:
+    """Whether (N,) a body comes from ``start`` (2,) to places (N, 2), over the floor around them all:
+    ``about`` (K, 2) are among them.
+    """
+    ends = np.concatenate((np.asarray(start, float)[None, :2], np.asarray(about, float)[:, :2]))
+    low = np.maximum(ends.min(0) - AROUND, plan.bounds[0])
+    high = np.minimum(ends.max(0) + AROUND, plan.bounds[1])
+    lines = [np.arange(a, b, CELL) for a, b in zip(low, high, strict=True)]
+    cells = np.stack(np.meshgrid(*lines, indexing="ij"), -1)
+    free = plan.clearance(cells.reshape(-1, 2)).reshape(cells.shape[:2]) >= plan.radius
+    known = cells[_grown(free, cells, ends[0])]
+
+    def reached(places: Array) -> Array:
+        away = np.linalg.norm(np.asarray(places)[:, None] - known, axis=-1)
+        return np.asarray(away.min(axis=1, initial=np.inf) < BESIDE)
+
+    return reached
+
+
+def _grown(free: Array, cells: Array, start: Array) -> Array:
+    """The free cells that hang together with the one nearest to ``start``."""
+    grown = np.zeros_like(free)
+    if not free.any():
+        return grown
+    away = np.where(free, np.linalg.norm(cells - start, axis=-1), np.inf)
+    grown[np.unravel_index(away.argmin(), free.shape)] = True
+    count = 0
+    while grown.sum() > count:
+        count = int(grown.sum())
+        wide = np.pad(grown, 1)
+        grown = free & (
+            wide[1:-1, 1:-1] | wide[2:, 1:-1] | wide[:-2, 1:-1] | wide[1:-1, 2:] | wide[1:-1, :-2]
+        )
+    return grown
+
+
+__all__ = ["walked_to"]
