@@ -178,10 +178,13 @@ class Holding:
             self._off[3] = wrap_angle(self._off[3])
             self._begin("carry", np.repeat(self._way[-1:], TAKING_UP, 0))
         elif self.state == "in":
-            self.prop.pose[:] = self.picking.pose
             self._begin("leave", np.repeat(self._way[-1:], CLOSING, 0))
         elif self.state == "leave":
-            self.errors |= {"position_error_cm": 0.0, "rotation_error_deg": 0.0}
+            off = self.prop.pose - self.picking.pose
+            self.errors |= {
+                "position_error_cm": 100 * float(np.linalg.norm(off[:3])),
+                "rotation_error_deg": float(np.degrees(abs(wrap_angle(off[3])))),
+            }
             self._begin("back", _way(put.empty, FASTEST)[::-1])
         elif self.state in ("back", "falling") and self._weight <= 0:
             self.state = "free"
