@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from nsm_core.world.geometry.distance import DistanceQuery
 
 _ESCAPE = 1.2  # metres around a start or goal that is hemmed in, within which the way may squeeze through
-_BRUSH = 0.03  # metres of room that squeezing through needs
+BRUSH = 0.03  # metres of room that squeezing through needs
 # Metres to get off a thing that one stands or sits on; further from deeper ones that a way starts on.
 _LEAVE = 0.7
 _BEYOND = (0.3, 1.0)  # metres past the nearest free floor, tried one after the other
@@ -96,7 +96,7 @@ class FloorPlan(ClearanceMap):
         if self.line_is_free(start, goal):
             return np.stack(ends)
         cells = self._search_near(start, goal)
-        if cells is None and float(self.clearance(start[None])[0]) <= _BRUSH:
+        if cells is None and float(self.clearance(start[None])[0]) <= BRUSH:
             cells = self._leave_deep(start, goal)
         if cells is None:
             return None
@@ -212,7 +212,7 @@ class FloorPlan(ClearanceMap):
             if own < self.radius:
                 # Beside a thing one may brush it, never pass through it; only from on top of a thing the way
                 # leads off it.
-                squeeze |= blocked & (((room > _BRUSH) & (away < _ESCAPE)) if own > _BRUSH else (away < far))
+                squeeze |= blocked & (((room > BRUSH) & (away < _ESCAPE)) if own > BRUSH else (away < far))
         # Flesh gives way before wood does: inside a solid costs much more than close to one.
         price = np.where(
             squeeze, 6 + 60 * np.clip((0.15 - room) / 0.15, 0, 2), np.where(blocked, np.inf, price)

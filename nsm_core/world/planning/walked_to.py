@@ -8,10 +8,10 @@ import numpy as np
 
 from nsm_core.rotations import Array
 
-from .floor_plan import FloorPlan
+from .floor_plan import BRUSH, FloorPlan
 
 CELL, AROUND = 0.1, 3.0  # metres of a cell, and around all that is asked about that ways may lead over
-BESIDE = 0.35  # metres from free floor at which a body still comes to stand
+BESIDE = 0.35  # metres of a narrow way from free floor to where a body still comes to stand
 
 
 def walked_to(plan: FloorPlan, start: Array, about: Array) -> Callable[[Array], Array]:
@@ -23,14 +23,23 @@ def walked_to(plan: FloorPlan, start: Array, about: Array) -> Callable[[Array], 
     high = np.minimum(ends.max(0) + AROUND, plan.bounds[1])
     lines = [np.arange(a, b, CELL) for a, b in zip(low, high, strict=True)]
     cells = np.stack(np.meshgrid(*lines, indexing="ij"), -1)
-    free = plan.clearance(cells.reshape(-1, 2)).reshape(cells.shape[:2]) >= plan.radius
-    known = cells[_grown(free, cells, ends[0])]
+    room = plan.clearance(cells.reshape(-1, 2)).reshape(cells.shape[:2])
+    known = _grown(room >= plan.radius, cells, ends[0])
+    for _ in range(round(BESIDE / CELL)):  # squeezing past things, through none
+        known |= _beside(known) & (room > BRUSH)
 
     def reached(places: Array) -> Array:
-        away = np.linalg.norm(np.asarray(places)[:, None] - known, axis=-1)
-        return np.asarray(away.min(axis=1, initial=np.inf) < BESIDE)
+        index = np.round((np.asarray(places, float)[:, :2] - low) / CELL).astype(int)
+        within = ((index >= 0) & (index < known.shape)).all(1)
+        return within & known[tuple(np.clip(index, 0, np.array(known.shape) - 1).T)]
 
     return reached
+
+
+def _beside(grown: Array) -> Array:
+    """Those cells and their neighbours along either axis."""
+    wide = np.pad(grown, 1)
+    return np.asarray(wide[1:-1, 1:-1] | wide[2:, 1:-1] | wide[:-2, 1:-1] | wide[1:-1, 2:] | wide[1:-1, :-2])
 
 
 def _grown(free: Array, cells: Array, start: Array) -> Array:
@@ -43,10 +52,7 @@ def _grown(free: Array, cells: Array, start: Array) -> Array:
     count = 0
     while grown.sum() > count:
         count = int(grown.sum())
-        wide = np.pad(grown, 1)
-        grown = free & (
-            wide[1:-1, 1:-1] | wide[2:, 1:-1] | wide[:-2, 1:-1] | wide[1:-1, 2:] | wide[1:-1, :-2]
-        )
+        grown = free & _beside(grown)
     return grown
 
 
