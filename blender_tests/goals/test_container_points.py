@@ -8,7 +8,8 @@ import pytest
 from mathutils import Matrix, Vector
 
 from nsm_blender.demo_scene.kitchen import build_kitchen
-from nsm_blender.goals.container_points import AXIS, GRIP, OPENS, show_what_opens
+from nsm_blender.goals.container_points import show_what_opens
+from nsm_blender.goals.furniture_parts import AXIS, GRIP, OPENS
 from nsm_blender.goals.points import goal_point_of
 from nsm_blender.ui import operators
 from nsm_core.errors import GeometryError, GoalError

@@ -19,6 +19,7 @@ from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import TakeSpec, finish, generate, prepare
 from nsm_blender.world.frame import WorldFrame
 from nsm_core.errors import GoalError
+from nsm_core.world.scene.containers import Front
 
 START = (np.array((0.4, -2.0), np.float32), math.pi)
 W, T, H = LEAF
@@ -127,10 +128,12 @@ class TestFurniture:
             "Door is the door of a cupboard: what is behind it ends after 0.5[0-9] m, too soon to walk in",
         )
 
-    def test_its_name_or_that_of_its_parent_tells_which(self):
+    def test_one_that_is_parented_to_its_furniture_is_opened_by_a_hand(self):
         body, leaf = self.cupboard(name="Kitchen Fridge")
+        refused(leaf, "parent it to the furniture that it is a part of, and a hand opens it")
         leaf.parent = body
-        refused(leaf, "Door is the door of a fridge: what is behind it ends")
+        front = opening(leaf)
+        assert isinstance(front, Front) and front.part.kind == "hinged"
 
     def test_its_flaps_and_drawers(self):
         refused(

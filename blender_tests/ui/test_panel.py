@@ -308,7 +308,7 @@ def test_result_lines_name_what_was_done():
         "rotation_error_deg": 1.0,
     }
     said = [goal_line({**done, "action": action})[3:].split(" after")[0] for action in BY_KEY]
-    assert said == ["sat down", "arrived", "stands", "arrived", "set down", "passed", "climbed", "touched",
+    assert said == ["sat down", "arrived", "stands", "arrived", "set down", "opened", "climbed", "touched",
                     "put down"]  # fmt: skip
 
 

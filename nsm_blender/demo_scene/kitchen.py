@@ -14,7 +14,8 @@ from nsm_core.world.scene.containers import Container, MovingPart
 from nsm_core.world.scene.furniture import box_mesh
 from nsm_core.world.scene.small_things import SmallThing
 
-from ..goals.container_points import OPENS, axis_frame
+from ..goals.container_points import axis_frame
+from ..goals.furniture_parts import OPENS
 from .room import DemoRoom, floor, palette
 
 _BEFORE = 3.2  # metres of floor before the row

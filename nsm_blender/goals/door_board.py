@@ -19,7 +19,7 @@ from ..world.bodies import GoalBody
 from ..world.evaluated import is_worn
 from ..world.frame import WorldFrame
 from ..world.surroundings import Surroundings
-from .door_kinds import ONLY, furniture_by_name, no_leaf
+from .door_kinds import PARENTED, furniture_by_name, no_leaf
 
 NARROWEST, WIDEST, LOWEST = 0.5, 1.6, 1.2  # leaves that one walks through: width and height, metres
 THICKEST = 0.25
@@ -99,7 +99,7 @@ def read_board(
     if low[2] > 0.4 or low[2] < -0.3:
         part = furniture_by_name(target)
         if part is not None:
-            raise GoalError(f"{target.name} is {part}; {ONLY}.")
+            raise GoalError(f"{target.name} is {part}; {PARENTED}.")
         raise GoalError(
             f"{target.name} does not stand on the character's floor; move it, or the character, to the same "
             "height."

@@ -20,6 +20,7 @@ from ..keys.layers import acts, driven, rotation_channel, varies
 from ..keys.objects import own_turn
 
 ONLY = "only a leaf that swings on an upright hinge, and that one walks through, can be opened"
+PARENTED = "parent it to the furniture that it is a part of, and a hand opens it"
 UNLESS = "if it does swing, choose Show Goal Points, which give it a hinge"
 # Words in a name, with the plural "s" left off, and what such a thing does; two words stand beside each
 # other.
@@ -93,13 +94,13 @@ def no_leaf(target: bpy.types.Object, size: Array, alone: bool, filled: bool) ->
     along, across, up = (float(s) for s in size)
     part = furniture_by_name(target)
     if part is not None:
-        return f"it is {part}"
+        return f"it is {part}; {PARENTED}"
     if up < _FLAT * min(along, across) and min(along, across) > 0.3:
         return "it lies flat, as a hatch or a lid does"
     if not filled or up < 0.9 * along and along > 1.6 or across > 0.5 * along:
         return ""
     if up < 1.2 and across < 0.3:
-        return "it is low, as a cupboard's door, a flap or a gate is"
+        return f"it is low, as a cupboard's door, a flap or a gate is; {PARENTED}"
     if along < 0.5 and up >= 1.2:
         return "it is too narrow to walk through" + (
             "" if alone else " while the other leaf of this double door stays shut"
@@ -149,7 +150,7 @@ def require_way_through(
         kind = part or "the door of a cupboard"
         raise GoalError(
             f"{target.name} is {kind}: what is behind it ends after {deep * scale:.2f} m, too soon to walk "
-            f"in; {ONLY}."
+            f"in; {PARENTED}."
         )
 
 

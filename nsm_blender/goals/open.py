@@ -18,12 +18,15 @@ from nsm_core.world.scene.props import Leaf, sense
 from ..world.bodies import GoalBody
 from ..world.frame import WorldFrame
 from ..world.surroundings import Surroundings
+from .container_points import show_what_opens
 from .door_board import LOWEST, NARROWEST, THICKEST, WIDEST, Board, neighbours, read_board
 from .door_handles import HANDLE_HEIGHT, find_handle, fittings_of, grip_depth, stands
 from .door_hinges import find_pivot
 from .door_kinds import furniture_by_name, require_no_track, require_swings, require_way_through
 from .door_openings import AJAR, WallOpening, earlier_headings
 from .finder import Finder, Place
+from .fronts import along_with, front_goal, is_front
+from .furniture_parts import AXIS
 from .looks import Looks
 from .points import HANDLE, HINGE, SWING, goal_point_of, make_point
 from .spec import GoalSpec
@@ -165,12 +168,16 @@ def _swing(
 
 
 def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: Place) -> Goal:
+    if is_front(spec.object):
+        return front_goal(spec.label, spec.object, spec.hold, around, before[0])
     hinge, handle = (goal_point_of(scene, spec.object, part) for part in (HINGE, HANDLE))
     return open_goal(spec.label, spec.object, hinge, handle, spec.hold, around, before[0])
 
 
 def _after(goal: Goal, before: Place, around: Surroundings) -> Place:
-    """Beyond the opening, on the other side than one comes from."""
+    """Beyond the opening, on the other side than one comes from; of furniture, where one stands."""
+    if goal.pulling is not None:
+        return goal.pulling.reach.place.astype(np.float32), goal.pulling.reach.heading
     way = passage(goal.prop, np.asarray(before[0], dtype=np.float64))
     return way.beyond.astype(np.float32), way.heading
 
@@ -179,12 +186,18 @@ def _require(spec: GoalSpec, scene: bpy.types.Scene) -> None:
     """Raise GoalError where it moves in another way than a leaf swings, unless the animator gave it a
     hinge.
     """
-    if spec.object is not None and goal_point_of(scene, spec.object, HINGE) is None:
+    door = spec.object is not None and not is_front(spec.object)
+    if door and goal_point_of(scene, spec.object, HINGE) is None:
         require_swings(spec.object)
 
 
 def _room(goal: Goal, solids: DistanceQuery) -> None:
-    require_room(goal.prop, solids)
+    if isinstance(goal.prop, Leaf):
+        require_room(goal.prop, solids)
+
+
+def _parts(target: bpy.types.Object) -> list[bpy.types.Object]:
+    return along_with(target) if is_front(target) else fittings_of(target)
 
 
 def _show(
@@ -197,8 +210,14 @@ def _show(
     told: list[str] | None,
 ) -> bpy.types.Object:
     """The points of the leaf of a ``goal``, or of what was found to be none for some ``reason``: at its
-    edges; the hinge is returned.
+    edges; the hinge is returned.  A front of furniture has those of its axis and its handle.
     """
+    if is_front(spec.object):
+        show_what_opens(scene, [spec.object])
+        if reason and told is not None:
+            told.append(reason)
+        bpy.context.view_layer.update()
+        return goal_point_of(scene, spec.object, AXIS) or spec.object
     (low, high), heading = body.bounds, body.yaw
     target, leaf = spec.object, goal.prop if goal is not None else None
     hinge, handle = goal_point_of(scene, target, HINGE), goal_point_of(scene, target, HANDLE)
@@ -227,6 +246,8 @@ def _show(
 
 
 def _likely(looks: Looks) -> float:
+    if is_front(looks.target):
+        return 2.0
     along, across, up = looks.size.tolist()
     leaf = NARROWEST <= along <= WIDEST and up >= max(LOWEST, along) and across <= min(THICKEST, along / 3)
     if not leaf or not -0.3 < looks.base < 0.4 or up > _TALLEST or furniture_by_name(looks.target):
@@ -239,9 +260,9 @@ FINDER = Finder(
     after=_after,
     require=_require,
     room=_room,
-    parts=fittings_of,
+    parts=_parts,
     swings=True,
     show=_show,
-    words=("door", "leaf", "gate"),
+    words=("door", "leaf", "gate", "drawer"),
     likely=_likely,
 )

@@ -5,6 +5,7 @@ empty it is put.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -16,8 +17,8 @@ from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, rotate_planar
 from nsm_core.world.affordances.picking import LOWEST
 from nsm_core.world.affordances.reach import REACHED
-from nsm_core.world.geometry.distance import DistanceQuery, Union
 from nsm_core.world.planning.floor_plan import FloorPlan
+from nsm_core.world.scene.containers import Front
 from nsm_core.world.scene.props import LightThing, sense
 from nsm_core.world.scene.small_things import LARGEST
 
@@ -25,6 +26,7 @@ from ..world.bodies import place_of
 from ..world.surroundings import Surroundings
 from ..world.tops import Level, boards_of, occupy, places_near_edge
 from .finder import Finder, Place
+from .fronts import along_with, but_moved, front_goal, shut_away
 from .looks import Looks
 from .points import goal_point_of
 from .spec import GoalSpec
@@ -43,28 +45,32 @@ def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: 
     if to == target or to in target.children_recursive:
         raise GoalError(f"{target.name} cannot be put down on itself; choose another destination.")
     earlier = around.left.get(target)
-    thing, pose = earlier if earlier else (read_thing(target, around, spec.mass), None)
+    first = opened_first(target, around, before[0]) if earlier is None else ()
+    earlier = around.left.get(target)
+    if earlier is None or isinstance(earlier[0], Front):
+        thing, pose = read_thing(target, around, spec.mass), None
+        if earlier is not None:  # in a drawer that has been opened
+            front, end = earlier
+            pose = front.carried(thing.pose, replace(front, pose=end).opening)
+    else:
+        thing, pose = earlier
     if not isinstance(thing, LightThing):
         raise GoalError(f"{target.name} is moved in another way earlier in the take; choose another object.")
-    if pose is not None:
-        thing = thing.put(pose)
-    others = [
-        prop.put(at) for o, (prop, at) in around.left.items() if o != target and isinstance(prop, LightThing)
-    ]
-    solids: DistanceQuery = Union([around.query, *others]) if others else around.query
+    there = thing if pose is None else thing.put(pose)
+    solids = but_moved(around, thing.name)
     point = goal_point_of(scene, target, spec.action, to)
     marker = point or (to if to.type == "EMPTY" and not any(c.type == "MESH" for c in to.children) else None)
-    here = np.asarray(before[0], dtype=np.float64)
+    here = np.asarray(before[0] if not first else first[-1].pulling.reach.place, dtype=np.float64)
     if marker is not None:
         spots = [place_of(marker, around.frame)[0].astype(np.float64)]
     else:
-        spots = list(spots_on(to, thing, here, around))[:TRIES]
-    plan = around.plan(thing.pose[:2], spots[0][:2], here)
+        spots = list(spots_on(to, there, here, around))[:TRIES]
+    plan = around.plan(there.pose[:2], spots[0][:2], here)
     refused: GoalError | None = None
     for spot in spots:
-        goal = Goal(spec.action, spec.label, spot, 0.0, spec.hold, prop=thing)
+        goal = Goal(spec.action, spec.label, spot, 0.0, spec.hold, prop=thing, first=first)
         try:
-            picking = planned(goal, solids, plan, here[:2])
+            picking = planned(goal, solids, plan, here[:2], there.pose)
             require_ways(picking.pick.reach.place, picking.put.reach.place, here, plan)
         except GoalError as error:
             refused = refused or error
@@ -73,6 +79,21 @@ def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: 
         return goal
     assert refused is not None
     raise refused
+
+
+def opened_first(target: bpy.types.Object, around: Surroundings, here: Array) -> tuple[Goal, ...]:
+    """The goals to open what shuts an object away, one after the other, as far as earlier goals have not."""
+    goals: list[Goal] = []
+    for front in shut_away(target):
+        if front not in around.left:
+            here = here if not goals else goals[-1].pulling.reach.place
+            goals.append(front_goal(front.name, front, 0.0, around, here))
+    return tuple(goals)
+
+
+def _parts(target: bpy.types.Object) -> list[bpy.types.Object]:
+    """What opens before a hand gets at an object, with what goes along with that."""
+    return [o for front in shut_away(target) for o in (front, *along_with(front)) if o != target]
 
 
 def require_ways(pick: Array, put: Array, here: Array, plan: FloorPlan) -> None:
@@ -170,6 +191,7 @@ def _likely(looks: Looks) -> float:
 FINDER = Finder(
     _find,
     after=_after,
+    parts=_parts,
     words=("mug", "cup", "glass", "bowl", "plate", "jar", "bottle", "can", "tin", "teapot", "vase", "book"),
     likely=_likely,
 )

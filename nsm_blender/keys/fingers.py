@@ -12,7 +12,7 @@ from nsm_core.conventions import FPS, HAND_CONTACTS
 from nsm_core.rotations import Array
 from nsm_core.signals import intervals
 from nsm_core.world.actions import BY_KEY
-from nsm_core.world.scene.props import Leaf
+from nsm_core.world.scene.props import Openable
 
 from ..animation.channels import ActionChannels, channels_of, curves_in
 from ..rigs.bone_map import bone_map_of
@@ -63,7 +63,7 @@ def _moments(result: TakeResult, side: int) -> tuple[list[int], list[str]]:
         action = BY_KEY[goal.action]
         if not action.hands:
             continue
-        shape = FIST if action.prop is Leaf else FLAT
+        shape = FIST if action.prop is Openable else FLAT
         first, last = max(goal.start_frame, 0), goal.end_frame + 1
         spans = [(first + a, first + b) for a, b in intervals(held[first:last]) if b - a >= _SHORTEST]
         for a, b in _joined(spans):

@@ -14,6 +14,7 @@ from nsm_core.errors import GoalError
 from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_angle
 from nsm_core.world.actions import BY_KEY, require_action
 from nsm_core.world.affordances.picking import Picking
+from nsm_core.world.affordances.pulling import Pulling
 from nsm_core.world.scene.props import Box, Leaf, Prop
 from nsm_core.world.scene.terrain import Terrain
 from nsm_core.world.sensors.interaction import InteractionVolume
@@ -51,15 +52,18 @@ class Goal:
     ``position`` (3,) world metres: for sit the hip joint's place when seated (seat surface plus
     ``skeleton.HIP_OVER_SEAT``); for carry where the centre of the box is set down; for place where the foot
     of the thing is; for climb where one stands at the end, on top of the object (z is its height) or, behind
-    a low wall, on the floor; for open the middle of the opening on the floor; else a point on the ground.
+    a low wall, on the floor; for open the middle of the opening, or of a
+    front, on the floor; else a point on the ground.
     ``heading`` the way to face there, radians (for open and place it is ignored: the side one comes from
     decides, and the hand);
     ``hold`` seconds to stay once it is reached; ``interaction`` the sensed object of sit and climb; ``prop``
-    what is moved: the box of carry, the leaf of open; ``terrain`` the heights of what a climb stands on
-    (probed from the scene where None).  Of walk and run: ``way`` (N, 2) a line over the floor that is
-    followed from its first point to its last, which is the position; ``speed`` m/s, drawn where None;
+    what is moved: the box of carry, the leaf or front of open; ``terrain`` the heights of what a climb
+    stands on (probed from the scene where None).  Of walk and run: ``way`` (N, 2) a line over the floor that
+    is followed from its first point to its last, which is the position; ``speed`` m/s, drawn where None;
     ``steering`` that leads instead of a place, until something else is asked for.
-    ``picking`` is how a thing is taken and put down, planned where None.
+    ``picking`` is how a thing is taken and put down, planned where None; ``pulling`` how a front of furniture
+    is moved, to the ``opening``, 0 shut to 1.  ``first`` are goals that belong to it and are done before:
+    fronts that are opened to get at a thing.
     ``by`` seconds from the take's beginning at which it is to be reached, as soon as it can be where None;
     ``load``, one of LOADS: what becomes of a box that is in the hands when the goal begins.  Who walks, runs
     or stands can carry it along.
@@ -83,6 +87,9 @@ class Goal:
     steering: Steering | None = None
     load: str = "down"
     picking: Picking | None = None
+    pulling: Pulling | None = None
+    opening: float = 1.0
+    first: tuple[Goal, ...] = ()
 
     def __post_init__(self) -> None:
         if self.load not in LOADS:

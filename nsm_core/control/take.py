@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -33,7 +32,7 @@ from nsm_core.world.sensors.environment import DIAMETER, SPHERE_RADIUS, environm
 from .actions.registry import check_reachable
 from .batch import step_together
 from .director import Director
-from .goal_things import ground_of, own_props, places_of
+from .goal_things import ground_of, own_props, places_of, with_props
 from .goals import Goal, Moment
 from .insight import Insight
 from .judging import judge_kept, judge_reached
@@ -256,7 +255,7 @@ class TakeRunner:
             raise GoalError("There is no goal to go on with; give at least one.")
         goals, props = own_props([goal.fitting(self.request.figure) for goal in goals])
         known = {name: self.props.get(name, prop) for name, prop in props.items()}
-        goals = [g if g.prop is None else replace(g, prop=known[g.prop.name]) for g in goals]
+        goals = [with_props(goal, known) for goal in goals]
         here = self.state.root[0, :2].astype(np.float64)
         places = np.concatenate((here[None], *places_of(goals, known.values())))
         low, high = places.min(0) - _MARGIN / 2, places.max(0) + _MARGIN / 2

@@ -96,10 +96,11 @@ ACTIONS = (
     Action(
         "open",
         "Open",
-        "Open the door whose leaf the object is, and go through",
-        "passed",
-        moved="Leaf",
-        handles="the leaf of a door to open",
+        "Open the door whose leaf the object is, and go through; of furniture, open its door or drawer, or "
+        "shut it where it stands open",
+        "opened",
+        moved="Openable",
+        handles="the leaf of a door, or a door or drawer of furniture, to open",
         hands=True,
     ),
     Action(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,6 +12,7 @@ from nsm_core.control.goals import Goal, Moment
 from nsm_core.rotations import Array
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan
+from nsm_core.world.scene.containers import Front
 from nsm_core.world.scene.props import Prop
 from nsm_core.world.scene.solids import Scene
 
@@ -137,13 +138,15 @@ class StageStart:
 class Way:
     """What ways are looked for with: ``here`` (2,) one comes from, the free floor, and what stands still.
 
-    ``poses`` (4,) of boxes that earlier goals have moved, by name, are read and kept up to date.
+    ``poses`` (4,) of boxes and light things that goals move, and ``fronts`` of furniture that they open, as
+    earlier goals leave them, by name, are read and kept up to date.
     """
 
     here: Array
     plan: FloorPlan | None
     poses: dict[str, Array]
     solids: DistanceQuery | None = None
+    fronts: dict[str, Front] = field(default_factory=dict)
 
 
 def _its_place(goal: Goal, way: Way) -> list[Array | None]:

@@ -1,4 +1,4 @@
-"""Open: walk to the handle, take it, swing the leaf, pass through."""
+"""Open: walk to the handle, take it, swing the leaf, pass through; fronts of furniture are ``unshut``."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ from nsm_core.distances import OPENED
 from nsm_core.rotations import Array, heading_to_direction
 from nsm_core.world.affordances.passage import Passage, passage
 from nsm_core.world.geometry.distance import DistanceQuery
+from nsm_core.world.scene.containers import Front
 from nsm_core.world.scene.props import Leaf
 
+from . import unshut
 from .approach import REACH, Approach, Command, Ground
-from .base import Performer, Stage, Way
+from .base import Performer, Stage, StageStart, Way
 from .door_grasp import Opening
 
 HANDLE = 2.5  # metres from which the handle itself is commanded
@@ -132,10 +134,16 @@ class Pass(Stage):
 
 def _places(goal: Goal, way: Way) -> list[Array | None]:
     """To the handle, and beyond the opening."""
+    if isinstance(goal.prop, Front):
+        return unshut.places(goal, way)
     through = passage(goal.moves(Leaf), way.here)
     return [through.reach, None, through.beyond]
 
 
-PERFORMER = Performer(
-    lambda goal, start: Pass(goal, start.ground, start.moment, start.scene.environment, start.ik), _places
-)
+def _begin(goal: Goal, start: StageStart) -> Stage:
+    if isinstance(goal.prop, Front):
+        return unshut.Unshut(goal, start)
+    return Pass(goal, start.ground, start.moment, start.scene.environment, start.ik)
+
+
+PERFORMER = Performer(_begin, _places)

@@ -13,9 +13,11 @@ from nsm_core.errors import GoalError
 from nsm_core.rotations import Array
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan
+from nsm_core.world.scene.containers import Front
+from nsm_core.world.scene.props import LightThing
 from nsm_core.world.scene.solids import Scene
 
-from . import carry, climb, open, place, sit, touch, walk
+from . import carry, climb, open, place, sit, touch, unshut, walk
 from .approach import Ground
 from .base import Grasp, Performer, Stage, StageStart, Way
 from .rise import TurnBack
@@ -57,6 +59,8 @@ def begin(
         if stage is not None:
             return stage
         hands.let_go()
+    if goal.first:
+        return unshut.Unshutting(goal, lambda one, then: begin(one, ground, then, grasps, scene, ik, before))
     return PERFORMERS[goal.action].begin(goal, start)
 
 
@@ -66,14 +70,20 @@ def standing_places(
     plan: FloorPlan | None,
     poses: dict[str, Array],
     solids: DistanceQuery | None = None,
+    fronts: dict[str, Front] | None = None,
 ) -> list[Array | None]:
     """Floor places (2,) between which ways must lead to perform a goal from ``here`` (2,), in order.
 
     An empty list: it is done on the spot.  After a None no way is asked for, as through a door or up a step.
-    ``poses`` (4,) of boxes that earlier goals have moved, by name, are read and kept up to date; ``solids``
-    are what stands still.
+    ``poses`` (4,) of what earlier goals have moved, and ``fronts`` of furniture, by name, are read and kept
+    up to date; ``solids`` are what stands still.
     """
-    return PERFORMERS[goal.action].places(goal, Way(here, plan, poses, solids))
+    found: list[Array | None] = []
+    fronts = {} if fronts is None else fronts
+    for one in (*goal.first, goal):
+        found += PERFORMERS[one.action].places(one, Way(here, plan, poses, solids, fronts))
+        here = next((place for place in reversed(found) if place is not None), here)
+    return found
 
 
 def check_reachable(
@@ -85,11 +95,13 @@ def check_reachable(
     ``solids`` are what stands still.
     """
     here = np.asarray(start, dtype=np.float64)
-    poses: dict[str, Array] = {}
+    props = [one.prop for goal in goals for one in (*goal.first, goal)]
+    poses = {p.name: p.pose.copy() for p in props if isinstance(p, LightThing)}
+    fronts = {p.name: p for p in props if isinstance(p, Front)}
     for goal in goals:
         try:
             asked = True
-            for place in standing_places(goal, here, plan, poses, solids):
+            for place in standing_places(goal, here, plan, poses, solids, fronts):
                 if place is not None and asked and np.linalg.norm(place - here) > 0.3:
                     plan.require_way(here, place)
                 asked = place is not None

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from nsm_core.control.goals import Taken
-from nsm_core.conventions import DT, FPS
+from nsm_core.conventions import DT
 from nsm_core.rotations import (
     Array,
     direction_to_heading,
@@ -19,11 +19,11 @@ from nsm_core.rotations import (
     rotate_planar,
     wrap_angle,
 )
-from nsm_core.signals import gaussian_smooth, smooth_step
+from nsm_core.signals import smooth_step
 from nsm_core.world.affordances.picking import Picking, Visit
 from nsm_core.world.affordances.reach import LEFT, RIGHT
 from nsm_core.world.geometry.distance import DistanceQuery
-from nsm_core.world.planning.hand_way import resampled, timed
+from nsm_core.world.planning.hand_way import paced
 from nsm_core.world.scene.props import LightThing
 from nsm_core.world.scene.wrist import WristPose
 
@@ -41,7 +41,6 @@ LEAVES, COMES = (0.15, 0.6), (0.12, 0.5)
 INWARD = np.radians(25)  # by which such a hand points across the body
 # Share of the way of the hips, up and down, that what is held goes along with, and metres at most.
 BOBS, MOST_BOB = 0.7, 0.04
-_STEP, _ROUNDED = 0.01, 3.0  # metres between places of a way; how many of them its corners are rounded by
 _GRAVITY = 9.81
 
 
@@ -71,7 +70,7 @@ class Holding:
         self._hips: float | None = None
         self._fall, self._weight = 0.0, 0.0
         self._last = picking.pick.wrist
-        self._begin("reach", _way(picking.pick.empty, FASTEST))
+        self._begin("reach", paced(picking.pick.empty, FASTEST, TAKING_UP))
 
     @property
     def active(self) -> bool:
@@ -105,7 +104,7 @@ class Holding:
     def put_down(self) -> None:
         """Bring the thing to its place from now on."""
         put = self.picking.put
-        self._begin("in", _way(put.laden, LADEN))
+        self._begin("in", paced(put.laden, LADEN, TAKING_UP))
         self._off = self.prop.pose - self._placed(self._way[0])
         self._off[3] = wrap_angle(self._off[3])
 
@@ -171,7 +170,7 @@ class Holding:
             self._begin("take", np.repeat(self._way[-1:], CLOSING, 0))
         elif self.state == "take":
             self.errors["taken"] = Taken([self.hand], self.prop.to_local(pick.wrist.place)[None])
-            self._begin("out", _way(pick.laden, LADEN)[::-1])
+            self._begin("out", paced(pick.laden, LADEN, TAKING_UP)[::-1])
         elif self.state == "out":
             self._hips = hips
             self._off = self._seen_by(root) - self._taken_at
@@ -185,7 +184,7 @@ class Holding:
                 "position_error_cm": 100 * float(np.linalg.norm(off[:3])),
                 "rotation_error_deg": float(np.degrees(abs(wrap_angle(off[3])))),
             }
-            self._begin("back", _way(put.empty, FASTEST)[::-1])
+            self._begin("back", paced(put.empty, FASTEST, TAKING_UP)[::-1])
         elif self.state in ("back", "falling") and self._weight <= 0:
             self.state = "free"
 
@@ -233,14 +232,6 @@ class Holding:
             if pose[2] <= 0 or (self.solids.signed_distance(under.astype(np.float32), 0.1) < 0).any():
                 break
             pose[2], left = max(pose[2] - min(left, 0.004), 0.0), left - 0.004
-
-
-def _way(way: Array, fastest: float) -> Array:
-    """Places (T, 3) at 30 Hz of a hand along a way, no faster than is needed to be drawn onto it."""
-    way = resampled(way, _STEP)
-    way = np.concatenate((way[:1], gaussian_smooth(way, _ROUNDED)[1:-1], way[-1:]))
-    length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
-    return timed(way, min(fastest, 1.875 * length * FPS / TAKING_UP))
 
 
 def _beside(visit: Visit, pose: Array) -> Array:

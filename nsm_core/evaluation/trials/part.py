@@ -25,7 +25,8 @@ class TrialPart:
     """One part: its trials (starts, pool), one trial's take and figures, the summary over trials and the
     lines of its table.
 
-    ``judges`` are the keys of the actions that it is about.  ``ablations`` are run with the paper's PE in cm
+    ``judges`` are the keys of the actions that it is about; ``beside`` the part that it is another condition
+    of, and that it is run with.  ``ablations`` are run with the paper's PE in cm
     and RE in degrees, whose sensor ablations are networks trained without the sensor; ``alone`` begins the
     names of the network's own figures of that.
     """
@@ -40,4 +41,5 @@ class TrialPart:
     ablations: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     alone: str = "network"
     travels: bool = True
+    beside: str = ""
     done: str = "reached"  # the figure that tells whether a trial went well

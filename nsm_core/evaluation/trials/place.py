@@ -17,7 +17,7 @@ from nsm_core.rotations import Array
 from nsm_core.world.assets.kitchen import Kitchen, make_kitchen
 from nsm_core.world.geometry.distance import Cuboids, DistanceQuery
 from nsm_core.world.scene.furniture import cuboids
-from nsm_core.world.scene.props import LightThing
+from nsm_core.world.scene.props import LightThing, Prop
 
 from . import rollout
 from .part import TrialPart
@@ -59,7 +59,7 @@ def _trial(seed: int) -> PlaceTrial | None:
     for k in rng.permutation(len(names)):
         thing = kitchen.things[names[k]].thing
         still = standing(kitchen, thing)
-        place = _free_place(kitchen, thing, still, rng)
+        place = free_place(kitchen, thing, still, rng)
         if place is None:
             continue
         try:
@@ -71,13 +71,15 @@ def _trial(seed: int) -> PlaceTrial | None:
     return None
 
 
-def standing(kitchen: Kitchen, thing: LightThing) -> DistanceQuery:
-    """What stands of a kitchen beside one thing, no floor; furniture shut, other things as boxes."""
+def standing(kitchen: Kitchen, *but: Prop) -> Cuboids:
+    """What stands of a kitchen ``but`` some things and parts, no floor; furniture shut, other things as
+    boxes.
+    """
     groups = [cuboids([(kitchen.walls, np.zeros(3), 0.0)])]
-    things = [s.thing for s in kitchen.things.values() if s.thing is not thing]
+    things = [s.thing for s in kitchen.things.values() if all(s.thing is not b for b in but)]
     for container in kitchen.containers.values():
         groups.append(container.standing())
-        for part in container.parts:
+        for part in [p for p in container.parts if all(p is not b for b in but)]:
             shut = part.query.groups if isinstance(part.query, Cuboids) else []
             boxes = [(part.pose[:3], part.pose[3], g.centres - g.halves, g.centres + g.halves) for g in shut]
             groups.append(Cuboids(boxes))
@@ -87,7 +89,7 @@ def standing(kitchen: Kitchen, thing: LightThing) -> DistanceQuery:
     return whole
 
 
-def _free_place(
+def free_place(
     kitchen: Kitchen, thing: LightThing, still: DistanceQuery, rng: np.random.Generator
 ) -> Array | None:
     """Draw where (3,) a thing is put: near the front edge of an open board other than its own."""
@@ -131,13 +133,19 @@ def request(trial: PlaceTrial, hold: float = 0.5, **more: Any) -> TakeRequest:
 
 def run_trial(model: Model, trial: PlaceTrial, **more: Any) -> Trying[tuple[TakeResult, Report]]:
     """Roll one trial out; returns the take and its figures."""
-    asked = request(trial, **more)
+    return (yield from figures(model, request(trial, **more), trial.place))
+
+
+def figures(model: Model, asked: TakeRequest, place: Array) -> Trying[tuple[TakeResult, Report]]:
+    """Roll out what is asked for, whose last goal brings a thing to a ``place`` (3,): the take and its
+    figures.
+    """
     take = yield from rolled(model, asked)
-    report, _ = rollout.judge(asked, take)
-    thing = asked.goals[0].prop
+    report, _ = rollout.judge(asked, take, goal=len(asked.goals) - 1)
+    thing = asked.goals[-1].prop
     assert isinstance(thing, LightThing)
     poses = take.props[thing.name]
-    off = float(np.linalg.norm(poses[-1, :3] - trial.place))
+    off = float(np.linalg.norm(poses[-1, :3] - place))
     report["thing_off_cm"] = 100 * off
     report["thing_in_solids_cm"] = 100 * thing_in_solids(thing, poses, asked.environment)
     report["placed"] = float(bool(report["reached"]) and off <= PLACED)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from . import carry, carry_far, climb, interrupt, locomotion, open, place, sit, stairs, touch
+from . import carry, carry_far, climb, interrupt, locomotion, open, place, shut, sit, stairs, touch
 from .part import ABLATIONS, Row, TrialPart
 from .rollout import Report
 
@@ -29,14 +29,17 @@ PARTS: dict[str, TrialPart] = {
     "interrupt": interrupt.PART,
     "touch": touch.PART,
     "place": place.PART,
+    "shut": shut.PART,
 }
 
 
 def parts_named(name: str) -> list[str]:
-    """Names of the parts that ``name`` stands for: the part of that name, else all that judge the action of
-    that name.
+    """Names of the parts that ``name`` stands for: the part of that name and its other conditions, else all
+    that judge the action of that name.
     """
-    return [name] if name in PARTS else [key for key, part in PARTS.items() if name in part.judges]
+    if name in PARTS:
+        return [name, *(key for key, part in PARTS.items() if part.beside == name)]
+    return [key for key, part in PARTS.items() if name in part.judges]
 
 
 def travel_rows(s: Report, data: float | None = None) -> list[Row]:

@@ -180,20 +180,20 @@ def _visit(
     thing: LightThing, grasp: OneHandGrasp, hand: int, reach: Reach, space: HandSpace, around: Around
 ) -> Visit | None:
     wrist = beside_held(grasp.at(thing.pose), grasp.width, (RIGHT, LEFT)[hand])
-    begin = _begin(thing, wrist, reach, around.hands)
+    under = float(thing.pose[2] + (thing.low + thing.high)[2] / 2 - wrist.place[2])
+    begin = before_body(wrist, reach, around.hands, under)
     empty, laden = (way_into(space, wrist, begin, held, whole=True) for held in (None, thing))
     if empty is None or laden is None:
         return None
     return Visit(wrist, reach, *(np.concatenate((begin[None], way)) for way in (empty, laden)))
 
 
-def _begin(thing: LightThing, wrist: WristPose, reach: Reach, around: DistanceQuery) -> Array:
-    """Where (3,) before or beside the body a hand with a thing has most room, and on from there to where its
-    way to the thing begins.
+def before_body(wrist: WristPose, reach: Reach, around: DistanceQuery, under: float = 0.0) -> Array:
+    """Where (3,) before or beside the body a hand has most room, with a thing whose middle is ``under``
+    metres over its wrist, and on from there to where its way to ``wrist`` begins.
     """
     height = float(np.clip(wrist.place[2], *_HEIGHTS))
     best, most = raised(reach), -np.inf
-    under = float(thing.pose[2] + (thing.low + thing.high)[2] / 2 - wrist.place[2])
     for near in _NEARER:
         for z in (height, best[2]):
             begin = raised(reach, near)

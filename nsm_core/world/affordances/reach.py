@@ -26,14 +26,14 @@ _TOES = 0.06  # metres by which lower legs may be under the edge of something, a
 _OFFS = np.arange(0.26, 0.86, 0.06)  # metres over the floor from the root to the wrist
 _BEARINGS = np.radians(np.arange(-75, 76, 15))  # the wrist's bearing from where the body faces
 _PLACES = 16
-_ROOM, _KNEES = (
+ROOM, KNEES = (
     0.19,
     0.3,
 )  # metres about who stands and reaches, and more by the metre that the body goes down
 _AT_ONCE = 16  # places of which it is looked at once whether a body has room there
 # Metres that the shoulder goes ahead by leaning over something, what it loses in height for a metre squared,
 # and what such a metre strains; how far it is raised for what is high.
-_LEANS, _SINKS, _STRAINS, _RAISED = (0.0, 0.1, 0.2), 1.0, 1.0, 0.06
+LEANS, _SINKS, _STRAINS, _RAISED = (0.0, 0.1, 0.2), 1.0, 1.0, 0.06
 _BEFORE, _BESIDE, _HIGH = 0.28, 0.2, 0.95  # metres from the root, and over the floor, of a hand raised
 _LEAN = 0.5  # share of what it goes down by which the shoulder goes ahead as well, metres a metre
 
@@ -61,7 +61,7 @@ def reaches(wrist: WristPose, solids: DistanceQuery, sides: tuple[float, ...] = 
     reach.
     """
     found = _strained(wrist, sides)
-    return [_reach(row) for row in found[_stands(found[:, :2], solids)]]
+    return [_reach(row) for row in found[has_room(found[:, :2], solids)]]
 
 
 def least_strained(
@@ -72,12 +72,12 @@ def least_strained(
     """
     found = _strained(wrist, (side,))
     if len(found):
-        found = found[room(found[:, :2]) > _ROOM + _KNEES * found[:, 4]]
+        found = found[room(found[:, :2]) > ROOM + KNEES * found[:, 4]]
     for first in range(0, len(found), _AT_ONCE):
         some = found[first : first + _AT_ONCE]
-        stands = np.flatnonzero(_stands(some[:, :2], solids))
-        if len(stands):
-            return _reach(some[int(stands[0])])
+        free = np.flatnonzero(has_room(some[:, :2], solids))
+        if len(free):
+            return _reach(some[int(free[0])])
     return None
 
 
@@ -90,12 +90,24 @@ def _strained(wrist: WristPose, sides: tuple[float, ...]) -> Array:
     if not REACHED[0] <= wrist.held[2] <= REACHED[1]:
         return np.zeros((0, 7))
     around = np.arange(_PLACES) * 2 * np.pi / _PLACES
-    grid = np.stack(np.meshgrid(_OFFS, around, _BEARINGS, sides, _LEANS, indexing="ij"), -1).reshape(-1, 5)
+    grid = np.stack(np.meshgrid(_OFFS, around, _BEARINGS, sides, LEANS, indexing="ij"), -1).reshape(-1, 5)
     off, facing_wrist, bearing, side, lean = grid.T
     place = wrist.place[:2] - off[:, None] * heading_to_direction(facing_wrist)
     heading = facing_wrist + bearing
+    strain, down = strains(wrist, place, heading, side, lean)
+    ways = np.flatnonzero(np.isfinite(strain))
+    ways = ways[np.argsort(strain[ways], kind="stable")]
+    rows = np.column_stack((place, heading, side, np.full(len(off), down), strain, lean))
+    return rows[ways]
+
+
+def strains(wrist: WristPose, place: Array, heading: Array, side: Array, lean: Array) -> tuple[Array, float]:
+    """How near (N,) a wrist's pose, world, is to what an arm can do from a root at ``place`` (N, 2) that
+    faces ``heading`` (N,), with the hand of a ``side`` (N,) and the body leaning by ``lean`` (N,) metres: 1
+    where it just can, infinite where it cannot; and the metres that the shoulder goes down for it.
+    """
     # The body goes down, and with it ahead, until the shoulder is little over the wrist.
-    down = np.clip(_SHOULDER - 0.25 - wrist.place[2], 0.0, _SHOULDER - _LOWEST)
+    down = float(np.clip(_SHOULDER - 0.25 - wrist.place[2], 0.0, _SHOULDER - _LOWEST))
     ahead = heading_to_direction(heading)
     left = np.stack((-ahead[:, 1], ahead[:, 0]), -1)
     shoulder = place + _ASIDE * side[:, None] * left + (min(_LEAN * down, 0.3) + lean)[:, None] * ahead
@@ -106,10 +118,8 @@ def _strained(wrist: WristPose, sides: tuple[float, ...]) -> Array:
     elbow = np.linalg.norm(arm - _FOREARM * wrist.towards, axis=1)
     strain = np.maximum(length / _ARM, np.maximum(bent / _WRIST, 1 - (elbow - 0.1) / 0.3) * 0.99)
     strain = strain + _STRAINS * lean
-    ways = np.flatnonzero((length <= _ARM) & (length >= _FOLDED) & (bent <= _WRIST))
-    ways = ways[np.argsort(strain[ways], kind="stable")]
-    rows = np.column_stack((place, heading, side, np.full(len(off), down), strain, lean))
-    return rows[ways]
+    can = (length <= _ARM) & (length >= _FOLDED) & (bent <= _WRIST)
+    return np.where(can, strain, np.inf), down
 
 
 def raised(reach: Reach, nearer: float = 0.0) -> Array:
@@ -119,8 +129,8 @@ def raised(reach: Reach, nearer: float = 0.0) -> Array:
     return np.append(reach.place + (_BEFORE - nearer) * ahead + reach.side * _BESIDE * aside, _HIGH)
 
 
-def _stands(places: Array, solids: DistanceQuery) -> Array:
-    """Whether (N,) a body has room at places (N, 2)."""
+def has_room(places: Array, solids: DistanceQuery, more: float = 0.0) -> Array:
+    """Whether (N,) a body has room at places (N, 2), and so many metres ``more``."""
     if not len(places):
         return np.zeros(0, bool)
     heights = np.array(HEIGHTS)
@@ -128,5 +138,5 @@ def _stands(places: Array, solids: DistanceQuery) -> Array:
         (np.repeat(places, len(heights), 0), np.tile(heights, len(places))[:, None]), 1
     ).astype(np.float32)
     room = solids.signed_distance(points, 0.5).reshape(len(places), -1)
-    need = np.where(heights < 0.5, _SLIM - _TOES, _SLIM)
+    need = np.where(heights < 0.5, _SLIM - _TOES, _SLIM) + more
     return (room >= need).all(1)

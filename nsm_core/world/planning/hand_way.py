@@ -100,6 +100,16 @@ def timed(way: Array, fastest: float) -> Array:
     return np.stack([np.interp(wanted, along, column) for column in way.T], -1)
 
 
+def paced(way: Array, fastest: float, frames: int) -> Array:
+    """Places (T, 3) at 30 Hz of a hand along a way (K, 3) whose corners are rounded, ``fastest`` m/s at most
+    and in no fewer than so many ``frames``.
+    """
+    way = resampled(way, _STEP)
+    way = np.concatenate((way[:1], gaussian_smooth(way, _SMOOTH)[1:-1], way[-1:]))
+    length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+    return timed(way, min(fastest, 1.875 * length * FPS / frames))
+
+
 def turned_along(way: Array, like: Array, rotations: Array) -> Array:
     """Rotations (T, 3, 3) of a wrist along a ``way`` (T, 3) as they are along another, ``like`` (M, 3), whose
     are ``rotations`` (M, 3, 3); both end together (equation 12).

@@ -185,7 +185,12 @@ class LightThing(Prop):
 
 
 @dataclass
-class Leaf(Prop):
+class Openable(Prop):
+    """What a hand opens: the leaf of a door, or a front of furniture."""
+
+
+@dataclass
+class Leaf(Openable):
     """The leaf of a door; its frame lies on the floor under the hinge, +X towards the free edge when closed.
 
     ``width`` metres from hinge to free edge; ``handle`` (3,) own frame, on the leaf's middle plane;

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from .container import Container, Shelf
+from .front import Front
 from .moving_part import MovingPart, moving_part
 
-__all__ = ("Shelf", "Container", "MovingPart", "moving_part")
+__all__ = ("Shelf", "Container", "Front", "MovingPart", "moving_part")
