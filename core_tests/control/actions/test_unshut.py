@@ -18,6 +18,7 @@ from nsm_core.world.geometry.distance import Cuboids, Union
 from nsm_core.world.scene.containers import Front
 from nsm_core.world.scene.containers.cupboards import make_container
 from nsm_core.world.scene.small_things import make_thing
+from nsm_core.world.scene.wrist import TO_HELD
 
 TABLE = Cuboids([((0, 0), 0.0, ((1.4, -1.9, 0.72),), ((2.4, -1.2, 0.75),))])
 PLACE = np.array((1.6, -1.5, 0.75))
@@ -41,15 +42,18 @@ def opens(front, **more):
 
 
 def at_handle(take, front, poses):
-    """Metres (T,) from the nearer wrist to where it holds the handle, and the frames in which it moves."""
+    """Metres (T,) by which the nearer hand, which may swivel about it, is off the handle, and the frames in
+    which that moves.
+    """
     moving = np.flatnonzero(np.abs(np.diff(poses, axis=0)).max(1) > 1e-6) + 1
     hands = wrists(take.hips_position, take.local_rotations)[moving]
     held = []
     for pose in poses[moving]:
         there = front.at(0.0)
         there.pose = pose
-        held.append(front.grip(there.opening).place)
-    return np.linalg.norm(hands - np.array(held)[:, None], axis=-1).min(1), moving
+        held.append(front.grip(there.opening).held)
+    off = np.linalg.norm(hands - np.array(held)[:, None], axis=-1) - TO_HELD
+    return np.abs(off).min(1), moving
 
 
 @pytest.fixture(scope="module")

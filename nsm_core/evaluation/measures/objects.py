@@ -18,6 +18,7 @@ from nsm_core.body.skeleton import ANKLE_HEIGHT, ARMS, OFFSETS, TOE_HEIGHT, forw
 from nsm_core.conventions import CARRY, CLIMB, FPS, OPEN, RUN, SIT, STYLES
 from nsm_core.rotations import Array, rotate_planar, wrap_angle
 from nsm_core.world.geometry.distance import Cuboids, DistanceQuery
+from nsm_core.world.scene.containers import Front
 from nsm_core.world.scene.props import Box, Leaf, LightThing, Prop
 
 from .motion import DEEP, SKATE_HEIGHT, foot_sliding, over_ground
@@ -44,7 +45,7 @@ def prop_depths(
     """Depth (T,) in metres of the deepest point of the body inside a prop that has the pose ``poses`` (T, 4)
     in each frame.
 
-    What holds it does not count, where it holds: of a leaf, hands within 15 cm of its handle; of a box, that
+    What holds it does not count, where it holds: of a leaf or a front, hands within 15 cm of its handle; of a box, that
     of a hand and its forearm within 15 cm of where that wrist holds it, in frames in which the wrist is
     there.  They are judged by their distance to the grip.
     """
@@ -74,6 +75,11 @@ def _at_the_handle(leaf: Leaf, body: Body, local: Array, seen: Array) -> Array:
     return (body.hand >= 0) & (away < _GRASP * body.hand_size)
 
 
+def _at_its_handle(front: Front, body: Body, local: Array, seen: Array) -> Array:
+    away = np.linalg.norm(local - np.asarray(front.part.handle, dtype=np.float64), axis=-1)
+    return (body.hand >= 0) & (away < _GRASP * body.hand_size)
+
+
 def _between_hands(box: Box, body: Body, local: Array, seen: Array) -> Array:
     held = np.zeros(local.shape[:2], bool)
     for quarter in range(4):
@@ -96,6 +102,7 @@ def _by_hand(thing: LightThing, body: Body, local: Array, seen: Array) -> Array:
 
 
 _holding.register(Leaf, _at_the_handle)
+_holding.register(Front, _at_its_handle)
 _holding.register(Box, _between_hands)
 _holding.register(LightThing, _by_hand)
 
