@@ -25,7 +25,6 @@ FIRM = 0.3  # share of its way from which on a hand is led in full
 # left to a neck that is not to come lower, or further ahead, than the network's, metres.
 AT_WORK, NECK = 20, 0.02
 LONGEST = 1.6  # times as long as the network's is a trunk that has to come further ahead for arms to reach
-SWIVEL = np.radians(40)  # by which a hand turns about what lies across its palm, to meet its forearm
 FOREARM = 0.5  # share of a hand's turn about its forearm that the forearm does
 _WRISTS = [arm[2] for arm in ARMS]
 _NECK = INDEX["Neck"]
@@ -163,7 +162,7 @@ def _lay(hands: Hands, leads: Sequence[dict[int, Lead]], shares: Array, pose: Po
         forearm = pose.positions[on, wrist] - pose.positions[on, elbow]
         forearm /= np.maximum(np.linalg.norm(forearm, axis=1, keepdims=True), 1e-9)
         over = pose.positions[on, wrist, 2] - figure.little_finger
-        most = np.array([np.inf if grip.bar is None else SWIVEL for _, grip in grips])
+        most = np.array([np.inf if grip.bar is None else grip.swivel for _, grip in grips])
         turned = laid(palm, ahead, forearm, side, over / figure.hand, most)
         turned = within(turned, pose.world[on, elbow])
         held = smooth_step(shares[on, side]) * [grip.share for _, grip in grips]

@@ -37,6 +37,7 @@ from .actions.base import Grasp, SeatTarget
 from .actions.hold import Lead, SeenBody
 from .actions.seat_manner import SeatedManner
 from .bending import bent
+from .elbows import with_room
 from .gaze import looking
 from .goals import Moment
 from .hands import hands_of
@@ -156,6 +157,8 @@ class PostProcess:
         self.beside = hands.beside
         # Arms go first, so that the trunk gives no more than what they lack.
         pose = Pose(pose.tree, pose.hips, hands.led(pose, np.sign(hands.firm), hands.turns))
+        pose = with_room(pose, [n.leads for n in notes], solids, self.figure)
+        yield
         tasks = [*feet.tasks(), *_sit(pose, seated), *hands.tasks(), *hands.trunk(pose)]
         tasks.append(TurnTask(INDEX["Head"], pose.world[:, INDEX["Head"]], np.full(len(notes), HEAD_TURN)))
         spheres = self.figure.spheres

@@ -25,6 +25,7 @@ from nsm_core.model.networks.config import Memory
 from nsm_core.model.networks.protocol import Info
 from nsm_core.rotations import Array, wrap_angle
 from nsm_core.world.planning.floor_plan import FloorPlan
+from nsm_core.world.scene.props import LightThing
 from nsm_core.world.scene.solids import Scene
 from nsm_core.world.scene.terrain import merged
 from nsm_core.world.sensors.environment import DIAMETER, SPHERE_RADIUS, environment_sensor
@@ -40,6 +41,7 @@ from .posing import pose_of, stance_of, standing_start
 from .post_process import PostProcess
 from .relief import Relief
 from .request import TakeRequest, TakeResult
+from .standing import kept_at
 from .start import trail_of
 from .yielding import Yielding
 
@@ -160,7 +162,9 @@ class TakeRunner:
         )
         t1 = self.clock()
         root = state.root
-        around = self.scene.near(root[0, :2], _SENSOR_REACH)
+        # A light thing in a hand is nothing that one steps aside for.
+        held = [g.prop for g in self.director.grasps if g.bears and isinstance(g.prop, LightThing)]
+        around = self.scene.near(root[0, :2], _SENSOR_REACH, *held)
         environment = environment_sensor(relief.seen(around), root[0, :2], float(root[0, 2]))
         cells, occupancy = no_object(root)
         if sensed is not None:
@@ -180,6 +184,9 @@ class TakeRunner:
         predicted = read_outputs(outputs, self.state)
         self._insights[self.frames] = self._insights[self.frames].foreseeing(predicted)
         self.state = advance(self.state, predicted, self.request.blending)
+        stage = self.director.stage
+        if stage is not None and (stand := stage.stand()) is not None:
+            self.state = kept_at(self.state, *stand)
         self.relief.follow(self.state.root[0, :2])
         t1 = self.clock()
         self._keep(predicted.contact[0], info["experts"][0] if "experts" in info else np.zeros(0, np.float32))

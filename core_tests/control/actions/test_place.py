@@ -15,6 +15,7 @@ from nsm_core.model.inference.model import load_model
 from nsm_core.world.geometry.distance import Cuboids, Union
 from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene.small_things import make_thing
+from nsm_core.world.sensors.environment import environment_sensor
 
 SHELF = ((-0.4, 0.0, 0.95), (0.4, 0.3, 0.98)), ((-0.4, 0.0, 1.35), (0.4, 0.3, 1.38)), (
     (-0.4, 0.3, 0.0), (0.4, 0.32, 1.8)
@@ -66,6 +67,21 @@ def test_nothing_is_touched_on_the_way(placed):
     )
     assert depths.max() < 0.02
     assert thing_in_solids(thing, take.props["jar"], asked.environment) < 0.01
+
+
+def test_what_is_in_the_hand_is_not_shied_away_from(placed):
+    asked, take = placed
+    poses = take.props["jar"]
+    moving = np.flatnonzero(np.abs(np.diff(poses, axis=0)).max(1) > 1e-6)
+    sensed, held = [], len(moving) // 2
+    for frame in (1, moving[held]):
+        seen = take.insights[frame]
+        alone = environment_sensor(asked.environment, seen.root[:2], float(seen.root[2]))
+        sensed.append(np.abs(seen.environment / 255 - alone).max())
+    assert sensed[0] > 0.2 and sensed[1] < 0.01
+    # So one stands while the hand takes it and draws it out.
+    drawn = take.root[moving[0] - 15 : moving[0] + 25]
+    assert np.linalg.norm(drawn[:, :2] - drawn[0, :2], axis=1).max() < 0.08
 
 
 def refused(thing, place=PLACE, solids=None):

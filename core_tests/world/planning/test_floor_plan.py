@@ -55,6 +55,12 @@ def test_empty_floor_is_crossed_straight():
     assert np.allclose(np.linalg.norm(np.diff(path, axis=0), axis=-1), 0.05, atol=1e-3)
 
 
+def test_an_end_that_is_just_free_between_cells_that_are_not_is_reached():
+    query = Cuboids([box((0, 0), (1.6, 0.98), 0.75)])  # the cell nearest to 0.773 lies at 0.75, 1 cm short
+    path = plan_path(query, (0, -1.5), (0, 0.773))
+    assert np.allclose(path[-1], (0, 0.773)) and clear(query, path) > BODY_RADIUS - 0.03
+
+
 @pytest.mark.parametrize("heading", [0.0, 0.4])
 def test_way_around_a_table(heading):
     query = Cuboids([box((0, 0), (1.6, 0.9), 0.75, heading)])

@@ -6,8 +6,9 @@ import numpy as np
 
 from nsm_core.rotations import quat_from_axis_angle, quat_to_matrix
 from nsm_core.world.geometry.distance import Cuboids
-from nsm_core.world.planning.hand_fields import hand_space
-from nsm_core.world.planning.hand_way import HAND, timed, turned_along, way_past
+from nsm_core.world.planning.hand_fields import CELL, hand_space
+from nsm_core.world.planning.hand_way import HAND, filled, timed, turned_along, way_past
+from nsm_core.world.scene.small_things import make_thing
 
 
 def boxes(*corners):
@@ -58,3 +59,30 @@ def test_a_wrist_is_turned_as_its_way_is():
     assert np.allclose(turned_along(line @ turn.T, line, held), turn @ held, atol=1e-5)
     longer = timed(np.array(((-0.5, 0, 0), (0.5, 0, 0))), 0.8)
     assert np.allclose(turned_along(longer, line, held), held[0], atol=1e-6)
+
+
+def test_what_goes_along_with_a_wrist_goes_over_an_edge_too():
+    """A deep board, past whose edge the wrist comes from below; what it holds is ahead of it."""
+    board = ((-0.4, -0.18, -0.2), (0.4, 0.4, -0.06))
+    end, begin = np.array((0.0, -0.1, 0.0)), np.array((0.0, -0.33, -0.3))
+    ahead = np.array((0.0, 0.16, 0.0))
+    solid = boxes(board)
+    space = hand_space(THING, solid, np.zeros(3))
+    least = []
+    for balls in ((), [(ahead, 0.05)]):
+        for firm in (True, False):
+            way = way_past(space, end, begin, 0.02, False, True, balls if firm else (), () if firm else balls)
+            least.append(solid.signed_distance((way + ahead).astype(np.float32), 1.0).min())
+    assert max(least[:2]) < 0.02 and min(least[2:]) > 0.05 - CELL
+    roofed = hand_space(THING, boxes(board, ((-0.4, -0.3, 0.05), (0.4, 0.4, 0.2))), np.zeros(3))
+    wide = [(ahead, 0.09)]
+    assert way_past(roofed, end, begin, 0.02, False, True, wide) is None
+    assert way_past(roofed, end, begin, 0.02, False, True, (), wide) is not None
+
+
+def test_a_box_is_filled_to_its_corners():
+    book = make_thing("cookbook", np.random.default_rng(3), (1.0, 2.0, 0.5, 0.7))
+    balls = filled(book)
+    local = book.to_local(np.array([place for place, _ in balls]))
+    radius = balls[0][1]
+    assert np.allclose(local.min(0) - radius, book.low) and np.allclose(local.max(0) + radius, book.high)

@@ -23,6 +23,7 @@ MOST_BEND, MOST_TWIST = np.radians(65), np.radians(80)
 # Metres from the wrist to what lies across the palm, along fingers and off the palm; from the last sphere of
 # a hand to its tips.
 ACROSS, PALM, FINGERTIP = 0.075, 0.03, 0.015
+SWIVEL = np.radians(40)  # by which a hand turns about what lies across its palm, to meet its forearm
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,8 @@ class Grip:
     ``ahead``, which may turn about the first to meet the forearm.
 
     ``bar`` (3,) is the middle of what lies across the palm, such as a handle, ``room`` metres before a board
-    that fingers do not go through; None where wrists are where they are led.  ``share`` 0..1 of all this.
+    that fingers do not go through; None where wrists are where they are led.  About it the hand turns by
+    up to ``swivel`` radians.  ``share`` 0..1 of all this.
     """
 
     palm: Array
@@ -39,6 +41,7 @@ class Grip:
     bar: Array | None = None
     room: float = 0.0
     share: float = 1.0
+    swivel: float = SWIVEL
 
 
 def laid(

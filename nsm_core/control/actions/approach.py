@@ -162,17 +162,19 @@ class Approach:
         ready: Callable[[Moment], bool] | None = None,
         thing: Prop | None = None,
         anyway: bool = False,
+        held: Prop | None = None,
     ) -> None:
         """Plan to go to ``stand`` (2,) and face ``heading`` there.
 
         ``reach``: metres within which ``final`` may be given; ``ready`` another rule for that; ``thing`` is
         sensed on the way; ``anyway``: where no way is free one goes straight, instead of a GoalError in the
-        middle of a take.
+        middle of a take; ``held`` is in a hand, and neither sensed nor in the way.
         """
         self.ground, self.stand, self.heading, self.final = ground, np.asarray(stand), heading, final
         # Who is sent to the goal itself goes at the network's own pace.
         self.reach = reach if ground.pace == 1.0 else min(reach, LED_REACH)
         self.gait, self.ready, self.thing, self.anyway = gait, ready, thing, anyway
+        self._but = held or thing
         self.command: Command | None = None
         self._stall = self._led = 0
         self._onward: Array | None = None
@@ -222,12 +224,12 @@ class Approach:
         if self.ready is not None:
             return self.ready(moment)
         return distance < self.reach and (
-            distance < 0.6 or self.ground.free(moment.root[:2], self.stand, self.thing)
+            distance < 0.6 or self.ground.free(moment.root[:2], self.stand, self._but)
         )
 
     def _lead(self, moment: Moment) -> Command:
         try:
-            way = self.ground.way(moment.root[:2], self.stand, self.thing)
+            way = self.ground.way(moment.root[:2], self.stand, self._but)
         except GoalError:
             if not self.anyway:
                 raise
@@ -250,7 +252,7 @@ class Approach:
     def _on_from(self, onward: Array) -> Array | None:
         """Way (N, 2) from the standing place on; None, and one stops there, where none is free."""
         try:
-            return self.ground.way(self.stand, onward, self.thing)
+            return self.ground.way(self.stand, onward, self._but)
         except GoalError:
             self._onward = None
             return None

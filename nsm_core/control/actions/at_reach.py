@@ -22,9 +22,9 @@ from nsm_core.world.scene.props import Prop
 from .approach import WALKING, Approach, Command, Gait, Ground
 from .base import Stage
 
-# Metres, radians and m/s within which one has come to stand where a hand works; frames of standing still
-# after which further off does, and how much.
-NEAR, FACING, SLOW = 0.1, np.radians(14), 0.12
+# Metres, radians and m/s within which one has come to stand where a hand works, and m/s that are stopped
+# there; frames of standing still after which further off does, and how much.
+NEAR, FACING, SLOW, DRIFTS = 0.1, np.radians(14), 0.12, 0.25
 PATIENCE, ALSO_NEAR, ALSO_FACING = 25, 0.3, np.radians(40)
 _Found = TypeVar("_Found")
 
@@ -33,6 +33,7 @@ class AtReach(Stage):
     """A stage that walks to where hands work, as often as it is sent."""
 
     approach: Approach
+    reach: Reach
 
     def __init__(self, goal: Goal, ground: Ground) -> None:
         super().__init__(goal)
@@ -40,20 +41,21 @@ class AtReach(Stage):
 
     def go(self, reach: Reach, gait: Gait = WALKING, thing: Prop | None = None) -> None:
         """Go to the place of a ``reach``; ``thing`` is what is in hand."""
-        self._reach, self._still = reach, 0
+        self.reach, self._still = reach, 0
         final = Command("idle", np.append(reach.place, 0.0).astype(np.float32), reach.heading)
+        # The network, which knows boxes alone, would raise both arms about what it sensed in the hand.
         self.approach = Approach(
-            self.ground, reach.place, reach.heading, final, gait=gait, thing=thing, anyway=True
+            self.ground, reach.place, reach.heading, final, gait=gait, anyway=True, held=thing
         )
 
     def there(self, moment: Moment) -> bool:
         """Whether one stands where the hand works, or near it and comes no nearer."""
-        if moment.speed > SLOW or float(moment.style[SIT]) > 0.1:
+        if moment.speed > DRIFTS or float(moment.style[SIT]) > 0.1:
             self._still = 0
             return False
-        self._still += 1
-        off = float(np.linalg.norm(moment.root[:2] - self._reach.place))
-        turned = abs(float(wrap_angle(moment.heading - self._reach.heading)))
+        self._still += moment.speed < SLOW
+        off = float(np.linalg.norm(moment.root[:2] - self.reach.place))
+        turned = abs(float(wrap_angle(moment.heading - self.reach.heading)))
         if off < NEAR and turned < FACING:
             return True
         return self._still > PATIENCE and off < ALSO_NEAR and turned < ALSO_FACING

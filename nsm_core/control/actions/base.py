@@ -62,6 +62,12 @@ class Stage:
         """The seat that the hips are to settle on."""
         return None
 
+    def stand(self) -> tuple[Array, float] | None:
+        """The place (2,) and heading at which one stays while hands are at work; None where one is free to
+        go.
+        """
+        return None
+
     def line(self) -> tuple[Array | None, list[str]]:
         """The line (N, 2) that is followed, None where there is none, and sentences on how it is gone."""
         return None, []

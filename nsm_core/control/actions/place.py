@@ -68,6 +68,9 @@ class Place(AtReach):
             return self.approach.final
         return self.approach.update(moment, self.there)
 
+    def stand(self) -> tuple[Array, float] | None:
+        return (self.reach.place, self.reach.heading) if self.part in (1, 3) else None
+
     def arrived(self, moment: Moment) -> bool:
         return self.passed(moment) and not self._hands.active and moment.speed < 0.15
 

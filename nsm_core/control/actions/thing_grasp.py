@@ -31,7 +31,7 @@ from .hold import Lead, SeenBody
 from .led_hand import lead_to
 
 FASTEST, LADEN = 1.0, 0.8  # m/s of an empty hand and of one that holds something, at most
-DRAWN = 15  # frames in which a hand is drawn onto its way, and given back
+DRAWN = 20  # frames in which a hand is drawn onto its way, and given back
 CLOSING = 8  # frames for which a hand stays where it takes or leaves a thing
 TAKING_UP = 24  # frames in which what was elsewhere comes before the body, or onto its way
 BEFORE, BESIDE, HIGH = 0.34, 0.16, 1.04  # metres of a wrist with a thing from the root, and over the floor

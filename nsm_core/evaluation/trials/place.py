@@ -1,4 +1,8 @@
-"""Pick and place trials: in kitchens by seed, one light thing that stands open, to a free place elsewhere."""
+"""Pick and place trials: in kitchens by seed, one light thing that stands open, to a free place elsewhere.
+
+Things that the add-on refuses by a rule that it tells beforehand are not drawn: those that stand lower or
+higher than one hand takes things, and those at which no hand has room.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +18,8 @@ from nsm_core.errors import GoalError
 from nsm_core.evaluation.measures.objects import thing_in_solids
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array
+from nsm_core.world.affordances.picking import LOWEST, grasps_with_room
+from nsm_core.world.affordances.reach import REACHED
 from nsm_core.world.assets.kitchen import Kitchen, make_kitchen
 from nsm_core.world.geometry.distance import Cuboids, DistanceQuery
 from nsm_core.world.scene.furniture import cuboids
@@ -31,6 +37,7 @@ PLACED, DEEP = (
 SUNK = 1.0  # cm that the thing itself may be in what stands there
 _EDGE = (0.1, 0.2)  # metres from the front edge of a board to the middle of a thing that is put on it
 _FREE = 0.06  # metres about a thing where it is put that are free
+_HIGHEST = 1.6  # metres over the floor of a board that a thing is put on
 _TRIES = 60
 
 
@@ -59,6 +66,8 @@ def _trial(seed: int) -> PlaceTrial | None:
     for k in rng.permutation(len(names)):
         thing = kitchen.things[names[k]].thing
         still = standing(kitchen, thing)
+        if not taken_by_hand(thing, still):
+            continue
         place = free_place(kitchen, thing, still, rng)
         if place is None:
             continue
@@ -69,6 +78,14 @@ def _trial(seed: int) -> PlaceTrial | None:
             continue
         return PlaceTrial(0, "open", seed, thing.name, place, start, heading)
     return None
+
+
+def taken_by_hand(thing: LightThing, around: DistanceQuery) -> bool:
+    """Whether a hand has room at a thing where it is, among what is ``around`` it, at a height at which one
+    takes things.
+    """
+    heights = (grasp.at(thing.pose).held[2] for grasp in grasps_with_room(thing, around))
+    return any(LOWEST <= height <= REACHED[1] for height in heights)
 
 
 def standing(kitchen: Kitchen, *but: Prop) -> Cuboids:
@@ -98,7 +115,10 @@ def free_place(
         (c, b)
         for name, c in kitchen.containers.items()
         for b in c.boards
-        if name != own and not c.parts and b.room > thing.size[2] + 0.1 and 0.3 < b.height + c.pose[2] < 1.6
+        if name != own
+        and not c.parts
+        and b.room > thing.size[2] + 0.1
+        and LOWEST < b.height + c.pose[2] < _HIGHEST
     ]
     half = float(np.linalg.norm(thing.size[:2])) / 2
     for _ in range(_TRIES):

@@ -18,7 +18,7 @@ from nsm_core.errors import GoalError
 from nsm_core.rotations import Array
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.hand_fields import HandSpace, hand_space
-from nsm_core.world.planning.hand_way import FROM, way_into
+from nsm_core.world.planning.hand_way import AMPLE, FROM, HAND, filled, way_into
 from nsm_core.world.scene.props import LightThing
 from nsm_core.world.scene.wrist import WristPose, beside_held
 
@@ -31,7 +31,8 @@ _GRASPS, _ALIKE = 8, 2  # of a kind that are tried, and of these by either hand,
 _WAYS = 7  # of them for which ways are looked for
 _HEADINGS = 12  # in which a thing may be put down
 _NEARER = (0.0, 0.1, 0.2, 0.28)  # metres by which a hand is held nearer to the body than with ease
-_HEIGHTS, _AMPLE = (0.95, 1.3), 0.13  # metres over the floor, and around it, of a hand held there
+_HEIGHTS = (0.95, 1.3)  # metres over the floor of a hand held there
+_BETWEEN = 0.02  # metres off a line between a body and its hand within which something lies between them
 _WORTH = 4.0  # strain that a metre of a grasp's score makes up for
 
 
@@ -83,17 +84,7 @@ def plan_picking(thing: LightThing, place: Array, around: Around) -> Picking:
     Raises GoalError, a sentence on what stands in the way: no grasp that has room, no place to stand, no way
     of the hand.
     """
-    grasps = find_grasps(
-        thing.name,
-        thing.query,
-        thing.low,
-        thing.high,
-        thing.pose,
-        around.hands,
-        thing.mass,
-        thing.handle,
-        _LEAST_ROOM,
-    )
+    grasps = grasps_with_room(thing, around.hands)
     grasps = _mixed(grasps, lambda grasp: grasp.kind, _GRASPS)
     if not grasps:
         raise GoalError(f"A hand has no room to take {thing.name}; move away what stands close to it.")
@@ -124,6 +115,23 @@ def plan_picking(thing: LightThing, place: Array, around: Around) -> Picking:
     where = f"the place of {thing.name}" if cleared else thing.name
     raise GoalError(
         f"No way leads a hand to {where} past what stands there; move something away from before it."
+    )
+
+
+def grasps_with_room(thing: LightThing, around: DistanceQuery) -> list[OneHandGrasp]:
+    """Grasps of a thing where it is, the best first, that a hand has room for among what is ``around`` it.
+    Raises GoalError on what is too large or too heavy for one hand.
+    """
+    return find_grasps(
+        thing.name,
+        thing.query,
+        thing.low,
+        thing.high,
+        thing.pose,
+        around,
+        thing.mass,
+        thing.handle,
+        _LEAST_ROOM,
     )
 
 
@@ -180,35 +188,45 @@ def _visit(
     thing: LightThing, grasp: OneHandGrasp, hand: int, reach: Reach, space: HandSpace, around: Around
 ) -> Visit | None:
     wrist = beside_held(grasp.at(thing.pose), grasp.width, (RIGHT, LEFT)[hand])
-    under = float(thing.pose[2] + (thing.low + thing.high)[2] / 2 - wrist.place[2])
-    begin = before_body(wrist, reach, around.hands, under)
+    begin = before_body(wrist, reach, around.hands, thing)
+    if begin is None:
+        return None
     empty, laden = (way_into(space, wrist, begin, held, whole=True) for held in (None, thing))
     if empty is None or laden is None:
         return None
     return Visit(wrist, reach, *(np.concatenate((begin[None], way)) for way in (empty, laden)))
 
 
-def before_body(wrist: WristPose, reach: Reach, around: DistanceQuery, under: float = 0.0) -> Array:
-    """Where (3,) before or beside the body a hand has most room, with a thing whose middle is ``under``
-    metres over its wrist, and on from there to where its way to ``wrist`` begins.
+def before_body(
+    wrist: WristPose, reach: Reach, around: DistanceQuery, held: LightThing | None = None
+) -> Array | None:
+    """Where (3,) before or beside the body a hand has most room, and on from there to where its way to
+    ``wrist`` begins, with what is ``held`` there; None where something lies between that and the body.
     """
     height = float(np.clip(wrist.place[2], *_HEIGHTS))
-    best, most = raised(reach), -np.inf
+    best, most = None, -np.inf
+    balls = [(np.zeros(3), HAND)]
+    if held is not None:
+        balls += [(place - wrist.place, radius) for place, radius in filled(held)]
     for near in _NEARER:
-        for z in (height, best[2]):
+        for z in (height, raised(reach)[2]):
             begin = raised(reach, near)
             begin[2] = z
+            body = np.append(reach.place, z)
+            out = body + np.linspace(0.3, 1, 12)[:, None] * (begin - body)
+            if around.signed_distance(out.astype(np.float32), AMPLE).min() < _BETWEEN:
+                continue
             way = wrist.place - begin
             length = max(float(np.linalg.norm(way)), 1e-6)
             line = np.linspace(0, max(1 - FROM / length, 0), 6)[:, None] * way + begin
-            out = np.append(reach.place, z) + np.linspace(0.3, 1, 6)[:, None] * (
-                begin - np.append(reach.place, z)
-            )  # no board lies between it and the body
-            points = np.concatenate((line, line + (0.0, 0.0, under), out))
-            room = min(float(around.signed_distance(points.astype(np.float32), _AMPLE).min()), _AMPLE)
+            rooms = [
+                float(around.signed_distance((line + off).astype(np.float32), AMPLE + radius).min()) - radius
+                for off, radius in balls
+            ]
+            room = min(*rooms, AMPLE)
             if room > most + 0.01:
                 best, most = begin, room
-            if most >= _AMPLE:
+            if most >= AMPLE:
                 return best
     return best
 

@@ -165,6 +165,8 @@ def _way(front: Front, opening: float, reach: Reach, around: Around, whole: bool
     """
     there, wrist = front.at(opening), front.grip(opening)
     begin = before_body(wrist, reach, around.hands)
+    if begin is None:
+        return None
     way = way_into(hand_space(there, around.hands, wrist.held), wrist, begin, whole=whole)
     return way if way is None or not whole else np.concatenate((begin[None], way))
 

@@ -35,6 +35,13 @@ _AT_ONCE = 16  # places of which it is looked at once whether a body has room th
 # and what such a metre strains; how far it is raised for what is high.
 LEANS, _SINKS, _STRAINS, _RAISED = (0.0, 0.1, 0.2), 1.0, 1.0, 0.06
 _BEFORE, _BESIDE, _HIGH = 0.28, 0.2, 0.95  # metres from the root, and over the floor, of a hand raised
+# Places between a body and a wrist at which nothing may stand, the share of the way they are over, and
+# metres.
+_BETWEEN, _BEFORE_WRIST, _CLEAR = 30, 0.9, 0.01
+# Metres aside at which that room should be as well, and what a metre that is lacking there strains.
+_ELBOWS, _CROWDS = 0.25, 2.0
+# Radians off straight ahead within which a wrist is reached for with ease, and what one beyond strains.
+_AHEAD, _TWISTS = np.radians(25), 0.5
 _LEAN = 0.5  # share of what it goes down by which the shoulder goes ahead as well, metres a metre
 
 
@@ -42,7 +49,7 @@ _LEAN = 0.5  # share of what it goes down by which the shoulder goes ahead as we
 class Reach:
     """A way to reach: ``place`` (2,) and ``heading`` of the root, ``side`` of the hand, ``down`` metres that
     the shoulder is lower than upright, ``strain`` how near it is to what the arm can do, 1, and more where
-    the body leans; ``lean`` metres that the shoulder is ahead for that.
+    the body leans or twists; ``lean`` metres that the shoulder is ahead for that.
     """
 
     place: Array
@@ -61,21 +68,26 @@ def reaches(wrist: WristPose, solids: DistanceQuery, sides: tuple[float, ...] = 
     reach.
     """
     found = _strained(wrist, sides)
-    return [_reach(row) for row in found[has_room(found[:, :2], solids)]]
+    return [_reach(row) for row in found[has_room(found[:, :2], solids) & _open(found[:, :2], wrist, solids)]]
 
 
 def least_strained(
     wrist: WristPose, solids: DistanceQuery, side: float, room: Callable[[Array], Array]
 ) -> Reach | None:
     """The first of ``reaches`` about whose place there is ``room`` (N,), metres, of places (N, 2), and more
-    for knees where the body goes down; None where there is none.
+    for knees where the body goes down; rather where there is room for hips and elbows to either side, too.
+    None where there is none.
     """
     found = _strained(wrist, (side,))
     if len(found):
         found = found[room(found[:, :2]) > ROOM + KNEES * found[:, 4]]
+        aside = _ELBOWS * heading_to_direction(found[:, 2] + np.pi / 2)
+        beside = np.minimum(room(found[:, :2] + aside), room(found[:, :2] - aside))
+        found[:, 5] += _CROWDS * np.clip(ROOM - beside, 0.0, ROOM)
+        found = found[np.argsort(found[:, 5], kind="stable")]
     for first in range(0, len(found), _AT_ONCE):
         some = found[first : first + _AT_ONCE]
-        free = np.flatnonzero(has_room(some[:, :2], solids))
+        free = np.flatnonzero(has_room(some[:, :2], solids) & _open(some[:, :2], wrist, solids))
         if len(free):
             return _reach(some[int(free[0])])
     return None
@@ -95,6 +107,7 @@ def _strained(wrist: WristPose, sides: tuple[float, ...]) -> Array:
     place = wrist.place[:2] - off[:, None] * heading_to_direction(facing_wrist)
     heading = facing_wrist + bearing
     strain, down = strains(wrist, place, heading, side, lean)
+    strain = strain + _TWISTS * np.maximum(np.abs(bearing) - _AHEAD, 0)
     ways = np.flatnonzero(np.isfinite(strain))
     ways = ways[np.argsort(strain[ways], kind="stable")]
     rows = np.column_stack((place, heading, side, np.full(len(off), down), strain, lean))
@@ -140,3 +153,16 @@ def has_room(places: Array, solids: DistanceQuery, more: float = 0.0) -> Array:
     room = solids.signed_distance(points, 0.5).reshape(len(places), -1)
     need = np.where(heights < 0.5, _SLIM - _TOES, _SLIM) + more
     return (room >= need).all(1)
+
+
+def _open(places: Array, wrist: WristPose, solids: DistanceQuery) -> Array:
+    """Whether (N,) nothing lies between bodies at places (N, 2) and a wrist at its height: no wall, no back
+    of a shelf.
+    """
+    if not len(places):
+        return np.zeros(0, bool)
+    share = np.linspace(0.0, _BEFORE_WRIST, _BETWEEN)[:, None]
+    body = np.column_stack((places, np.full(len(places), wrist.place[2])))
+    line = body[:, None] + share * (wrist.place - body)[:, None]
+    far = solids.signed_distance(line.reshape(-1, 3).astype(np.float32), 0.1).reshape(len(places), -1)
+    return np.asarray((far > _CLEAR).all(1))

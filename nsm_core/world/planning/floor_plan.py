@@ -213,6 +213,8 @@ class FloorPlan(ClearanceMap):
                 # Beside a thing one may brush it, never pass through it; only from on top of a thing the way
                 # leads off it.
                 squeeze |= blocked & (((room > BRUSH) & (away < _ESCAPE)) if own > BRUSH else (away < far))
+            else:  # an end that is just free may lie between cells that are not
+                squeeze |= blocked & (room > BRUSH) & (away < 2 * size)
         # Flesh gives way before wood does: inside a solid costs much more than close to one.
         price = np.where(
             squeeze, 6 + 60 * np.clip((0.15 - room) / 0.15, 0, 2), np.where(blocked, np.inf, price)

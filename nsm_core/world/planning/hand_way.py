@@ -4,6 +4,7 @@ along one as along another (papers/002 section 4.2).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
@@ -23,25 +24,43 @@ _CROWDED = 0.06  # share of it where there is none
 FROM = 0.33  # metres from its end at which a way begins, or at the edge of what is looked at
 STRAIGHT, LIFT = 0.08, 0.04  # metres straight into a grasp, and up before a thing leaves
 _STEP = 0.01  # metres between the places of a way that is not timed yet
-_SMOOTH = 3.0  # of such places: deviation of what evens a way out
+_CORNERS = 1.0  # of such places: deviation of what rounds corners of a way as it is gone
+_ROUNDS, _SPARE = 36, 0.03  # in which a way is rounded, and metres of room down to which that may take it
+_ARM, _ARM_RADIUS = (0.1, 0.2), 0.042  # metres behind the wrist of balls that stand for a forearm
+_PALM, _PALM_RADIUS = 0.08, 0.03  # and before it, of a hand
+Ball = tuple[Array, float]  # a place (3,) from the wrist, and a radius, metres
 _NEIGHBOURS = np.array([d for d in product((-1, 0, 1), repeat=3) if any(d)])
 
 
 def way_past(
-    space: HandSpace, end: Array, begin: Array, radius: float, around_target: bool, whole: bool = False
+    space: HandSpace,
+    end: Array,
+    begin: Array,
+    radius: float,
+    around_target: bool,
+    whole: bool = False,
+    firm: Sequence[Ball] = (),
+    soft: Sequence[Ball] = (),
 ) -> Array | None:
     """The quickest way (K, 3), world, of a ball of ``radius`` metres to ``end`` (3,) from where it comes near
     on its way from ``begin`` (3,), slower where there is little room; None where there is none.  Places are
     about a centimetre apart.  ``around_target``: the thing itself is in the way too.  ``whole``: it
-    begins where the space does, or at ``begin`` where that is in it.
+    begins where the space does, or at ``begin`` where that is in it.  Balls that go along with it are kept
+    off obstacles as well: those that are ``firm`` whatever it takes, as exactly as cells tell, ``soft`` ones
+    where there is another way.
     """
     points, room = space.points, space.to_obstacles
     if around_target:
         room = np.minimum(room, space.to_target)
     room, near = room - radius, np.linalg.norm(space.points - end, axis=-1)
+    for ball in firm:
+        room = np.minimum(room, _beside(space, ball) + CELL / 2)
+    shut = (room < 0) & (near >= CELL)
+    for ball in soft:
+        room = np.minimum(room, _beside(space, ball))
     rate = np.clip(room / AMPLE, _CROWDED, 1.0)
     start = np.where(near < CELL, near, np.inf)
-    times = arrival_times(np.where((room < 0) & (near >= CELL), np.inf, 1 / rate), start, CELL)
+    times = arrival_times(np.where(shut, np.inf, 1 / rate), start, CELL)
     off = np.linalg.norm(points - begin, axis=-1)
     within = whole and off.min() < CELL
     outer = off < 2 * CELL if within else np.full(near.shape, False) if whole else near > FROM
@@ -62,23 +81,67 @@ def way_past(
             return None
         cell = around[int(drop.argmax())]
         found.append(points[tuple(cell)])
-    way = resampled(np.array([*found, end]), _STEP)
-    return np.concatenate((way[:1], gaussian_smooth(way, _SMOOTH)[1:-1], way[-1:]))
+    return _rounded(space, resampled(np.array([*found, end]), _STEP), room)
 
 
 def way_into(
     space: HandSpace, wrist: WristPose, begin: Array, held: LightThing | None = None, whole: bool = False
 ) -> Array | None:
     """The quickest way (K, 3), world, of a hand from where it comes near on its way from ``begin`` (3,)
-    straight into a grasp; with what is ``held`` it is wider, and comes to its place from above.  ``whole`` as
-    in ``way_past``.  None where there is none.
+    straight into a grasp, its forearm behind it; with what is ``held``, where that will stand, it comes to
+    its place from above.  ``whole`` as in ``way_past``.  None where there is none.
     """
-    radius, end = HAND, wrist.place - STRAIGHT * wrist.towards
+    soft = [(-far * wrist.towards, _ARM_RADIUS) for far in _ARM]
+    soft.append((_PALM * wrist.towards, _PALM_RADIUS))
+    firm: list[Ball] = []
+    end = wrist.place - STRAIGHT * wrist.towards
     if held is not None:
-        radius = max(HAND, 0.5 * float(np.sort(held.size)[1]))
+        firm = [(place - wrist.place, radius) for place, radius in filled(held)]
         end = wrist.place - 0.25 * STRAIGHT * wrist.towards + (0, 0, LIFT)
-    way = way_past(space, end, begin, radius, held is None, whole)
+    way = way_past(space, end, begin, HAND, held is None, whole, firm, soft)
     return None if way is None else np.concatenate((way, wrist.place[None]))
+
+
+def filled(held: LightThing) -> list[Ball]:
+    """Balls as thick as a thing that fill its box to the corners, where it stands."""
+    middle, half = (held.low + held.high) / 2, (held.high - held.low) / 2
+    radius = float(half.min())
+    ends = [np.unique((-over, 0.0, over)) for over in half - radius]
+    inside = np.stack(np.meshgrid(*ends, indexing="ij"), -1).reshape(-1, 3)
+    return [(place, radius) for place in held.to_world(middle + inside)]
+
+
+def _beside(space: HandSpace, ball: Ball) -> Array:
+    """Room (N, N, N) of a ball, metres, that goes along with what is at the cells; told at the edge of what
+    lies beyond it.
+    """
+    return _told(space, space.to_obstacles, space.points + ball[0]) - ball[1]
+
+
+def _told(space: HandSpace, field: Array, places: Array) -> Array:
+    """A field (N, N, N) between its cells, at places (..., 3)."""
+    points, last = space.points, len(space.points) - 1
+    axes = np.stack([points[1, 0, 0], points[0, 1, 0], points[0, 0, 1]]) - points[0, 0, 0]
+    at = np.clip((places - points[0, 0, 0]) @ axes.T / CELL**2, 0, last - 1e-6)
+    cell = at.astype(int)
+    share = at - cell
+    out = np.zeros(at.shape[:-1])
+    for corner in product((0, 1), repeat=3):
+        weight = np.where(corner, share, 1 - share).prod(-1)
+        out += weight * field[tuple(np.moveaxis(cell + corner, -1, 0))]
+    return out
+
+
+def _rounded(space: HandSpace, way: Array, room: Array) -> Array:
+    """A way (K, 3) evened out between its ends, as far as that leaves ``room`` (N, N, N)."""
+    own = _told(space, room, way)
+    for _ in range(_ROUNDS):
+        even = way.copy()
+        even[1:-1] = 0.5 * way[1:-1] + 0.25 * (way[:-2] + way[2:])
+        new = _told(space, room, even)
+        good = new >= np.minimum(own, _SPARE)
+        way, own = np.where(good[:, None], even, way), np.where(good, new, own)
+    return way
 
 
 def resampled(way: Array, step: float) -> Array:
@@ -105,7 +168,7 @@ def paced(way: Array, fastest: float, frames: int) -> Array:
     and in no fewer than so many ``frames``.
     """
     way = resampled(way, _STEP)
-    way = np.concatenate((way[:1], gaussian_smooth(way, _SMOOTH)[1:-1], way[-1:]))
+    way = np.concatenate((way[:1], gaussian_smooth(way, _CORNERS)[1:-1], way[-1:]))
     length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
     return timed(way, min(fastest, 1.875 * length * FPS / frames))
 
