@@ -1,5 +1,5 @@
-"""Fronts of furniture: a drawer is opened to take a jar out of it and shut again, a door is opened, and what no
-hand opens is told.
+"""Fronts of furniture: a drawer is opened to take a jar out of it and shut again, a door is opened, and what
+no hand opens is told.
 """
 
 from __future__ import annotations

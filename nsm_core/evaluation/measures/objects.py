@@ -45,9 +45,9 @@ def prop_depths(
     """Depth (T,) in metres of the deepest point of the body inside a prop that has the pose ``poses`` (T, 4)
     in each frame.
 
-    What holds it does not count, where it holds: of a leaf or a front, hands within 15 cm of its handle; of a box, that
-    of a hand and its forearm within 15 cm of where that wrist holds it, in frames in which the wrist is
-    there.  They are judged by their distance to the grip.
+    What holds it does not count, where it holds: of a leaf or a front, hands within 15 cm of its handle; of
+    a box, that of a hand and its forearm within 15 cm of where that wrist holds it, in frames in which the
+    wrist is there.  They are judged by their distance to the grip.
     """
     body = Body.of(hips_position, local_rotations, figure)
     local = rotate_planar(body.centres - poses[:, None, :3], -poses[:, None, 3])
