@@ -58,8 +58,8 @@ def opened() -> Opened:
     bpy.context.view_layer.update()
     handles = {}
     for name in (DRAWER, DOOR):
-        container = next(c for c in kitchen.containers.values() if name.lower().startswith(f"{c.name} "))
-        part = next(p for p in container.parts if name.lower().endswith(p.name))
+        parts = ((c, p) for c in kitchen.containers.values() for p in c.parts)
+        part = next(p for c, p in parts if f"{c.name} {p.name}" == name.lower())
         own = bpy.data.objects[name].matrix_world.inverted() @ Vector(part.to_world(part.handle))
         handles[name] = np.array(own)
     character = add_character((*room.start, 0.0))

@@ -185,8 +185,8 @@ class TakeRunner:
         self._insights[self.frames] = self._insights[self.frames].foreseeing(predicted)
         self.state = advance(self.state, predicted, self.request.blending)
         stage = self.director.stage
-        if stage is not None and (stand := stage.stand()) is not None:
-            self.state = kept_at(self.state, *stand)
+        if stage is not None and (place := stage.stays_at()) is not None:
+            self.state = kept_at(self.state, *place)
         self.relief.follow(self.state.root[0, :2])
         t1 = self.clock()
         self._keep(predicted.contact[0], info["experts"][0] if "experts" in info else np.zeros(0, np.float32))

@@ -62,7 +62,7 @@ class Stage:
         """The seat that the hips are to settle on."""
         return None
 
-    def stand(self) -> tuple[Array, float] | None:
+    def stays_at(self) -> tuple[Array, float] | None:
         """The place (2,) and heading at which one stays while hands are at work; None where one is free to
         go.
         """

@@ -39,6 +39,9 @@ class Before(Stage):
     def seat(self) -> SeatTarget | None:
         return None if self.stage is None else self.stage.seat()
 
+    def stays_at(self) -> tuple[Array, float] | None:
+        return None if self.stage is None else self.stage.stays_at()
+
     def end(self, reached: bool, again: bool = False) -> None:
         if self.stage is not None:
             self.stage.end(reached, again)

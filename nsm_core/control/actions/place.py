@@ -68,7 +68,7 @@ class Place(AtReach):
             return self.approach.final
         return self.approach.update(moment, self.there)
 
-    def stand(self) -> tuple[Array, float] | None:
+    def stays_at(self) -> tuple[Array, float] | None:
         return (self.reach.place, self.reach.heading) if self.part in (1, 3) else None
 
     def arrived(self, moment: Moment) -> bool:

@@ -59,6 +59,9 @@ class Unshut(AtReach):
             return self.approach.final
         return self.approach.update(moment, self.there)
 
+    def stays_at(self) -> tuple[Array, float] | None:
+        return (self.reach.place, self.reach.heading) if self.part == 1 else None
+
     def arrived(self, moment: Moment) -> bool:
         return self.passed(moment) and not self._hand.active and moment.speed < 0.15
 
@@ -93,6 +96,10 @@ class Unshutting(Before):
             elif not is_done(first := self._left.pop(0), first.moves(Front)):
                 self._now = self._begin(first, moment)
         return self.stage.update(moment)
+
+    def stays_at(self) -> tuple[Array, float] | None:
+        now = self.stage or self._now
+        return None if now is None else now.stays_at()
 
     def end(self, reached: bool, again: bool = False) -> None:
         if self._now is not None:
