@@ -1,23 +1,26 @@
 """Make ways of hands in generated kitchens and train the network that plans by them: one command, resumable
-at any time.
+at any time; and compare it with what plans otherwise.
 """
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from pathlib import Path
 
-import numpy as np
 import torch
 
 from nsm_core.data.reaches.library import load_library, make_library
-from nsm_core.evaluation.hand_ways import judge, table
+from nsm_core.evaluation.hand_layouts import layouts
+from nsm_core.evaluation.hand_table import DIFFUSION, LAYOUTS, descent, planners, rival_paths, tables
+from nsm_core.files import output
 from nsm_core.model.inference.field_model import load_fields
 from nsm_core.model.networks.allocator import keep_freed_memory
 from nsm_core.model.networks.field_config import FieldConfig
 from nsm_core.training.hand_fields import FieldSettings, FieldTrainer
 from nsm_core.training.timed_run import run
+from nsm_core.training.way_rivals import train_rivals
 
 
 def main(arguments: list[str]) -> int:
@@ -30,27 +33,59 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--kitchens", type=int, default=150, help="whose ways are learnt from (default: 150)")
     parser.add_argument("--things", type=int, default=8, help="of each kitchen (default: 8)")
     parser.add_argument("--weights", default=None, help="weights file to write (default: RUN/planner.npz)")
-    parser.add_argument("--minutes", type=float, default=defaults.minutes, help="of training (default: 50)")
+    parser.add_argument(
+        "--minutes", type=float, default=defaults.minutes, help="of training, of a core (default: 50)"
+    )
     parser.add_argument("--threads", type=int, default=2, help="processor threads (default: 2)")
     parser.add_argument("--every", type=float, default=120.0, help="seconds between checkpoints")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--width", type=int, default=FieldConfig.width, help="units of a layer")
-    parser.add_argument("--judged", type=int, default=40, help="ways not learnt from that are planned")
+    parser.add_argument(
+        "--rivals", type=int, default=0, help="steps for which what it is compared with is trained, too"
+    )
+    parser.add_argument("--table", action="store_true", help="train nothing; compare on layouts")
+    parser.add_argument("--layouts", type=int, default=LAYOUTS, help=f"of each kind (default: {LAYOUTS})")
+    parser.add_argument(
+        "--descent", action="store_true", help="with --table: what steps and guesses are worth"
+    )
     a = parser.parse_args(arguments)
     keep_freed_memory()
     torch.set_num_threads(a.threads)
     folder = Path(a.run)
-    print("Making ways of hands ...", flush=True)
-    make_library(folder / "ways", a.kitchens, a.things, lambda words: print(words, flush=True))
-    library = load_library(folder / "ways")
-    settings = replace(defaults, minutes=a.minutes, seed=a.seed)
-    trainer = FieldTrainer(library, FieldConfig(width=a.width), settings)
-    print(f"{len(trainer.rows)} of {len(library.laden)} ways are learnt.", flush=True)
-    run(trainer, folder, a.every, lambda words: print(words, flush=True))
-    out = trainer.export(Path(a.weights) if a.weights else folder / "planner.npz")
-    print(f"Wrote {out} ({out.stat().st_size / 2**20:.1f} MB).", flush=True)
-    rest = np.setdiff1d(np.arange(len(library.laden)), trainer.rows)
-    if len(rest) and a.judged:
-        some = rest[np.unique(np.linspace(0, len(rest) - 1, a.judged).astype(int))]
-        print(table(judge(load_fields(out), library, some, trainer.rows)))
+    weights = Path(a.weights) if a.weights else folder / "planner.npz"
+    if not a.table:
+        _train(a, folder, weights)
+    if a.layouts:
+        _compare(a, folder, weights)
     return 0
+
+
+def _train(a: argparse.Namespace, folder: Path, weights: Path) -> None:
+    print("Making ways of hands ...", flush=True)
+    make_library(folder / "ways", a.kitchens, a.things, _tell)
+    library = load_library(folder / "ways")
+    settings = replace(FieldSettings(), minutes=a.minutes, seed=a.seed)
+    config = FieldConfig(width=a.width)
+    trainer = FieldTrainer(library, config, settings)
+    print(f"{len(trainer.rows)} of {len(library.laden)} ways are learnt.", flush=True)
+    run(trainer, folder, a.every, _tell)
+    out = trainer.export(weights)
+    print(f"Wrote {out} ({out.stat().st_size / 2**20:.1f} MB).", flush=True)
+    if a.rivals:
+        train_rivals(library, config, settings, a.rivals, rival_paths(folder), folder / DIFFUSION, _tell)
+
+
+def _compare(a: argparse.Namespace, folder: Path, weights: Path) -> None:
+    model = load_fields(weights)
+    rows = [
+        {"layouts": name, "ways": who, **asdict(judged)}
+        for name, who, judged in tables(planners(model, folder), a.layouts, _tell)
+    ]
+    with output(folder / "table.json", "The table") as temporary:
+        temporary.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+    if a.descent:
+        descent(model, list(layouts(min(a.layouts, 40), reshaped=False)), _tell)
+
+
+def _tell(words: str) -> None:
+    print(words, flush=True)

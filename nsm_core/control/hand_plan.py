@@ -9,25 +9,38 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsm_core.conventions import DT
-from nsm_core.model.inference.field_model import FieldModel, FoundCode, KnownFields
+from nsm_core.model.inference.field_model import STEPS, FieldModel, FoundCode, KnownFields
 from nsm_core.rotations import Array
-from nsm_core.signals import gaussian_smooth, smooth_step
-from nsm_core.world.planning.hand_fields import CELL, NEAREST, SOONEST
-from nsm_core.world.planning.hand_way import turned_along
+from nsm_core.signals import gaussian_smooth
+from nsm_core.world.planning.hand_fields import (
+    CELL,
+    NEAREST,
+    SIDE,
+    SOONEST,
+    HandSpace,
+    grid_around,
+    straight_in,
+    told_at,
+)
+from nsm_core.world.planning.hand_way import FROM, STRAIGHT, entry, radius_of, turned_along
+from nsm_core.world.scene.props import LightThing
+from nsm_core.world.scene.wrist import WristPose
 
 FASTEST, SLOWEST = 1.4, 0.12  # m/s that a wrist is taken along at, at most and at least
 SLOW = 0.8  # m/s: the mean that the way to where a plan begins is measured by (v of equation 11)
 MOST = 120  # frames of a plan
-NEAR = 0.05  # metres from the thing within which a way like this one is known
-_LATE = 3.0  # seconds from which on nothing is told of arrival that a wrist could go by
-_HOME = 0.06  # metres from the end within which what is known leads
-_EVEN = 1.5  # frames by which a plan is evened out
+_LATE = 4.0  # seconds from which on nothing is told of arrival that a wrist could go by
+_LENGTH, _SECONDS = 0.5, 1.0  # metres and seconds of a way whose end is known
+_HOME = 0.09  # metres from where the known end begins within which that leads
+_EVEN = 2.0  # frames by which a plan is evened out
+_PUSHED = 0.012  # metres a frame by which a wrist is pushed off solids at most
+_CLOSE = 0.03  # metres between a wrist and solids at which it is pushed off where the known end begins
 
 
 @dataclass(frozen=True)
 class LikeWay:
-    """A way that has been gone under like conditions: ``path`` (M, 3) that ends where the wrist is to end,
-    and its ``rotations`` (M, 3, 3); both in the frame of the plan.
+    """The end of a way that is known beforehand, as the grasp has it: ``path`` (M, 3) at 30 Hz into it and
+    its ``rotations`` (M, 3, 3); both in the frame of the plan.
     """
 
     path: Array
@@ -51,54 +64,104 @@ class HandPlan:
     found: FoundCode
 
 
-def known_fields(points: Array, target: Array, obstacles: Array, like: LikeWay) -> KnownFields:
-    """What is known before a plan (equation 9): fields ``target`` and ``obstacles`` (N, N, N) at ``points``
-    (N, N, N, 3), no arrival in solids, and a way like this one's near the thing.
+@dataclass(frozen=True)
+class HandScene:
+    """What a plan is made among: the ``known`` fields; ``room`` (N, N, N) metres to solids at their points,
+    and the ``radius`` of what is to be kept off them.
     """
-    solid = points[obstacles >= 1 / NEAREST - 1e-3]
-    told = like.arrival()
-    off = np.abs(points[:, 0, 0, 0][:, None] - like.path[:, 0]).argmin(0)
-    aside = np.abs(points[0, :, 0, 1][:, None] - like.path[:, 1]).argmin(0)
-    up = np.abs(points[0, 0, :, 2][:, None] - like.path[:, 2]).argmin(0)
-    near = target[off, aside, up] > 1 / NEAR
-    near[-3:] = True  # a wrist holds what it holds from a hand's length away
+
+    known: KnownFields
+    room: Array
+    radius: float
+
+
+def known_end(wrist: WristPose, laden: bool) -> LikeWay:
+    """The end of a way into the grasp of a ``wrist``, from where it is straight, as smoothly as a longer way
+    comes to rest (minimum jerk); the wrist has its rotation all along.
+    """
+    way = wrist.place - entry(wrist, laden)
+    far = float(np.linalg.norm(way))
+    line = straight_in(WristPose(wrist.place, wrist.rotation), _LENGTH, _SECONDS)
+    left = np.linalg.norm(line - wrist.place, axis=1)
+    left = np.concatenate(([far], left[left < far - 1e-3]))
+    path = wrist.place - left[:, None] * way / far
+    return LikeWay(path, np.repeat(wrist.rotation[None], len(path), 0))
+
+
+def hand_scene(space: HandSpace, like: LikeWay, held: LightThing | None) -> HandScene:
+    """What is known before a plan (equation 9): both distances, no arrival in solids, and the end of a way
+    like this one; ``held`` what is in the hand, or None: the thing itself is then in its way.
+    """
+    points = grid_around(np.zeros(3))
+    solid = points[space.obstacles >= 1 / NEAREST - 1e-3]
     # As many of either, lest solids, of which there are more, drown what leads.
-    prior = np.repeat(like.path[near], max(1, len(solid) // max(int(near.sum()), 1)), axis=0)
-    arrival = np.repeat(told[near], max(1, len(solid) // max(int(near.sum()), 1)))
-    return KnownFields(
+    often = max(1, len(solid) // len(like.path))
+    known = KnownFields(
         points,
-        target,
-        obstacles,
-        np.concatenate((solid, prior)),
-        np.concatenate((np.zeros(len(solid)), arrival)),
+        space.target,
+        space.obstacles,
+        np.concatenate((solid, np.repeat(like.path, often, axis=0))),
+        np.concatenate((np.zeros(len(solid)), np.repeat(like.arrival(), often))),
     )
+    room = space.to_obstacles if held is not None else np.minimum(space.to_obstacles, space.to_target)
+    return HandScene(known, room, radius_of(held))
 
 
 def plan_way(
-    model: FieldModel, known: KnownFields, condition: Array, begin: Array, like: LikeWay, steps: int = 40
+    model: FieldModel,
+    around: HandScene,
+    condition: Array,
+    task: Array,
+    like: LikeWay,
+    steps: int = STEPS,
+    guess: bool = True,
+    keep_off: bool = True,
+    seed: int = 0,
 ) -> HandPlan:
-    """Plan the way of a wrist from near ``begin`` (3,) to the end of a way ``like`` this one, all in the
-    frame of the known fields; ``condition`` (4,) as ``field_config.CONDITION``.
+    """Plan the way of a wrist, all in the frame of the known fields; ``condition`` (4,) and ``task`` (9,) as
+    ``field_config.CONDITION`` and ``TASK``; the code is looked for in ``steps`` from a ``guess`` or not.
+
+    ``keep_off``: beside going down the field the wrist is pushed off solids that are nearer than its radius,
+    which are known (beyond the paper, whose ways clear what the network has understood of them).
     """
-    found = model.find_code(known, condition, steps=steps)
-    places = known.points.reshape(-1, 3)
-    told = model.fields(places, condition, found.code)[:, 2]
-    late = 1 / np.maximum(told, 1e-3)
-    end = like.path[-1]
-    outer = (late < _LATE) & (known.obstacles.reshape(-1) < 1 / (2 * NEAREST))
-    cost = np.where(outer, -late + np.linalg.norm(places - begin, axis=1) / SLOW, np.inf)
-    place = places[int(cost.argmin())] if outer.any() else begin
-    path, arrived = _descended(model, condition, found.code, place, end)
+    found = model.find_code(around.known, condition, task, steps=steps, guess=guess, seed=seed)
+    begin = _begin(model, around, condition, found.code, task[6:].astype(np.float64), like.path[-1])
+    path, arrived = _descended(model, around, condition, found.code, begin, like.path[0], keep_off)
+    path = np.concatenate((path, like.path[1:]))
     path = np.concatenate((path[:1], gaussian_smooth(path, _EVEN)[1:-1], path[-1:]))
-    # At its end the way is the one that is known, so that the hand meets the thing as it did there.
-    n = min(len(path), len(like.path), 8)
-    share = smooth_step((np.arange(n) + 1) / n)[:, None]
-    path[-n:] = (1 - share) * path[-n:] + share * like.path[-n:]
     return HandPlan(path, turned_along(path, like.path, like.rotations), arrived, found)
 
 
+def _begin(
+    model: FieldModel, around: HandScene, condition: Array, code: Array, begin: Array, end: Array
+) -> Array:
+    """Where (3,) a plan begins that comes from ``begin`` (3,): there, or where the way to it and on is the
+    soonest of all places at the edge of the cube and beyond ``FROM`` (equation 11, whose remaining time we
+    add, not subtract: the latest place of all is no good one to begin at).
+    """
+    if (np.abs(begin) < SIDE / 2 - CELL).all() and model.arrival(begin[None], condition, code)[0][
+        0
+    ] > 1 / _LATE:
+        return begin
+    every = (slice(None, None, 2),) * 3
+    places, room = around.known.points[every].reshape(-1, 3), around.room[every].ravel()
+    late = 1 / np.maximum(model.fields(places, condition, code)[:, 2], 1e-3)
+    outer = (np.abs(places).max(1) > SIDE / 2 - 2 * CELL) | (np.linalg.norm(places - end, axis=1) > FROM)
+    cost = np.where(
+        outer & (room > around.radius), late + np.linalg.norm(places - begin, axis=1) / SLOW, np.inf
+    )
+    k = int(cost.argmin())
+    return places[k] if cost[k] < np.inf else np.clip(begin, -SIDE / 2, SIDE / 2)
+
+
 def _descended(
-    model: FieldModel, condition: Array, code: Array, place: Array, end: Array
+    model: FieldModel,
+    around: HandScene,
+    condition: Array,
+    code: Array,
+    place: Array,
+    end: Array,
+    keep_off: bool,
 ) -> tuple[Array, bool]:
     """The way (T, 3) down the field of remaining time from a place (3,), and whether it comes to its end.
 
@@ -109,18 +172,31 @@ def _descended(
     for _ in range(MOST):
         way = end - found[-1]
         far = float(np.linalg.norm(way))
-        if far < CELL:
-            break
+        if far < 0.6 * CELL:
+            return np.array([*found, end]), True
         told, slope = model.arrival(found[-1][None], condition, code)
-        late = 1 / max(float(told[0]), 1e-3)
+        late = 1 / max(float(told[0]), 1 / _LATE)
         down = late**2 * slope[0]  # minus the slope of 1 / told
         steep = float(np.linalg.norm(down))
+        speed = float(np.clip(1 / max(steep, 1e-6), SLOWEST, FASTEST))
         if steep < 1e-6 or far < _HOME:
-            down, steep = way / far, far / (far * SLOW)
-        speed = np.clip(1 / max(steep, 1e-6), SLOWEST, FASTEST)
-        found.append(found[-1] + min(speed * DT, far) * down / np.linalg.norm(down))
-    arrived = bool(np.linalg.norm(found[-1] - end) < 2 * CELL)
-    return np.array([*found, end]), arrived
+            down, steep = way, far
+            speed = SLOW / 2
+        step = min(speed * DT, far) * down / steep
+        found.append(_kept_off(around, found[-1] + step, far) if keep_off else found[-1] + step)
+    return np.array([*found, end]), False
 
 
-__all__ = ["HandPlan", "LikeWay", "known_fields", "plan_way"]
+def _kept_off(around: HandScene, place: Array, far: float) -> Array:
+    """A place (3,) pushed off solids that are nearer than the radius; less so where the known end is near."""
+    offs = np.concatenate((np.zeros((1, 3)), np.eye(3), -np.eye(3))) * CELL / 2
+    room = told_at(around.room, place + offs)
+    lack = _CLOSE + (around.radius - _CLOSE) * min(far / STRAIGHT, 1.0) - float(room[0])
+    away = room[1:4] - room[4:]
+    steep = float(np.linalg.norm(away))
+    if lack <= 0 or steep < 1e-6:
+        return place
+    return np.asarray(place + min(lack, _PUSHED) * away / steep)
+
+
+__all__ = ["HandPlan", "LikeWay", "HandScene", "known_end", "plan_way", "hand_scene"]

@@ -1,108 +1,93 @@
-"""Planned ways of hands judged on kitchens that were not learnt from: the planner beside what needs no
-learning (papers/002 table 3).
-"""
+"""Ways of hands judged on layouts that were not learnt from (papers/002 table 3)."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import process_time
 
 import numpy as np
 
-from nsm_core.control.hand_plan import LikeWay, known_fields, plan_way
 from nsm_core.conventions import FPS
-from nsm_core.data.reaches.library import WayLibrary
-from nsm_core.model.inference.field_model import FieldModel
-from nsm_core.model.networks.field_numpy import seen_of
+from nsm_core.data.reaches.ways import HandTask
 from nsm_core.rotations import Array
-from nsm_core.world.planning.hand_fields import CELL, NEAREST, SIDE, grid_around
-from nsm_core.world.planning.hand_way import timed
+from nsm_core.world.planning.hand_way import STRAIGHT
 
-CLEAR = 0.03  # metres of a wrist to anything under which a way has failed
+CLEAR = 0.03  # metres of a wrist's middle to anything under which it has touched that
 AROUND = 0.2  # metres around the end of a way within which its room counts
-_PACE = 0.9  # m/s of ways that are not planned
+_STANDS, _TOUCHED = 0.04, -0.01  # metres from its place within which a thing may touch; how deep it may
+_FAR = 0.4  # metres up to which room is told
+_ENDS = 0.01  # metres off the grasp at which a hand has arrived
+_POINTS = 60  # of a thing's surface that are looked at
+
+# A way of a wrist (T, 3) at 30 Hz, world, to a task; None where it found none.
+Planner = Callable[[HandTask], Array | None]
 
 
 @dataclass(frozen=True)
 class Judged:
-    """Of ways: share that touch nothing and arrive; metres of room around the thing, mean of those; jerk of
-    the wrist, m/s3, mean; seconds of the processor.
+    """Of ways: share that touch nothing and arrive; of those, metres of room around their end and
+    acceleration of the wrist, m/s2, means over frames; seconds of one core for each.
     """
 
     success: float
     room: float
-    jerk: float
+    acceleration: float
     seconds: float
 
 
-def judge(model: FieldModel, library: WayLibrary, rows: Array, learnt: Array) -> dict[str, Judged]:
-    """Plan the ways ``rows`` of a library, with those of ``learnt`` to liken them to; by name of method."""
-    points = grid_around(np.zeros(3))
-    seen = _seen(library, learnt)
-    found: dict[str, list[tuple[Array, bool, float]]] = {"planner": [], "straight": [], "made": []}
-    for row in rows:
-        path = library.path[row, -library.length[row] :].astype(np.float64)
-        like = _like(library, row, learnt, seen, path[-1])
-        target, obstacles = (f[row].astype(np.float32) for f in (library.target, library.obstacles))
-        condition = library.condition[row]
+def judge(planner: Planner, tasks: Sequence[HandTask]) -> Judged:
+    """Plan the ways of all tasks and look how they go."""
+    success, room, acceleration, seconds = [], [], [], []
+    for task in tasks:
         begun = process_time()
-        known = known_fields(points, target, obstacles, like)
-        plan = plan_way(model, known, condition, path[0], like)
-        found["planner"].append((plan.path, plan.arrived, process_time() - begun))
-        begun = process_time()
-        straight = timed(np.stack((path[0], path[-1])), _PACE)
-        found["straight"].append((straight, True, process_time() - begun))
-        found["made"].append((path, True, 0.0))
-    return {name: _judged(library, rows, ways) for name, ways in found.items()}
-
-
-def table(judged: dict[str, Judged]) -> str:
-    """The same as text."""
-    lines = ["| ways | success | room, cm | jerk, m/s3 | seconds |", "|" + 5 * "---|"]
-    for name, j in judged.items():
-        lines.append(f"| {name} | {j.success:.0%} | {100 * j.room:.1f} | {j.jerk:.0f} | {j.seconds:.2f} |")
-    return "\n".join(lines)
-
-
-def _seen(library: WayLibrary, rows: Array) -> Array:
-    known = (library.target[rows].astype(np.float32), library.obstacles[rows].astype(np.float32))
-    ones = np.ones(library.condition.shape[1])
-    return seen_of(*known, library.condition[rows], np.full(2, 1 / NEAREST), ones)
-
-
-def _like(library: WayLibrary, row: int, learnt: Array, seen: Array, end: Array) -> LikeWay:
-    """The learnt way whose scene is most like that of ``row`` under the same hand and load, moved to end at
-    ``end`` (3,).
-    """
-    same = (library.condition[learnt, 1:] == library.condition[row, 1:]).all(1)
-    off = np.linalg.norm(seen - _seen(library, np.array([row]))[0], axis=1) + np.where(same, 0, 1e6)
-    best = learnt[int(off.argmin())]
-    path = library.path[best, -library.length[best] :].astype(np.float64)
-    return LikeWay(path - path[-1] + end, np.repeat(library.rotation[best][None], len(path), 0))
-
-
-def _judged(library: WayLibrary, rows: Array, ways: list[tuple[Array, bool, float]]) -> Judged:
-    success, room, jerk = [], [], []
-    for row, (path, arrived, _) in zip(rows, ways, strict=True):
-        free = 1 / np.maximum(_at(library.obstacles[row].astype(np.float64), path), 1e-3)
-        good = arrived and float(free[:-3].min()) > CLEAR
+        path = planner(task)
+        seconds.append(process_time() - begun)
+        free = None if path is None else room_along(task, path)
+        good = path is not None and free is not None and arrives(task, path) and clear(task, path)
         success.append(good)
-        if good:
+        if path is not None and free is not None and good:
             near = np.linalg.norm(path - path[-1], axis=1) < AROUND
             room.append(float(free[near].mean()))
-        jerk.append(float(np.linalg.norm(np.diff(path, 3, axis=0), axis=1).mean() * FPS**3))
-    seconds = float(np.mean([seconds for *_, seconds in ways]))
-    return Judged(float(np.mean(success)), float(np.mean(room or [0.0])), float(np.mean(jerk)), seconds)
+            acceleration.append(float(np.linalg.norm(np.diff(path, 2, axis=0), axis=1).mean() * FPS**2))
+    means = (float(np.mean(values or [np.nan])) for values in (success, room, acceleration, seconds))
+    return Judged(*means)
 
 
-def _at(values: Array, places: Array) -> Array:
-    """A field (N, N, N) around the origin at places (P, 3), between cells trilinear, at its edge beyond."""
-    at = np.clip((places + SIDE / 2) / CELL - 0.5, 0, values.shape[0] - 1.001)
-    low = at.astype(int)
-    part = at - low
-    out = np.zeros(len(places))
-    for corner in np.ndindex(2, 2, 2):
-        share = np.prod(np.where(corner, part, 1 - part), axis=1)
-        i, j, k = (low + corner).T
-        out += share * values[i, j, k]
-    return out
+def arrives(task: HandTask, path: Array) -> bool:
+    """Whether a way ends at its grasp."""
+    return bool(np.linalg.norm(path[-1] - task.wrist.place) < _ENDS)
+
+
+def clear(task: HandTask, path: Array) -> bool:
+    """Whether a way (T, 3) touches nothing: the wrist, what is in the hand but where it stands, and an empty
+    one the thing itself but where it is taken.
+    """
+    free = task.around.signed_distance(path.astype(np.float32), _FAR)
+    if task.laden:
+        held = _held(task, path)
+        off = np.linalg.norm(path - task.wrist.place, axis=1) > _STANDS
+        touched = off.any() and float(held[off].min()) < _TOUCHED
+    else:
+        off = np.linalg.norm(path - task.wrist.place, axis=1) > STRAIGHT
+        to_thing = task.thing.signed_distance(path[off].astype(np.float32), _FAR)
+        touched = off.any() and float(to_thing.min()) < CLEAR
+    return bool(free.min() > CLEAR and not touched)
+
+
+def room_along(task: HandTask, path: Array) -> Array:
+    """Metres (T,) from the wrist, and from what is in the hand, to the nearest of everything else."""
+    free = task.around.signed_distance(path.astype(np.float32), _FAR)
+    return np.minimum(free, _held(task, path)) if task.laden else free
+
+
+def _held(task: HandTask, path: Array) -> Array:
+    """Metres (T,) from the thing, which goes with a wrist along a path, to everything else."""
+    vertices = task.thing.mesh()[0]
+    some = vertices[np.unique(np.linspace(0, len(vertices) - 1, _POINTS).astype(int))]
+    at = task.thing.to_world(some)[None] + (path - task.wrist.place)[:, None]
+    free = task.around.signed_distance(at.reshape(-1, 3).astype(np.float32), _FAR)
+    return np.asarray(free.reshape(len(path), -1).min(1))
+
+
+__all__ = ["Judged", "Planner", "clear", "judge"]

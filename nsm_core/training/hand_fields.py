@@ -13,31 +13,43 @@ import numpy as np
 import torch
 from torch import nn
 
-from nsm_core.data.reaches.library import WayLibrary
+from nsm_core.data.reaches.library import CELLS, WayLibrary
 from nsm_core.errors import WeightsError
 from nsm_core.files import output
 from nsm_core.model.inference.field_model import PRIOR
 from nsm_core.model.inference.weights_file import save_weights
 from nsm_core.model.networks.field_config import CONDITION, FieldConfig, field_layout
 from nsm_core.model.networks.field_decoder import CODE, FieldDecoder
-from nsm_core.model.networks.field_numpy import seen_of
+from nsm_core.model.networks.field_numpy import cells_of, seen_of
+from nsm_core.model.networks.precision import half_precision_pays
 from nsm_core.rotations import Array
 from nsm_core.training.trainer import read_checkpoint
-from nsm_core.world.planning.hand_fields import NEAREST, SIDE, SOONEST, grid_around
+from nsm_core.world.planning.hand_fields import (
+    CELL,
+    NEAREST,
+    SIDE,
+    SOONEST,
+    SPREAD,
+    grid_around,
+)
 
 
 @dataclass(frozen=True)
 class FieldSettings:
     """What a run depends on; stored in the weights.  Batches are of ``scenes`` with ``points`` of each;
-    ``codes`` is the learning rate of latent codes.
+    ``codes`` is the learning rate of latent codes; ``arrival`` weighs that field's error beside the others';
+    ``without`` one of the known fields, "target" or "obstacles", which is then neither seen nor told (the
+    two-channel networks of section 8.2.3).
     """
 
     minutes: float = 50.0
     scenes: int = 32
-    points: int = 512
+    points: int = 256
     learning_rate: float = 1e-3
     codes: float = 3e-3
+    arrival: float = 10.0
     held_out: float = 0.1
+    without: str = ""
     seed: int = 0
 
 
@@ -50,10 +62,11 @@ class FieldTrainer:
         self.net = FieldDecoder(config)
         self.net.field_scale.copy_(torch.tensor((1 / NEAREST, 1 / NEAREST, 1 / SOONEST)))
         self.net.query_scale.copy_(torch.tensor((1.0,) * CONDITION.size + (SIDE / 2,) * 3))
-        last = math.ceil((1 - settings.held_out) * (int(library.kitchen.max()) + 1))
-        self.rows = np.flatnonzero(library.kitchen < last)
-        self.codes = nn.Embedding(len(self.rows), config.latent, sparse=False)
+        self.rows = self.learnt_rows(library, settings)
+        # Every way is learnt as it is and mirrored, gone by the other hand.
+        self.codes = nn.Embedding(2 * len(self.rows), config.latent, sparse=False)
         nn.init.normal_(self.codes.weight, std=CODE)
+        self.net.half = half_precision_pays(torch.device("cpu"))
         self.optimiser = torch.optim.Adam(
             [
                 {"params": list(self.net.parameters()), "lr": settings.learning_rate},
@@ -64,6 +77,24 @@ class FieldTrainer:
         self.rates = [group["lr"] for group in self.optimiser.param_groups]
         self.places = grid_around(np.zeros(3)).reshape(-1, 3).astype(np.float32)
         self.step, self.seconds = 0, 0.0
+        self._told = [float(name != settings.without) for name in ("target", "obstacles")]
+        self._seen = np.stack([self._cells(mirrored) for mirrored in (False, True)])
+
+    @staticmethod
+    def learnt_rows(library: WayLibrary, settings: FieldSettings) -> Array:
+        """Numbers of the ways that are learnt: those of the last kitchens are held out."""
+        last = math.ceil((1 - settings.held_out) * (int(library.kitchen.max()) + 1))
+        return np.flatnonzero(library.kitchen < last)
+
+    def _cells(self, mirrored: bool) -> Array:
+        """What the encoder sees of the fields of all learnt ways, half precision."""
+        lib, scale = self.library, self.net.field_scale.numpy()
+        parts = []
+        for some in np.array_split(self.rows, max(1, len(self.rows) // 64)):
+            both = [f[some].astype(np.float32) for f in (lib.target, lib.obstacles)]
+            both = [told * (f[:, ::-1] if mirrored else f) for told, f in zip(self._told, both, strict=True)]
+            parts.append(cells_of(both[0], both[1], scale).astype(np.float16))
+        return np.concatenate(parts)
 
     @property
     def done(self) -> float:
@@ -72,20 +103,31 @@ class FieldTrainer:
 
     def learn(self) -> tuple[float, float]:
         """One step; returns the mean error of fields and of guessed codes."""
-        begun, settings = time.perf_counter(), self.settings
+        begun, settings = time.process_time(), self.settings
         rng = np.random.default_rng((settings.seed, self.step))
         chosen = rng.integers(len(self.rows), size=settings.scenes)
+        mirrored = rng.random(settings.scenes) < 0.5
         rows = self.rows[chosen]
-        condition = self.library.conditions(rng.random(len(self.library.laden)) < 0.5)[rows]
-        cells = rng.integers(len(self.places), size=(settings.scenes, settings.points))
+        condition, task = self.library.asked(rows, rng.random(settings.scenes) < 0.5, mirrored)
+        cells = self._drawn(rows, rng)
         wanted = torch.from_numpy(self._values(rows, cells)) / self.net.field_scale
         given = np.broadcast_to(condition[:, None], (*cells.shape, CONDITION.size))
-        query = torch.from_numpy(np.concatenate((given, self.places[cells]), axis=-1))
-        code = self.codes(torch.from_numpy(chosen))
-        off = self.net(query, code) - wanted
-        error = off[..., :2].abs().sum(-1).mean() + off[..., 2].square().mean()
-        guessed = self.net.guessed(torch.from_numpy(self._seen(rows, condition)))
-        missed = (guessed - code.detach()).square().mean()
+        places = self.places[cells]
+        places[mirrored, :, 0] *= -1
+        query = torch.from_numpy(np.concatenate((given, places), axis=-1))
+        code = self.codes(torch.from_numpy(2 * chosen + mirrored))
+        seen = seen_of(
+            self._seen[mirrored.astype(int), chosen], condition, task, self.net.query_scale.numpy()
+        )
+        guessed = self.net.guessed(torch.from_numpy(seen))
+        # One half is told from learnt codes, the other from guessed ones: the encoder learns what of a code
+        # matters to the fields, and the decoder to tell them from what can be guessed.
+        by_guess = torch.arange(settings.scenes)[:, None] % 2 == 0
+        told = self.net(query, torch.where(by_guess, guessed, code))
+        off = told - wanted
+        known = sum(told * off[..., k].abs().mean() for k, told in enumerate(self._told))
+        error = known + settings.arrival * off[..., 2].square().mean()
+        missed = (guessed - code).square().mean()
         loss = error + PRIOR * code.square().sum(-1).mean() + missed
         self.optimiser.zero_grad()
         loss.backward()
@@ -93,8 +135,19 @@ class FieldTrainer:
             group["lr"] = rate * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * self.done)))
         self.optimiser.step()
         self.step += 1
-        self.seconds += time.perf_counter() - begun
+        # Of a core: what else runs beside it takes nothing from a training.
+        self.seconds += (time.process_time() - begun) / torch.get_num_threads()
         return float(error.detach()), float(missed.detach())
+
+    def _drawn(self, rows: Array, rng: np.random.Generator) -> Array:
+        """Numbers (S, P) of cells, one half anywhere, the other about the way, where a hand arrives."""
+        lib, many = self.library, self.settings.points // 2
+        anywhere = rng.integers(len(self.places), size=(len(rows), many))
+        back = (rng.random((len(rows), many)) * lib.length[rows, None]).astype(int)
+        near = lib.path[rows[:, None], lib.path.shape[1] - 1 - back]
+        at = (near + rng.normal(0, SPREAD, near.shape) + SIDE / 2) / CELL
+        i, j, k = np.moveaxis(np.clip(at.astype(int), 0, CELLS - 1), -1, 0)
+        return np.concatenate((anywhere, (i * CELLS + j) * CELLS + k), 1)
 
     def _values(self, rows: Array, cells: Array) -> Array:
         lib = self.library
@@ -102,11 +155,6 @@ class FieldTrainer:
             f.reshape(len(f), -1)[rows[:, None], cells] for f in (lib.target, lib.obstacles, lib.arrival)
         ]
         return np.stack(parts, -1).astype(np.float32)
-
-    def _seen(self, rows: Array, condition: Array) -> Array:
-        lib = self.library
-        known = (lib.target[rows].astype(np.float32), lib.obstacles[rows].astype(np.float32))
-        return seen_of(*known, condition, self.net.field_scale.numpy(), self.net.query_scale.numpy())
 
     def judge(self) -> tuple[float, ...]:
         """Nothing: ways not learnt from are planned when all is learnt (``evaluation.hand_ways``)."""

@@ -11,7 +11,7 @@ import numpy as np
 from nsm_core import npz
 from nsm_core.errors import CaptureError
 from nsm_core.files import output
-from nsm_core.model.networks.field_config import CONDITION
+from nsm_core.model.networks.field_config import CONDITION, TASK
 from nsm_core.rotations import Array
 from nsm_core.world.planning.hand_fields import CELL, SIDE
 
@@ -19,35 +19,42 @@ from .ways import HandWay, ways_in
 
 CELLS = round(SIDE / CELL)
 LONGEST = 120  # frames of a way that are kept, the last ones
-_NAMES = {name: "f" for name in ("target", "obstacles", "arrival", "condition", "path", "rotation")}
-_NAMES |= {"length": "i", "laden": "b"}
+_NAMES = {name: "f" for name in ("target", "obstacles", "arrival", "path", "rotation")}
+_NAMES |= {"condition": "f", "task": "f", "length": "i", "laden": "b"}
 
 
 @dataclass(frozen=True)
 class WayLibrary:
     """W ways: fields ``target``, ``obstacles``, ``arrival`` (W, N, N, N) in half precision; ``condition``
-    (W, 4) of a way that is gone as it is stored; ``path`` (W, LONGEST, 3) and ``rotation`` (W, 3, 3) of the
-    wrist, its last ``length`` (W,) frames; ``laden`` (W,); and the ``kitchen`` (W,) of each.
+    (W, 4) of a way that is gone as it is stored, and ``task`` (W, 9), as ``field_config.TASK``; ``path``
+    (W, LONGEST, 3) and ``rotation`` (W, 3, 3) of the wrist, its last ``length`` (W,) frames; ``laden`` (W,);
+    and the ``kitchen`` (W,) of each.
     """
 
     target: Array
     obstacles: Array
     arrival: Array
     condition: Array
+    task: Array
     path: Array
     rotation: Array
     length: Array
     laden: Array
     kitchen: Array
 
-    def conditions(self, backwards: Array) -> Array:
-        """Conditions (W, 4) where ways are gone ``backwards`` (W,) or not: to take a hand away after placing
-        is the way to pick, backwards, and to bring a thing the way to take it out.
+    def asked(self, rows: Array, backwards: Array, mirrored: Array) -> tuple[Array, Array]:
+        """Conditions (S, 4) and tasks (S, 9) of ways ``rows`` (S,), float32.
+
+        Of those gone ``backwards`` (S,) the condition alone is another: to take a hand away after placing is
+        the way to pick, backwards, and to bring a thing the way to take it out.  Those ``mirrored`` (S,) have
+        the X of their frame turned round, and are of the other hand.
         """
-        out = self.condition.copy()
-        other = np.asarray(backwards, bool)
-        out[other, 2:] = 1 - out[other, 2:]
-        return out
+        condition = self.condition[rows].copy()
+        condition[backwards, 2:] = 1 - condition[backwards, 2:]
+        condition[mirrored, 1] = 1 - condition[mirrored, 1]
+        task = self.task[rows].reshape(len(rows), -1, 3).copy()
+        task[mirrored, :, 0] *= -1
+        return condition, task.reshape(len(rows), -1)
 
 
 def make_library(folder: Path, kitchens: int, things: int, tell: Callable[[str], None]) -> None:
@@ -89,8 +96,6 @@ def _stacked(ways: list[HandWay]) -> dict[str, Array]:
         part = way.path[-LONGEST:]
         row[-len(part) :] = part
         row[: -len(part)] = part[0]
-    # To pick a hand comes empty and leaves laden.
-    condition = [(way.height, way.left, 0.0, way.laden) for way in ways]
 
     def cells(name: str) -> Array:
         values = [getattr(way.fields, name) for way in ways]
@@ -100,11 +105,12 @@ def _stacked(ways: list[HandWay]) -> dict[str, Array]:
         "target": cells("target"),
         "obstacles": cells("obstacles"),
         "arrival": cells("arrival"),
-        "condition": np.array(condition, np.float32).reshape(-1, CONDITION.size),
+        "condition": np.array([way.task.condition for way in ways], np.float32).reshape(-1, CONDITION.size),
+        "task": np.array([way.task.task for way in ways], np.float32).reshape(-1, TASK.size),
         "path": paths,
-        "rotation": np.array([way.rotations[-1] for way in ways], np.float32).reshape(-1, 3, 3),
+        "rotation": np.array([way.task.rotation for way in ways], np.float32).reshape(-1, 3, 3),
         "length": np.array([min(len(way.path), LONGEST) for way in ways], np.int32),
-        "laden": np.array([way.laden for way in ways], bool),
+        "laden": np.array([way.task.laden for way in ways], bool),
     }
 
 

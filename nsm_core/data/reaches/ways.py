@@ -14,9 +14,9 @@ import numpy as np
 
 from nsm_core.rotations import Array, rotate_planar
 from nsm_core.world.affordances.grasps import find_grasps
-from nsm_core.world.affordances.reach import LEFT, Reach, raised, reaches
+from nsm_core.world.affordances.reach import LEFT, raised, reaches
 from nsm_core.world.assets.kitchen import Kitchen, make_kitchen
-from nsm_core.world.geometry.distance import Union
+from nsm_core.world.geometry.distance import DistanceQuery, Union
 from nsm_core.world.planning.hand_fields import HandFields, HandSpace, hand_space
 from nsm_core.world.planning.hand_way import timed, way_into
 from nsm_core.world.scene.small_things import SmallThing
@@ -28,19 +28,58 @@ _TRIED, _KEPT = 24, 2  # grasps that are tried, and that are kept of a thing
 
 
 @dataclass(frozen=True)
-class HandWay:
-    """One way of a wrist to a thing: ``path`` (T, 3) from the thing's middle and ``rotations`` (T, 3, 3), in
-    the frame of what it stands in, turned by ``heading``; ``laden`` with the thing in the hand, that is a way
-    to place it, or to pick it when it is gone backwards.  ``height`` metres of the thing's middle over the
-    floor, ``left`` the hand.
+class HandTask:
+    """One hand that is to come to a ``thing`` (4,) in a scene, world: the pose of the ``wrist`` there, where
+    it may ``begin`` (3,), the ``space`` around the thing in cells turned by ``heading``, ``around`` the
+    distances of everything else; ``left`` the hand; ``laden`` with the thing in it, that is a way to place
+    it, or to pick it when it is gone backwards.
     """
 
-    fields: HandFields
-    path: Array
-    rotations: Array
-    height: float
+    thing: SmallThing
+    around: DistanceQuery
+    space: HandSpace
+    heading: float
+    wrist: WristPose
+    begin: Array
     left: bool
     laden: bool
+
+    @property
+    def condition(self) -> Array:
+        """The condition (4,) as ``field_config.CONDITION``: to pick a hand comes empty and leaves laden."""
+        height = float(self.thing.middle[2])
+        return np.array((height, self.left, 0.0, self.laden), np.float32)
+
+    def to_own(self, places: Array) -> Array:
+        """World places (..., 3) from the thing, in the frame of what it stands in."""
+        return rotate_planar(places - self.thing.middle, np.float64(-self.heading))
+
+    def to_world(self, places: Array) -> Array:
+        """The other way round."""
+        return rotate_planar(places, np.float64(self.heading)) + self.thing.middle
+
+    @property
+    def rotation(self) -> Array:
+        """The wrist's (3, 3) in the frame of what the thing stands in."""
+        back = np.float64(-self.heading)
+        return np.stack([rotate_planar(column, back) for column in self.wrist.rotation.T], -1)
+
+    @property
+    def task(self) -> Array:
+        """What is asked of the way (9,), as ``field_config.TASK``."""
+        ends = self.to_own(self.wrist.place), -self.rotation[:, 1], self.to_own(self.begin)
+        return np.concatenate(ends).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class HandWay:
+    """One way of a wrist that does a ``task``: ``path`` (T, 3) from the thing's middle, in the frame of what
+    that stands in, and the ``fields`` along it.
+    """
+
+    task: HandTask
+    fields: HandFields
+    path: Array
 
 
 def ways_in(seed: int, things: int) -> Iterator[HandWay]:
@@ -49,16 +88,24 @@ def ways_in(seed: int, things: int) -> Iterator[HandWay]:
     rng = np.random.default_rng((seed, 23))
     names = list(kitchen.things)
     for k in rng.permutation(len(names))[:things]:
-        name = names[int(k)]
+        name, kept = names[int(k)], 0
         shut, container = kitchen.shut_by(name), kitchen.things[name].container
         for part in shut:
             kitchen.open(container, part, 1.0)
-        yield from _ways_to(kitchen, name, rng)
+        for pair in tasks_to(kitchen, name):
+            ways = [way for way in (_way(task, float(rng.uniform(*FASTEST))) for task in pair) if way]
+            yield from ways
+            kept += bool(ways)
+            if kept == _KEPT:
+                break
         for part in shut:
             kitchen.open(container, part, 0.0)
 
 
-def _ways_to(kitchen: Kitchen, name: str, rng: np.random.Generator) -> Iterator[HandWay]:
+def tasks_to(kitchen: Kitchen, name: str) -> Iterator[tuple[HandTask, HandTask]]:
+    """What hands could do at a thing of a kitchen as it is now, the best grasp first: come empty, and come
+    laden.  They hold while nothing of the kitchen is opened or shut.
+    """
     thing, scene = kitchen.things[name].thing, kitchen.scene()
     heading = float(kitchen.containers[kitchen.things[name].container].pose[3])
     around = scene.near(thing.pose[:2], _ARM, thing)
@@ -66,43 +113,27 @@ def _ways_to(kitchen: Kitchen, name: str, rng: np.random.Generator) -> Iterator[
         name, thing.query, thing.low, thing.high, thing.pose, around, thing.mass, thing.handle, 0.01
     )
     solids = Union([scene.environment, *(p for c in kitchen.containers.values() for p in c.parts)])
-    space, kept = hand_space(thing, around, thing.middle, heading), 0
+    space = hand_space(thing, around, thing.middle, heading)
     for grasp in grasps[:_TRIED]:
         wrist = grasp.at(thing.pose)
         found = reaches(wrist, solids)
-        if not found:
-            continue
-        made = [
-            _way(thing, space, wrist, found[0], laden, heading, float(rng.uniform(*FASTEST)))
-            for laden in (False, True)
-        ]
-        good = [way for way in made if way is not None]
-        yield from good
-        kept += bool(good)
-        if kept == _KEPT:
-            return
+        if found:
+            left, begin = found[0].side == LEFT, raised(found[0])
+            empty, laden = (
+                HandTask(thing, around, space, heading, wrist, begin, left, with_it)
+                for with_it in (False, True)
+            )
+            yield empty, laden
 
 
-def _way(
-    thing: SmallThing,
-    space: HandSpace,
-    wrist: WristPose,
-    reach: Reach,
-    laden: bool,
-    heading: float,
-    fastest: float,
-) -> HandWay | None:
-    way = way_into(space, wrist, raised(reach), thing if laden else None)
+def quickest(task: HandTask) -> Array | None:
+    """The way (K, 3), world, that is learnt from: the quickest past everything; None where there is none."""
+    return way_into(task.space, task.wrist, task.begin, task.thing if task.laden else None)
+
+
+def _way(task: HandTask, fastest: float) -> HandWay | None:
+    way = quickest(task)
     if way is None:
         return None
     path = timed(way, fastest)
-    back = np.float64(-heading)
-    rotation = np.stack([rotate_planar(column, back) for column in wrist.rotation.T], -1)
-    return HandWay(
-        space.along(path),
-        rotate_planar(path - thing.middle, back),
-        np.repeat(rotation[None], len(path), 0),
-        float(thing.middle[2]),
-        reach.side == LEFT,
-        laden,
-    )
+    return HandWay(task, task.space.along(path), task.to_own(path))

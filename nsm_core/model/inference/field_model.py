@@ -11,7 +11,7 @@ import numpy as np
 
 from nsm_core.errors import WeightsError
 from nsm_core.model.networks.field_config import CONDITION, FieldConfig, field_layout
-from nsm_core.model.networks.field_numpy import NumpyFields, seen_of
+from nsm_core.model.networks.field_numpy import NumpyFields, cells_of, seen_of
 from nsm_core.model.networks.protocol import Weights
 from nsm_core.rotations import Array
 
@@ -19,9 +19,10 @@ from .network_of import require_arrays
 from .weights_file import load_weights
 
 PRIOR = 1e-4  # weight of the squared code beside mean errors, for 1 / sigma^2 of equation 9
-RATE = 0.02  # of the descent (Adam), at its beginning
+RATES = 0.02, 0.004  # of the descent (Adam) at its beginning: from chance, and from a guess, which is near
 ENOUGH = 0.002  # of its mean error by which it must become better in LOOKED steps to go on
 LOOKED = 5
+STEPS = 15  # of the descent, at most
 
 
 @dataclass(frozen=True)
@@ -52,12 +53,15 @@ class FieldModel:
     def __init__(self, config: FieldConfig, weights: Weights) -> None:
         self.config, self.metadata = config, weights.metadata
         self._net, self._statistics = NumpyFields(config, weights), weights.statistics
+        without = (weights.metadata or {}).get("settings", {}).get("without", "")
+        self._told = np.array([name != without for name in ("target", "obstacles")], np.float32)
 
     def find_code(
         self,
         known: KnownFields,
         condition: Array,
-        steps: int = 40,
+        task: Array,
+        steps: int = STEPS,
         points: int = 1024,
         guess: bool = True,
         seed: int = 0,
@@ -65,12 +69,12 @@ class FieldModel:
         """Look for the code of a scene (equation 9) in at most so many ``steps``, each of so many ``points``
         by chance; ``guess`` begins where the encoder says, else at chance.
 
-        ``condition`` (4,) as ``field_config.CONDITION``.
+        ``condition`` (4,) as ``field_config.CONDITION`` and ``task`` (9,) as ``TASK``.
         """
         rng, net, scale = np.random.default_rng(seed), self._net, self._statistics["field_scale"]
         if guess:
-            seen = seen_of(known.target, known.obstacles, condition, scale, self._statistics["query_scale"])
-            code = net.guessed(seen)
+            cells = cells_of(self._told[0] * known.target, self._told[1] * known.obstacles, scale)
+            code = net.guessed(seen_of(cells, condition, task, self._statistics["query_scale"]))
         else:
             code = rng.normal(0, 0.01, self.config.latent).astype(np.float32)
         places = known.points.reshape(-1, 3)
@@ -83,7 +87,7 @@ class FieldModel:
             priors = rng.integers(len(known.prior), size=min(points // 2, len(known.prior)))
             query = queries(np.concatenate((places[some], known.prior[priors])), condition)
             told, passed = net.told(query, code)
-            off = told[:points, :2] - wanted[some]
+            off = (told[:points, :2] - wanted[some]) * self._told
             late = told[points:, 2] - arrival[priors]
             error = float(np.abs(off).sum(1).mean() + (late**2).mean())
             errors.append(error)
@@ -98,7 +102,7 @@ class FieldModel:
             ahead[points:, 2] = 2 * late / len(late)
             slope = net.by_code(query, code, ahead, passed) + 2 * PRIOR * code
             mean, square = 0.9 * mean + 0.1 * slope, 0.99 * square + 0.01 * slope**2
-            rate = RATE * 0.5 * (1 + np.cos(np.pi * step / steps))
+            rate = RATES[guess] * 0.5 * (1 + np.cos(np.pi * step / steps))
             unbiased = mean / (1 - 0.9 ** (step + 1)), square / (1 - 0.99 ** (step + 1))
             code = (code - rate * unbiased[0] / (np.sqrt(unbiased[1]) + 1e-8)).astype(np.float32)
         return FoundCode(best, tuple(errors))

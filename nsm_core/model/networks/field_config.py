@@ -13,15 +13,21 @@ from nsm_core.validate import shown
 # whether it leaves (else approaches).
 CONDITION = Layout(height=(1,), left=(1,), places=(1,), leaves=(1,))
 FIELDS = Layout(target=(1,), obstacles=(1,), arrival=(1,))
-COARSE = 8  # cells along each side of what the encoder sees of the known fields
+# What is asked of a way, seen from the thing as PLACE: where the wrist ends, the way (unit) that the hand
+# then points, and where it comes from.
+TASK = Layout(end=(3,), towards=(3,), begin=(3,))
+# Cells along each side of what the encoder sees of the known fields, and of the blocks that it takes them in.
+COARSE, BLOCK = 16, 4
+BLOCKS = (COARSE // BLOCK) ** 3
 PLACE = Layout(place=(3,))  # x, from the thing, in a frame that is turned as what it stands in
 
 
 @dataclass(frozen=True)
 class FieldConfig:
     """``layers`` of ``width`` units, the query put in again before layer ``again``; ``latent`` numbers z of a
-    scene.  ``encoder`` units of what guesses z from the fields that are known (beyond the paper, so that z is
-    found sooner).
+    scene.  ``encoder`` units of each of two layers that guess z from what is known, the fields among it in
+    blocks of which each becomes ``block`` numbers by the same weights (beyond the paper, so that z is found
+    sooner).
     """
 
     network: ClassVar[str] = "hand_fields"
@@ -31,6 +37,7 @@ class FieldConfig:
     again: int = 3
     latent: int = 128
     encoder: int = 256
+    block: int = 24
 
     @property
     def query(self) -> int:
@@ -49,8 +56,9 @@ class FieldConfig:
                 shapes[f"layer.{n}.code"] = (self.width, self.latent)
                 shapes[f"layer.{n}.query"] = (self.width, self.query)
             shapes[f"layer.{n}.bias"] = (self.width,)
-        wide = (COARSE**3 * 2 + CONDITION.size, self.encoder, self.latent)
-        for n in range(2):
+        wide = (BLOCKS * self.block + CONDITION.size + TASK.size, self.encoder, self.encoder, self.latent)
+        shapes["block.weight"], shapes["block.bias"] = (self.block, 2 * BLOCK**3), (self.block,)
+        for n in range(len(wide) - 1):
             shapes[f"encoder.{n}.weight"], shapes[f"encoder.{n}.bias"] = (
                 (wide[n + 1], wide[n]),
                 (wide[n + 1],),
@@ -82,8 +90,8 @@ class FieldConfig:
 
 def field_layout() -> dict[str, dict[str, list[int]]]:
     """Names and shapes of all blocks, for the metadata of weights."""
-    vectors = {"condition": CONDITION, "place": PLACE, "fields": FIELDS}
+    vectors = {"condition": CONDITION, "place": PLACE, "task": TASK, "fields": FIELDS}
     return {name: {n: list(s) for n, s in v.shapes.items()} for name, v in vectors.items()}
 
 
-__all__ = ["COARSE", "CONDITION", "FIELDS", "PLACE", "FieldConfig", "field_layout"]
+__all__ = ["BLOCK", "BLOCKS", "COARSE", "CONDITION", "FIELDS", "PLACE", "TASK", "FieldConfig", "field_layout"]

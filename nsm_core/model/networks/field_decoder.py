@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from .field_config import FieldConfig
+from .field_config import BLOCK, BLOCKS, FieldConfig
 
 CODE = 0.01  # deviation of latent codes before training (sigma of equation 8)
 
@@ -16,11 +16,12 @@ CODE = 0.01  # deviation of latent codes before training (sigma of equation 8)
 class FieldDecoder(nn.Module):
     """Parameters as ``FieldConfig.parameter_shapes`` has them; fields are told as shares of
     ``field_scale``, queries are divided by ``query_scale``.
+    ``half``: fields are learnt with products in half precision.
     """
 
     def __init__(self, config: FieldConfig) -> None:
         super().__init__()
-        self.config = config
+        self.config, self.half = config, False
         self.values = nn.ParameterDict()
         for name, shape in config.parameter_shapes().items():
             values = torch.zeros(shape)
@@ -32,23 +33,31 @@ class FieldDecoder(nn.Module):
 
     def forward(self, query: Tensor, code: Tensor) -> Tensor:
         """Fields (S, P, 3), shares, of queries (S, P, 7), in physical units, and codes (S, 128)."""
-        x, config = query / self.query_scale, self.config
-        h = x.new_zeros(())
+        kind = torch.bfloat16 if self.half and self.training else query.dtype
+        x, code, config = (query / self.query_scale).to(kind), code.to(kind), self.config
+        h = x[..., :0]
         for n in range(config.layers):
-            y = self._of(f"layer.{n}.bias") + (F.linear(h, self._of(f"layer.{n}.weight")) if n else 0)
+            bias = self._of(f"layer.{n}.bias", kind)
+            y = F.linear(h, self._of(f"layer.{n}.weight", kind), bias) if n else bias
             if n in (0, config.again):
-                y = y + F.linear(x, self._of(f"layer.{n}.query"))
-                y = y + F.linear(code, self._of(f"layer.{n}.code"))[:, None]
-            h = F.relu(y)
-        return F.linear(h, self._of("out.weight"), self._of("out.bias"))
+                own = F.linear(code, self._of(f"layer.{n}.code", kind))[:, None]
+                y = y + own + F.linear(x, self._of(f"layer.{n}.query", kind))
+            h = F.relu(y, inplace=True)
+        return F.linear(h, self._of("out.weight", kind), self._of("out.bias", kind)).to(query.dtype)
 
     def guessed(self, seen: Tensor) -> Tensor:
-        """Codes (S, 128) of what is seen of scenes (S, 1028), see ``field_numpy.seen_of``."""
-        h = F.relu(F.linear(seen, self._of("encoder.0.weight"), self._of("encoder.0.bias")))
-        return F.linear(h, self._of("encoder.1.weight"), self._of("encoder.1.bias"))
+        """Codes (S, 128) of what is seen of scenes (S, 8205), see ``field_numpy.seen_of``."""
+        cells = BLOCKS * 2 * BLOCK**3
+        blocks = seen[:, :cells].reshape(len(seen), BLOCKS, -1)
+        h = F.relu(F.linear(blocks, self._of("block.weight"), self._of("block.bias")))
+        h = torch.cat((h.flatten(1), seen[:, cells:]), 1)
+        for n in range(3):
+            h = F.linear(h, self._of(f"encoder.{n}.weight"), self._of(f"encoder.{n}.bias"))
+            h = F.relu(h) if n < 2 else h
+        return h
 
-    def _of(self, name: str) -> Tensor:
-        return self.values[name.replace(".", "/")]
+    def _of(self, name: str, kind: torch.dtype = torch.float32) -> Tensor:
+        return self.values[name.replace(".", "/")].to(kind)
 
 
 __all__ = ["CODE", "FieldDecoder"]

@@ -8,7 +8,7 @@ import numpy as np
 
 from nsm_core.rotations import Array
 
-from .field_config import COARSE, CONDITION, FieldConfig
+from .field_config import BLOCK, BLOCKS, COARSE, CONDITION, FieldConfig
 from .protocol import Weights
 
 
@@ -43,9 +43,14 @@ class NumpyFields:
         return slope
 
     def guessed(self, seen: Array) -> Array:
-        """A code (128,) of what is seen of a scene (1028,)."""
-        h = np.maximum(self._p["encoder.0.weight"] @ seen + self._p["encoder.0.bias"], 0)
-        return np.asarray(self._p["encoder.1.weight"] @ h + self._p["encoder.1.bias"])
+        """A code (128,) of what is seen of a scene (8205,)."""
+        p, cells = self._p, BLOCKS * 2 * BLOCK**3
+        blocks = np.maximum(seen[:cells].reshape(BLOCKS, -1) @ p["block.weight"].T + p["block.bias"], 0)
+        h = np.concatenate((blocks.ravel(), seen[cells:]))
+        for n in range(3):
+            h = p[f"encoder.{n}.weight"] @ h + p[f"encoder.{n}.bias"]
+            h = np.maximum(h, 0) if n < 2 else h
+        return np.asarray(h)
 
     def told(self, query: Array, code: Array) -> tuple[Array, list[Array]]:
         """Fields (P, 3) and what ``by_code`` needs of them."""
@@ -77,18 +82,28 @@ class NumpyFields:
         return found
 
 
-def seen_of(target: Array, obstacles: Array, condition: Array, scale: Array, query_scale: Array) -> Array:
-    """What the encoder is given (..., 1028), float32: both known fields (..., N, N, N) in COARSE cells along
-    each side, and the condition (..., 4).
+def cells_of(target: Array, obstacles: Array, scale: Array) -> Array:
+    """What the encoder sees of both known fields (..., N, N, N), float32 (..., 8192): means over COARSE cells
+    along each side, block by block.
     """
     parts = []
     for values, most in zip((target, obstacles), scale, strict=False):
-        n = values.shape[-1] // COARSE
-        lead = values.shape[:-3]
-        cells = values.reshape(*lead, COARSE, n, COARSE, n, COARSE, n).mean((-5, -3, -1))
-        parts.append(cells.reshape(*lead, -1) / most)
-    parts.append(condition / query_scale[: CONDITION.size])
-    return np.concatenate(parts, axis=-1).astype(np.float32)
+        lead, n, k = values.shape[:-3], values.shape[-1] // COARSE, COARSE // BLOCK
+        cells = values.reshape(*lead, COARSE, n, COARSE, n, COARSE, n).mean((-5, -3, -1)) / most
+        cells = cells.reshape(*lead, k, BLOCK, k, BLOCK, k, BLOCK)
+        d = len(lead)
+        order = (*range(d), *(d + axis for axis in (0, 2, 4, 1, 3, 5)))
+        parts.append(cells.transpose(order).reshape(*lead, BLOCKS, -1))
+    both = np.concatenate(parts, axis=-1)
+    return both.reshape(*both.shape[:-2], -1).astype(np.float32)
 
 
-__all__ = ["NumpyFields", "seen_of"]
+def seen_of(cells: Array, condition: Array, task: Array, query_scale: Array) -> Array:
+    """What the encoder is given (..., 8205), float32: ``cells_of`` the fields, the condition (..., 4) and the
+    task (..., 9).
+    """
+    given = condition / query_scale[: CONDITION.size]
+    return np.concatenate((cells, given, task), axis=-1).astype(np.float32)
+
+
+__all__ = ["NumpyFields", "cells_of", "seen_of"]

@@ -19,7 +19,7 @@ from nsm_core.world.geometry.eikonal import NEVER, arrival_times
 from nsm_core.world.scene.wrist import WristPose
 
 SIDE, CELL = 0.8, 0.025  # metres: of the cube, and of its cells
-NEAREST, SOONEST = 0.025, 0.05  # metres and seconds under which nothing is told apart
+NEAREST, SOONEST = 0.025, 0.2  # metres and seconds under which nothing is told apart
 SPREAD = 0.08  # metres from a hand's path at which the front is slower by exp(-1/2): sigma of equation 5
 _SLOWEST, _AWAY = 0.1, 1e-3  # metres a second of a hand at least; and of its speed, far from its path
 # Metres: what is nearer to a solid than half a cell is closed to a front, so that no board lies between two
@@ -130,6 +130,21 @@ def _from_path(points: Array, path: Array) -> tuple[Array, Array]:
     square = (points**2).sum(1)[:, None] - 2 * points @ path.T + (path**2).sum(1)
     nearest = square.argmin(1)
     return np.sqrt(np.maximum(square[np.arange(len(points)), nearest], 0.0)), nearest
+
+
+def told_at(values: Array, places: Array) -> Array:
+    """Values (N, N, N) over the cells around the origin, at places (P, 3) in their frame: trilinear between
+    their middles, those of the edge beyond it.
+    """
+    at = np.clip((places + SIDE / 2) / CELL - 0.5, 0, len(values) - 1.001)
+    low = at.astype(int)
+    part = at - low
+    out = np.zeros(len(places))
+    for corner in np.ndindex(2, 2, 2):
+        share = np.prod(np.where(corner, part, 1 - part), axis=1)
+        i, j, k = (low + corner).T
+        out += share * values[i, j, k]
+    return out
 
 
 def straight_in(wrist: WristPose, length: float = 0.5, seconds: float = 1.0) -> Array:

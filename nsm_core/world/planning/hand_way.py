@@ -94,10 +94,9 @@ def way_into(
     soft = [(-far * wrist.towards, _ARM_RADIUS) for far in _ARM]
     soft.append((_PALM * wrist.towards, _PALM_RADIUS))
     firm: list[Ball] = []
-    end = wrist.place - STRAIGHT * wrist.towards
     if held is not None:
         firm = [(place - wrist.place, radius) for place, radius in filled(held)]
-        end = wrist.place - 0.25 * STRAIGHT * wrist.towards + (0, 0, LIFT)
+    end = entry(wrist, held is not None)
     way = way_past(space, end, begin, HAND, held is None, whole, firm, soft)
     return None if way is None else np.concatenate((way, wrist.place[None]))
 
@@ -142,6 +141,18 @@ def _rounded(space: HandSpace, way: Array, room: Array) -> Array:
         good = new >= np.minimum(own, _SPARE)
         way, own = np.where(good[:, None], even, way), np.where(good, new, own)
     return way
+
+
+def entry(wrist: WristPose, laden: bool) -> Array:
+    """Where (3,) a hand's way straight into a grasp begins; with a thing in it, it comes from above."""
+    if laden:
+        return np.asarray(wrist.place - 0.25 * STRAIGHT * wrist.towards + (0, 0, LIFT))
+    return np.asarray(wrist.place - STRAIGHT * wrist.towards)
+
+
+def radius_of(held: LightThing | None) -> float:
+    """Metres around a wrist that are to be free on its way, with a thing in the hand or None."""
+    return HAND if held is None else max(HAND, 0.5 * float(np.sort(held.size)[1]))
 
 
 def resampled(way: Array, step: float) -> Array:
