@@ -146,8 +146,10 @@ def prepare(
         )
         _go_to(scene, spec.start_frame)
         _require_still(places)
+        aside = [o for o in around.left if o not in moving]  # which was found to be in the way
         things = {
-            target.name: MovedObject.of(target, frame, around.left[target][0]) for target in moving_alone
+            target.name: MovedObject.of(target, frame, around.left[target][0])
+            for target in (*moving_alone, *aside)
         }
         environment, ground = around.query, around.ground
         figure = yield from figure_of(spec.character)

@@ -79,13 +79,16 @@ def front_goal(name: str, target: bpy.types.Object, hold: float, around: Surroun
     return goal
 
 
-def but_moved(around: Surroundings, *but: str) -> DistanceQuery:
-    """What stands, and the props of earlier goals where these leave them, ``but`` those of some names."""
+def but_moved(around: Surroundings, *but: str, standing: DistanceQuery | None = None) -> DistanceQuery:
+    """What stands (``standing``, all that no goal moves without it), and the props of earlier goals where
+    these leave them, ``but`` those of some names.
+    """
     moved = {}
     for prop, pose in around.left.values():
         if prop.name not in but:
             moved[prop.name] = replace(prop, pose=pose)
-    return Union([around.query, *moved.values()]) if moved else around.query
+    standing = around.query if standing is None else standing
+    return Union([standing, *moved.values()]) if moved else standing
 
 
 def read_front(target: bpy.types.Object, scene: bpy.types.Scene, frame: WorldFrame) -> Front:

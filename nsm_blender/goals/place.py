@@ -12,21 +12,22 @@ import numpy as np
 
 from nsm_core.control.actions.place import planned
 from nsm_core.control.goals import Goal
-from nsm_core.control.load import by_volume
 from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array, rotate_planar
 from nsm_core.world.affordances.picking import LOWEST
 from nsm_core.world.affordances.reach import REACHED
 from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene.containers import Front
-from nsm_core.world.scene.props import LightThing, sense
+from nsm_core.world.scene.props import LightThing
 from nsm_core.world.scene.small_things import LARGEST
 
 from ..world.bodies import place_of
 from ..world.surroundings import Surroundings
 from ..world.tops import Level, boards_of, occupy, places_near_edge
+from .aside import put_aside_first
 from .finder import Finder, Place
 from .fronts import along_with, but_moved, front_goal, shut_away
+from .light_things import read_thing
 from .looks import Looks
 from .points import goal_point_of
 from .spec import GoalSpec
@@ -78,7 +79,13 @@ def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: 
         around.left[target] = thing, picking.pose
         return goal
     assert refused is not None
-    raise refused
+    if pose is not None:
+        raise refused
+    goal = Goal(spec.action, spec.label, spots[0], 0.0, spec.hold, prop=thing, first=first)
+    goal = put_aside_first(goal, target, around, plan, here[:2], refused)
+    assert goal.picking is not None
+    around.left[target] = thing, goal.picking.pose
+    return goal
 
 
 def opened_first(target: bpy.types.Object, around: Surroundings, here: Array) -> tuple[Goal, ...]:
@@ -100,19 +107,6 @@ def require_ways(pick: Array, put: Array, here: Array, plan: FloorPlan) -> None:
     """Raise GoalError unless one can walk from ``here`` (2,) to where a thing is taken and put down."""
     plan.require_way(here, pick)
     plan.require_way(pick, put)
-
-
-def read_thing(target: bpy.types.Object, around: Surroundings, mass: float | None) -> LightThing:
-    """An object as a thing in one hand: its frame under the middle of its foot, upright."""
-    body = around.body(target)
-    low, high = body.bounds
-    foot = np.append((low + high)[:2] / 2, low[2])
-    pose = np.append(body.to_core(foot), body.yaw).astype(np.float64)
-    query = body.solid_at(pose)
-    size = high - low
-    corners = np.append(-size[:2] / 2, 0.0), np.append(size[:2] / 2, size[2])
-    weighs = by_volume(size) if mass is None else mass
-    return LightThing(target.name, query, sense(query, *corners), pose, *corners, mass=weighs)
 
 
 def spots_on(to: bpy.types.Object, thing: LightThing, here: Array, around: Surroundings) -> Iterator[Array]:

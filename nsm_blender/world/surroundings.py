@@ -118,10 +118,21 @@ class Surroundings:
     @cached_property
     def query(self) -> DistanceQuery:
         """Everything solid but the character and what its goals move."""
-        still = self._but(self.moving)
+        return self.query_but()
+
+    def query_but(self, *left_out: bpy.types.Object) -> DistanceQuery:
+        """Everything solid but the character, what its goals move, and some objects more."""
+        still = self._but([*self.moving, *left_out])
         solids = [s for s in self.obstacles if still(s)]
         with freely():
             return query_of(solids)
+
+    def move_too(self, *targets: bpy.types.Object) -> None:
+        """Have more objects be moved by the goals: no part of ``query`` and planned floors from now on."""
+        self.moving = list(dict.fromkeys((*self.moving, *targets)))
+        still = self._but(self.moving)
+        self.query, self.standing = self.query_but(), [s for s in self.solids if still(s)]
+        self._plan = None
 
     def _but(self, left_out: Iterable[bpy.types.Object]) -> Callable[[Solid], bool]:
         """Whether a solid is none of ``left_out`` and does not belong to one."""

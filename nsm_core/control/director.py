@@ -313,6 +313,7 @@ class Director:
             following = self.goals[self.index + 1 : self.index + 2]
             stay = self.goals[self.index].hold + sum(goal.wait for goal in following)
             self._hold = max(1, round(stay * FPS)) if result.reached else 1
+            result.remarks = stage.line()[1]
             grasp = getattr(stage, "grasp", None)
             for name, value in (grasp.errors if grasp is not None else {}).items():
                 setattr(result, name, value)

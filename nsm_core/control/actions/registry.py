@@ -17,9 +17,10 @@ from nsm_core.world.scene.containers import Front
 from nsm_core.world.scene.props import LightThing
 from nsm_core.world.scene.solids import Scene
 
-from . import carry, climb, open, place, sit, touch, unshut, walk
+from . import carry, climb, open, place, sit, touch, walk
 from .approach import Ground
 from .base import Grasp, Performer, Stage, StageStart, Way
+from .first import First
 from .rise import TurnBack
 from .unload import held_by, with_load
 
@@ -60,7 +61,7 @@ def begin(
             return stage
         hands.let_go()
     if goal.first:
-        return unshut.Unshutting(goal, lambda one, then: begin(one, ground, then, grasps, scene, ik, before))
+        return First(goal, lambda one, then: begin(one, ground, then, grasps, scene, ik, before))
     return PERFORMERS[goal.action].begin(goal, start)
 
 

@@ -89,8 +89,9 @@ class Holding:
 
     @property
     def left(self) -> bool:
-        """Whether the thing stands and the hand is off it."""
-        return self.state in ("back", "free") and "position_error_cm" in self.errors
+        """Whether the thing stands and the hand has come away from it, out of what it stands in."""
+        gone = self.state == "free" or self.state == "back" and self._frame >= len(self._way)
+        return gone and "position_error_cm" in self.errors
 
     def holds(self, hand: int) -> float:
         """How far a hand is led by it, 0..1."""

@@ -5,9 +5,6 @@ The network walks and stands; the hand is led.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-
 import numpy as np
 
 from nsm_core.control.goals import Goal, Moment
@@ -19,8 +16,7 @@ from nsm_core.world.scene.containers import Front
 
 from .approach import Command
 from .at_reach import AtReach, where_led
-from .base import Grasp, Stage, StageStart, Way
-from .before import Before
+from .base import Grasp, StageStart, Way
 from .front_grasp import Pull
 
 _MOVED = 0.01  # share of its travel from which on a front is planned for anew
@@ -76,53 +72,6 @@ class Unshut(AtReach):
             self._hand.let_go()
 
 
-class Unshutting(Before):
-    """Open what shuts a thing away, one front after the other, then do what the goal asks for."""
-
-    def __init__(self, goal: Goal, begin: Callable[[Goal, Moment], Stage]) -> None:
-        super().__init__(goal)
-        self._left, self._begin, self._opened = list(goal.first), begin, 0
-        self._now: Stage | None = None
-
-    def update(self, moment: Moment) -> Command:
-        while self.stage is None:
-            if self._now is not None:
-                if not self._now.passed(moment):
-                    return self._now.update(moment)
-                self._now.end(True)
-                self._opened, self._now = self._opened + 1, None
-            if not self._left:
-                self.begin(self._begin(replace(self.goal, first=()), moment))
-            elif not is_done(first := self._left.pop(0), first.moves(Front)):
-                self._now = self._begin(first, moment)
-        return self.stage.update(moment)
-
-    def stays_at(self) -> tuple[Array, float] | None:
-        now = self.stage or self._now
-        return None if now is None else now.stays_at()
-
-    def end(self, reached: bool, again: bool = False) -> None:
-        if self._now is not None:
-            self._now.end(reached, again)
-        super().end(reached, again)
-
-    @property
-    def part(self) -> int:  # type: ignore[override]
-        """Counts on over all that is opened."""
-        now = self.stage or self._now
-        return 2 * self._opened + (0 if now is None else now.part)
-
-    @property
-    def grasp(self) -> object:
-        """The hand that opens, then those of the stage that follows."""
-        return getattr(self.stage or self._now, "grasp", None)
-
-    @property
-    def approach(self) -> object:
-        """How the stage in hand comes to its place, to be looked for anew."""
-        return getattr(self.stage or self._now, "approach", None)
-
-
 def is_done(goal: Goal, front: Front) -> bool:
     """Whether a front is open, or shut, as a goal asks for, as far as it would be moved."""
     return abs(front.opening - goal.opening) < 0.5
@@ -145,4 +94,4 @@ def places(goal: Goal, way: Way) -> list[Array | None]:
     return [pulling.reach.place]
 
 
-__all__ = ["Unshut", "Unshutting", "is_done", "places", "planned"]
+__all__ = ["Unshut", "is_done", "places", "planned"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from . import carry, carry_far, climb, interrupt, locomotion, open, place, shut, sit, stairs, touch
+from . import blocked, carry, carry_far, climb, interrupt, locomotion, open, place, shut, sit, stairs, touch
 from .part import ABLATIONS, Row, TrialPart
 from .rollout import Report
 
@@ -30,6 +30,7 @@ PARTS: dict[str, TrialPart] = {
     "touch": touch.PART,
     "place": place.PART,
     "shut": shut.PART,
+    "blocked": blocked.PART,
 }
 
 
