@@ -1,4 +1,4 @@
-"""What blocks a thing in a niche is put aside first, keyed as what the take moves; what may not move is not."""
+"""What blocks a thing in a niche is put aside first and keyed with it; what may not be moved is not."""
 
 from __future__ import annotations
 
