@@ -44,7 +44,10 @@ def _trial(seed: int) -> ShutTrial | None:
     names = [n for n, s in kitchen.things.items() if not s.blockers and _opens(kitchen, n)]
     for k in rng.permutation(len(names)):
         thing = kitchen.things[names[k]].thing
-        still = place.standing(kitchen, thing)
+        still, container = place.standing(kitchen, thing), kitchen.board_of(names[k])[0]
+        opened = [container.part(part) for part in kitchen.shut_by(names[k])]
+        if not place.taken_by_hand(thing, place.standing(kitchen, thing, *opened)):
+            continue
         there = place.free_place(kitchen, thing, still, rng)
         if there is None:
             continue
