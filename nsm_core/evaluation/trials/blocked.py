@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import count, islice
 from typing import Any
 
 import numpy as np
@@ -39,9 +40,11 @@ class BlockedTrial(place.PlaceTrial):
 
 
 def trials(kitchens: int = 10) -> list[BlockedTrial]:
-    """The same trials at every call: one in each of so many kitchens that have such a thing in the open."""
-    made = (_trial(seed) for seed in range(kitchens))
-    return [one for one in made if one is not None]
+    """The same trials at every call: one in each of the first so many kitchens that have such a thing in the
+    open.
+    """
+    made = (one for seed in count() if (one := _trial(seed)) is not None)
+    return list(islice(made, kitchens))
 
 
 def _trial(seed: int) -> BlockedTrial | None:

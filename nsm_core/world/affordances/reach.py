@@ -109,7 +109,9 @@ def _strained(wrist: WristPose, sides: tuple[float, ...]) -> Array:
     strain, down = strains(wrist, place, heading, side, lean)
     strain = strain + _TWISTS * np.maximum(np.abs(bearing) - _AHEAD, 0)
     ways = np.flatnonzero(np.isfinite(strain))
-    ways = ways[np.argsort(strain[ways], kind="stable")]
+    # Of ways that strain alike the one comes first that faces most as the hand points.
+    faces, strain = heading_to_direction(heading) @ wrist.towards[:2], np.round(strain, 6)
+    ways = ways[np.lexsort((-faces[ways], strain[ways]))]
     rows = np.column_stack((place, heading, side, np.full(len(off), down), strain, lean))
     return rows[ways]
 
