@@ -16,7 +16,7 @@ from nsm_blender.prepare import start_of
 from nsm_blender.rigs.character import add_character
 from nsm_core.errors import GoalError
 
-BEHIND, BEFORE = (0.0, 0.3, 1.0), (0.0, 0.12, 1.0)
+BEHIND, BEFORE = (0.0, 0.28, 1.0), (0.0, 0.12, 1.0)
 
 
 def furnish():
@@ -31,7 +31,7 @@ def furnish():
     ]
     mesh_of_boxes("Niche", niche)
     box("Table", (0.9, -1.6, 0.0), (1.9, -0.9, 0.75))
-    jar = mesh_of_boxes("Jar", [((-0.03, -0.03, 0.0), (0.03, 0.03, 0.1))], BEHIND)
+    jar = mesh_of_boxes("Jar", [((-0.02, -0.02, 0.0), (0.02, 0.02, 0.1))], BEHIND)
     tin = mesh_of_boxes("Tin", [((-0.04, -0.04, 0.0), (0.04, 0.04, 0.12))], BEFORE)
     character = add_character((0.0, -1.6, 0.0))
     bpy.context.view_layer.update()

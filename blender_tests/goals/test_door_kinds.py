@@ -129,11 +129,16 @@ class TestFurniture:
         )
 
     def test_one_that_is_parented_to_its_furniture_is_opened_by_a_hand(self):
-        body, leaf = self.cupboard(name="Kitchen Fridge")
+        body, leaf = self.cupboard(wide=0.6, name="Kitchen Fridge")
         refused(leaf, "parent it to the furniture that it is a part of, and a hand opens it")
         leaf.parent = body
         front = opening(leaf)
         assert isinstance(front, Front) and front.part.kind == "hinged"
+
+    def test_one_that_is_wider_than_an_arm_swings_is_told(self):
+        body, leaf = self.cupboard(wide=0.9, name="Kitchen Fridge")
+        leaf.parent = body
+        refused(leaf, "Door is too wide, or goes too far, for a hand of one who stays where one stands")
 
     def test_its_flaps_and_drawers(self):
         refused(

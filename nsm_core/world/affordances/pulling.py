@@ -58,12 +58,14 @@ def plan_pulling(front: Front, opening: float, around: Around) -> Pulling:
             f"{front.name} moves by only {_amount(front, free - begin)} before it meets what stands about "
             "it; make room for it to open."
         )
-    told = False
+    told = within = False
     for share in ENDS:
         end = begin + share * (opening - begin)
         if abs(end - begin) > abs(free - begin) + 1e-6:
             continue
-        for hand, reach in _standing(front, begin, end, around):
+        rows = _strained(_wrists(front, begin, end))
+        within |= len(rows) > 0
+        for hand, reach in _standing(front, begin, end, rows, around):
             told = True
             ways = [_way(front, at, reach, around, at == begin) for at in (begin, end)]
             if ways[0] is not None and ways[1] is not None:
@@ -72,6 +74,11 @@ def plan_pulling(front: Front, opening: float, around: Around) -> Pulling:
         raise GoalError(
             f"No way leads a hand to the handle of {front.name} past what stands there; move something away "
             "from before it."
+        )
+    if not within:
+        raise GoalError(
+            f"{front.name} is too wide, or goes too far, for a hand of one who stays where one stands; leave "
+            "it open, or choose another object."
         )
     raise GoalError(
         f"There is no free floor from which one hand moves {front.name} without standing in its way; make "
@@ -113,11 +120,16 @@ def _free(front: Front, opening: float, solids: DistanceQuery) -> float:
     return free
 
 
-def _standing(front: Front, begin: float, end: float, around: Around) -> list[tuple[int, Reach]]:
-    """Hands and where the body stands, clear of the front all the way, the least strained first."""
+def _wrists(front: Front, begin: float, end: float) -> list[WristPose]:
+    """The wrist at the handle all the way."""
+    return [front.grip(float(share)) for share in np.linspace(begin, end, _SEEN)]
+
+
+def _standing(front: Front, begin: float, end: float, rows: Array, around: Around) -> list[tuple[int, Reach]]:
+    """Hands and where the body stands, of what an arm can do, ``rows`` (N, 7), clear of the front all the
+    way, the least strained first.
+    """
     openings = np.linspace(begin, end, _SEEN)
-    wrists = [front.grip(float(share)) for share in openings]
-    rows = _strained(wrists)
     down = max(float(np.max(rows[:, 4])), 0.0) if len(rows) else 0.0
     rows = rows[around.room(rows[:, :2]) > ROOM + KNEES * down]
     found: list[tuple[int, Reach]] = []
