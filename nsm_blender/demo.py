@@ -22,11 +22,12 @@ if not __package__:  # run as a script: make the repository importable and this 
 import bpy
 from mathutils import Vector
 
-from nsm_core.errors import NsmError
+from nsm_core.errors import GoalError, NsmError
 
 from . import takes
 from .demo_scene.house import House, build_house
 from .demo_scene.kitchen import build_kitchen
+from .demo_scene.kitchen_take import kitchen_goals
 from .demo_scene.room import DemoRoom, build_room
 from .goals.spec import GoalSpec
 from .keys.report import goal_line
@@ -52,17 +53,58 @@ def main(arguments: Sequence[str]) -> int:
 
 def make_demo(options: argparse.Namespace) -> int:
     """Make room, character and take, write every file into ``options.out`` and print the report."""
-    began = time.perf_counter()
-    out = Path(options.out).absolute()
-    for name in ("demo.blend", "demo.png", "demo.mp4", "demo.json"):
-        outputs.require_writable(out / name)
+    _require_writable(options, "demo")
     room, character = build_scene(options.second_seat, not options.two_seats)
-    scene = bpy.context.scene
-    goals = goals_in(room, options.hold)
+    return perform(options, "demo", room, character, goals_in(room, options.hold))
+
+
+def show_kitchen(options: argparse.Namespace) -> int:
+    """Build the kitchen of a seed, everything shut, and have a character bring things to its table; without a
+    take it is saved as it is.
+    """
+    _require_writable(options, "kitchen")
+    scene = _empty_scene()
+    room, kitchen = build_kitchen(options.kitchen)
+    _light_and_look(scene, room)
+    parts = sum(len(c.parts) for c in kitchen.containers.values())
+    furniture, things = len(kitchen.containers), len(kitchen.things)
+    print(
+        f"Kitchen {kitchen.seed}: {furniture} pieces of furniture, {parts} parts that open, {things} things."
+    )
+    if options.no_take:
+        out = Path(options.out).absolute() / "kitchen.blend"
+        outputs.save_blend(out, compress=True)
+        print(f"  {out}")
+        return 0
+    character = add_character((*room.start, 0.0))
+    bpy.context.view_layer.update()
+    goals = kitchen_goals(kitchen, character, scene)
+    if not goals:
+        raise GoalError("No hand gets at anything that is shut away in this kitchen; choose another seed.")
+    return perform(options, "kitchen", room, character, goals)
+
+
+def _require_writable(options: argparse.Namespace, stem: str) -> None:
+    for ending in ("blend", "png", "mp4", "json"):
+        outputs.require_writable(Path(options.out).absolute() / f"{stem}.{ending}")
+
+
+def perform(
+    options: argparse.Namespace, stem: str, room: DemoRoom, character: bpy.types.Object, goals: list[GoalSpec]
+) -> int:
+    """Make the take of a room's goals, write its files, called ``stem``, into ``options.out`` and print the
+    report.
+    """
+    began, out, scene = time.perf_counter(), Path(options.out).absolute(), bpy.context.scene
     plan = ", ".join(f"{goal.action} {goal.label}" for goal in goals)
     print(f"Room with {len(room.objects)} objects; {character.name} is to {plan}.", flush=True)
     spec = takes.TakeSpec(
-        character, goals, name="Demo", start_frame=1, seed=options.seed, contact_ik=not options.no_contact_ik
+        character,
+        goals,
+        name=stem.capitalize(),
+        start_frame=1,
+        seed=options.seed,
+        contact_ik=not options.no_contact_ik,
     )
     lines = [Line("Take"), Line("Contact sheet"), Line("Video")]
     before = finish(outlook(spec, scene)) if options.overlays else None
@@ -70,43 +112,27 @@ def make_demo(options: argparse.Namespace) -> int:
         take = _generate(spec, scene, line)
     scene.frame_start, scene.frame_end = take.keyed.frame_start, take.keyed.frame_end
     scene.frame_set(scene.frame_start)
-    outputs.save_blend(out / "demo.blend", compress=True)
-    outputs.write_json(out / "demo.json", take.report)
+    outputs.save_blend(out / f"{stem}.blend", compress=True)
+    outputs.write_json(out / f"{stem}.json", take.report)
     with lines[1] as line:
         render.contact_sheet(
-            take.keyed, out / "demo.png", tiles=options.tiles, direction=room.view, progress=line
+            take.keyed, out / f"{stem}.png", tiles=options.tiles, direction=room.view, progress=line
         )
     if options.overlays:
         overlay_sheet(take.keyed, out / "overlays.png", overlay_views(take), before, direction=room.view)
     if not options.no_video:
         with lines[2] as line:
             size = (options.width, options.width * 9 // 16)
-            render.video(take.keyed, out / "demo.mp4", size, options.video_step, room.view, progress=line)
+            render.video(take.keyed, out / f"{stem}.mp4", size, options.video_step, room.view, progress=line)
     print_report(take.report)
-    more = {"demo.mp4": not options.no_video, "overlays.png": options.overlays}
-    for name in ("demo.blend", "demo.png", "demo.json", *(name for name, made in more.items() if made)):
+    more = {f"{stem}.mp4": not options.no_video, "overlays.png": options.overlays}
+    written = (f"{stem}.{ending}" for ending in ("blend", "png", "json"))
+    for name in (*written, *(name for name, made in more.items() if made)):
         print(f"  {out / name}")
     parts = ", ".join(f"{line.label.lower()} {line.spent:.0f} s" for line in lines if line.spent)
     motion = take.report["frames"] / take.report["fps"]
     print(f"Done in {time.perf_counter() - began:.0f} s ({parts}) for {motion:.0f} s of motion.", flush=True)
     return 0 if all(goal["reached"] for goal in take.report["goals"]) else 1
-
-
-def show_kitchen(options: argparse.Namespace) -> int:
-    """Build the kitchen of a seed, everything shut, and save it as ``kitchen.blend`` in ``options.out``."""
-    out = Path(options.out).absolute()
-    outputs.require_writable(out / "kitchen.blend")
-    scene = _empty_scene()
-    room, kitchen = build_kitchen(options.kitchen)
-    _light_and_look(scene, room)
-    outputs.save_blend(out / "kitchen.blend", compress=True)
-    parts = sum(len(c.parts) for c in kitchen.containers.values())
-    furniture, things = len(kitchen.containers), len(kitchen.things)
-    print(
-        f"Kitchen {kitchen.seed}: {furniture} pieces of furniture, {parts} parts that open, {things} things."
-    )
-    print(f"  {out / 'kitchen.blend'}")
-    return 0
 
 
 def overlay_views(take: takes.Take) -> list[View]:
@@ -263,8 +289,9 @@ def _parser() -> argparse.ArgumentParser:
         "--kitchen",
         type=int,
         metavar="SEED",
-        help="build a kitchen with things instead, without a take",
+        help="build a kitchen instead, and bring things to its table that are shut away",
     )
+    parser.add_argument("--no-take", action="store_true", help="with --kitchen: build it, and no more")
     parser.add_argument("--no-contact-ik", action="store_true", help="show the network alone")
     parser.add_argument("--tiles", type=int, default=15, help="pictures on the contact sheet")
     parser.add_argument("--no-video", action="store_true")

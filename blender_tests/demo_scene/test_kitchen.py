@@ -9,6 +9,8 @@ from mathutils import Matrix, Vector
 
 from nsm_blender.demo import main
 from nsm_blender.demo_scene.kitchen import build_kitchen
+from nsm_blender.demo_scene.kitchen_take import kitchen_goals
+from nsm_blender.rigs.character import add_character
 
 
 @pytest.fixture
@@ -50,6 +52,19 @@ def test_things_stand_where_the_core_puts_them(built):
 
 
 def test_the_demo_saves_a_kitchen(tmp_path, capsys):
-    assert main(["--kitchen", "1", "--out", str(tmp_path)]) == 0
+    assert main(["--kitchen", "1", "--no-take", "--out", str(tmp_path)]) == 0
     assert (tmp_path / "kitchen.blend").stat().st_size > 50_000
     assert "parts that open" in capsys.readouterr().out
+
+
+def test_what_is_fetched_is_shut_away_and_what_was_opened_is_shut_again(empty_scene):
+    kitchen = build_kitchen(0)[1]
+    character = add_character((2.0, -1.6, 0.0))
+    bpy.context.view_layer.update()
+    goals = kitchen_goals(kitchen, character, empty_scene)
+    assert [goal.action for goal in goals] == ["place", "open"] * 2
+    for place, shut in (goals[:2], goals[2:]):
+        assert place.to == empty_scene.objects["Table"]
+        (part,) = kitchen.shut_by(place.object.name.lower())
+        holder = kitchen.things[place.object.name.lower()].container
+        assert shut.object.name.lower() == f"{holder} {part}"

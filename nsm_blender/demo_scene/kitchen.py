@@ -63,7 +63,7 @@ def build_kitchen(seed: int = 0) -> tuple[DemoRoom, Kitchen]:
 def _furniture(container: Container) -> list[bpy.types.Object]:
     """What stands of a container, and its moving parts as children."""
     body = _object(
-        _title(container.name),
+        titled(container.name),
         container.piece.vertices,
         container.piece.triangles,
         _BODIES.get(container.kind, "Skirting"),
@@ -80,7 +80,7 @@ def _part(body: bpy.types.Object, container: Container, part: MovingPart, tone: 
     vertices, triangles = box_mesh(boxes.centres - boxes.halves, boxes.centres + boxes.halves)
     frame = axis_frame(part)
     local = (vertices.astype(np.float64) - frame[:3, 3]) @ frame[:3, :3]
-    made = _object(f"{_title(container.name)} {part.name}", local, triangles, tone)
+    made = _object(f"{titled(container.name)} {part.name}", local, triangles, tone)
     made.parent = body
     made.matrix_basis = Matrix(frame.tolist())
     made[OPENS] = float(part.travel)
@@ -89,7 +89,7 @@ def _part(body: bpy.types.Object, container: Container, part: MovingPart, tone: 
 
 
 def _thing(thing: SmallThing, tone: str) -> bpy.types.Object:
-    made = _object(_title(thing.name), *thing.mesh(), tone)
+    made = _object(titled(thing.name), *thing.mesh(), tone)
     made.matrix_world = _matrix(thing.pose)
     return made
 
@@ -115,5 +115,5 @@ def _matrix(pose: Array) -> Matrix:
     return Matrix.Translation(pose[:3].tolist()) @ Matrix.Rotation(float(pose[3]), 4, "Z")
 
 
-def _title(name: str) -> str:
+def titled(name: str) -> str:
     return name[0].upper() + name[1:]
