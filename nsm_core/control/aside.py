@@ -13,7 +13,7 @@ from nsm_core.world.affordances.clearing import plan_clearing
 from nsm_core.world.affordances.picking import Around
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan
-from nsm_core.world.planning.walked_to import walked_to
+from nsm_core.world.planning.walked_to import room_walked_to
 from nsm_core.world.scene.props import LightThing
 
 from .goals import Goal
@@ -35,10 +35,7 @@ def with_aside(
     """
     thing = goal.moves(LightThing)
     end = goal.position.astype(np.float64)
-    reached = walked_to(plan, here, np.stack((thing.pose[:2], end[:2])))
-
-    def room(places: Array) -> Array:
-        return np.where(reached(places), plan.clearance(places), -np.inf)
+    room = room_walked_to(plan, here, np.stack((thing.pose[:2], end[:2])))
 
     def without(gone: Sequence[LightThing]) -> Around:
         standing = solids(gone)

@@ -26,7 +26,6 @@ FAN = np.radians(np.arange(-120, 121, 15))  # turns that are tried
 ROOM = 0.02  # metres about an arm from which on more is no better
 _EASY = np.radians(40)  # by which a wrist is bent at no cost
 _LACK, _BEND, _AWAY, _CHANGE = 0.01, np.radians(15), np.radians(60), np.radians(20)  # that cost as much
-_SIDES = ("Right", "Left")
 
 
 def with_room(

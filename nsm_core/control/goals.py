@@ -52,8 +52,8 @@ class Goal:
     ``position`` (3,) world metres: for sit the hip joint's place when seated (seat surface plus
     ``skeleton.HIP_OVER_SEAT``); for carry where the centre of the box is set down; for place where the foot
     of the thing is; for climb where one stands at the end, on top of the object (z is its height) or, behind
-    a low wall, on the floor; for open the middle of the opening, or of a
-    front, on the floor; else a point on the ground.
+    a low wall, on the floor; for open the middle of the opening, or of a front, on the floor; else a point on
+    the ground.
     ``heading`` the way to face there, radians (for open and place it is ignored: the side one comes from
     decides, and the hand);
     ``hold`` seconds to stay once it is reached; ``interaction`` the sensed object of sit and climb; ``prop``
@@ -63,7 +63,7 @@ class Goal:
     ``steering`` that leads instead of a place, until something else is asked for.
     ``picking`` is how a thing is taken and put down, planned where None; ``pulling`` how a front of furniture
     is moved, to the ``opening``, 0 shut to 1.  ``first`` are goals that belong to it and are done before:
-    fronts that are opened to get at a thing.
+    fronts that are opened to get at a thing, things that are put aside for it.
     ``by`` seconds from the take's beginning at which it is to be reached, as soon as it can be where None;
     ``load``, one of LOADS: what becomes of a box that is in the hands when the goal begins.  Who walks, runs
     or stands can carry it along.

@@ -16,7 +16,7 @@ from nsm_core.world.affordances.picking import Around
 from nsm_core.world.affordances.reach import Reach
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan
-from nsm_core.world.planning.walked_to import walked_to
+from nsm_core.world.planning.walked_to import room_walked_to
 from nsm_core.world.scene.props import Prop
 
 from .approach import WALKING, Approach, Command, Gait, Ground
@@ -77,9 +77,8 @@ def where_led(
 
     around = Around(solids, solids, room)
     if plan is not None:
-        reached = walked_to(plan, here, np.stack(about))
         try:
-            return find(replace(around, room=lambda places: np.where(reached(places), room(places), -np.inf)))
+            return find(replace(around, room=room_walked_to(plan, here, np.stack(about))))
         except GoalError:
             pass  # a place that cannot be walked to is found all the same: then it is the way that is missing
     return find(around)

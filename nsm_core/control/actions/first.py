@@ -48,7 +48,8 @@ class First(Before):
     def line(self) -> tuple[Array | None, list[str]]:
         line, remarks = super().line() if self.stage is None else self.stage.line()
         if self._aside:
-            remarks = [f"{' and '.join(self._aside)} stood in the way and was put aside first.", *remarks]
+            were = "was" if len(self._aside) == 1 else "were"
+            remarks = [f"{' and '.join(self._aside)} stood in the way and {were} put aside first.", *remarks]
         return line, remarks
 
     def stays_at(self) -> tuple[Array, float] | None:

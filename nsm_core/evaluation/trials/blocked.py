@@ -22,13 +22,13 @@ from nsm_core.model.inference.model import Model
 from nsm_core.world.affordances.picking import LOWEST
 from nsm_core.world.affordances.reach import REACHED
 from nsm_core.world.assets.kitchen import Kitchen, make_kitchen
-from nsm_core.world.geometry.distance import Cuboids
+from nsm_core.world.geometry.distance import Cuboids, DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene.props import LightThing
 
 from . import place, rollout
 from .part import TrialPart
-from .rollout import SEED, Report
+from .rollout import Report
 from .together import Trying
 
 _FLOOR = 3.0  # metres of floor planned on around the thing and its place
@@ -48,21 +48,14 @@ def trials(kitchens: int = 10) -> list[BlockedTrial]:
 
 
 def _trial(seed: int) -> BlockedTrial | None:
-    rng, kitchen = np.random.default_rng((SEED, 16, seed)), make_kitchen(seed)
+    kitchen = make_kitchen(seed)
     names = [n for n, s in kitchen.things.items() if s.blockers and not kitchen.shut_by(n)]
-    for k in rng.permutation(len(names)):
-        thing = kitchen.things[names[k]].thing
-        still = place.standing(kitchen, thing)
-        there = place.free_place(kitchen, thing, still, rng)
-        if there is None or not LOWEST < thing.middle[2] < REACHED[1] - 0.1:
-            continue
-        try:
-            middle = np.array((thing.pose[0], -1.3))
-            start, heading = rollout.start_about(rng, middle, rollout.clear_of(still), 0.0, 1.5)
-        except GoalError:
-            continue
-        return BlockedTrial(0, "blocked", seed, thing.name, there, start, heading)
-    return None
+    return place.drawn(BlockedTrial, "blocked", kitchen, 16, names, _within)
+
+
+def _within(name: str, thing: LightThing, still: DistanceQuery) -> bool:
+    """Whether a thing stands at a height at which hands take things."""
+    return bool(LOWEST < thing.middle[2] < REACHED[1] - 0.1)
 
 
 def request(trial: place.PlaceTrial, hold: float = 0.5, **more: Any) -> TakeRequest:

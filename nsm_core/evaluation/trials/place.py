@@ -6,9 +6,9 @@ higher than one hand takes things, and those at which no hand has room.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -61,12 +61,32 @@ def trials(kitchens: int = 10) -> list[PlaceTrial]:
 
 
 def _trial(seed: int) -> PlaceTrial | None:
-    rng, kitchen = np.random.default_rng((SEED, 14, seed)), make_kitchen(seed)
+    kitchen = make_kitchen(seed)
     names = [n for n, s in kitchen.things.items() if not s.blockers and not kitchen.shut_by(n)]
+    return drawn(
+        PlaceTrial, "open", kitchen, 14, names, lambda name, thing, still: taken_by_hand(thing, still)
+    )
+
+
+_Trial = TypeVar("_Trial", bound=PlaceTrial)
+
+
+def drawn(
+    kind: type[_Trial],
+    title: str,
+    kitchen: Kitchen,
+    stream: int,
+    names: Sequence[str],
+    fits: Callable[[str, LightThing, DistanceQuery], bool],
+) -> _Trial | None:
+    """Draw a trial of a ``kind`` about one of the things ``names`` of a kitchen that ``fits`` among what
+    stands there: where it is put, and a start; None where none has both.  ``stream`` tells draws apart.
+    """
+    rng = np.random.default_rng((SEED, stream, kitchen.seed))
     for k in rng.permutation(len(names)):
         thing = kitchen.things[names[k]].thing
         still = standing(kitchen, thing)
-        if not taken_by_hand(thing, still):
+        if not fits(names[k], thing, still):
             continue
         place = free_place(kitchen, thing, still, rng)
         if place is None:
@@ -76,7 +96,7 @@ def _trial(seed: int) -> PlaceTrial | None:
             start, heading = rollout.start_about(rng, middle, rollout.clear_of(still), 0.0, 1.5)
         except GoalError:
             continue
-        return PlaceTrial(0, "open", seed, thing.name, place, start, heading)
+        return kind(0, title, kitchen.seed, thing.name, place, start, heading)
     return None
 
 

@@ -12,19 +12,18 @@ import numpy as np
 
 from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest, TakeResult
-from nsm_core.errors import GoalError
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array, rotate_planar
 from nsm_core.world.affordances.picking import LOWEST
 from nsm_core.world.affordances.pulling import HIGHEST
 from nsm_core.world.assets.kitchen import Kitchen, make_kitchen
-from nsm_core.world.geometry.distance import Cuboids
+from nsm_core.world.geometry.distance import Cuboids, DistanceQuery
 from nsm_core.world.scene.containers import Front
 from nsm_core.world.scene.props import LightThing
 
 from . import place, rollout
 from .part import TrialPart
-from .rollout import SEED, Report
+from .rollout import Report
 from .together import Trying
 
 
@@ -40,24 +39,15 @@ def trials(kitchens: int = 10) -> list[ShutTrial]:
 
 
 def _trial(seed: int) -> ShutTrial | None:
-    rng, kitchen = np.random.default_rng((SEED, 15, seed)), make_kitchen(seed)
+    kitchen = make_kitchen(seed)
     names = [n for n, s in kitchen.things.items() if not s.blockers and _opens(kitchen, n)]
-    for k in rng.permutation(len(names)):
-        thing = kitchen.things[names[k]].thing
-        still, container = place.standing(kitchen, thing), kitchen.board_of(names[k])[0]
-        opened = [container.part(part) for part in kitchen.shut_by(names[k])]
-        if not place.taken_by_hand(thing, place.standing(kitchen, thing, *opened)):
-            continue
-        there = place.free_place(kitchen, thing, still, rng)
-        if there is None:
-            continue
-        try:
-            middle = np.array((thing.pose[0], -1.3))
-            start, heading = rollout.start_about(rng, middle, rollout.clear_of(still), 0.0, 1.5)
-        except GoalError:
-            continue
-        return ShutTrial(0, "shut", seed, thing.name, there, start, heading)
-    return None
+
+    def fits(name: str, thing: LightThing, still: DistanceQuery) -> bool:
+        container = kitchen.board_of(name)[0]
+        opened = [container.part(part) for part in kitchen.shut_by(name)]
+        return place.taken_by_hand(thing, place.standing(kitchen, thing, *opened))
+
+    return place.drawn(ShutTrial, "shut", kitchen, 15, names, fits)
 
 
 def _opens(kitchen: Kitchen, name: str) -> bool:
