@@ -28,7 +28,7 @@ from .walk import ways
 from .walk.draws import RUNS, WALKS
 
 SCENARIOS: dict[str, Scenario] = {
-    "sit": Scenario(0.38, episode(sit.lay), single_clips.sit, sit.segments, 1, SITS),
+    "sit": Scenario(0.9, episode(sit.lay), single_clips.sit, sit.segments, 1, SITS),
     "carry": Scenario(0.18, episode(carry.lay), single_clips.carry, carry.segments, 3, CARRIES),
     "open": Scenario(0.22, episode(open.lay), None, open.segments, 4, OPENS),
     "climb": Scenario(0.14, episode(climb.lay), None, climb.segments, 2, CLIMBS),
