@@ -155,7 +155,7 @@ def _performed(
         asked = request
         runner = yield from waited("Planning the ways", lambda _, asked=asked: TakeRunner(model, asked))
         yield from _growing("Fitting the times" if number else "Generating", runner, frame, things)
-        results = runner.director.results
+        results = runner.results
         goals = yield from goals_on_arrival(spec, scene, frame, request, results, sought)
         goals = retimed(request.goals, results) if goals is None else goals
         if goals is None:

@@ -206,10 +206,12 @@ class Director:
             return
         if self.stage is not None and self.index >= 0:
             result = self.results[self.index]
-            again = (
-                following is not None
-                and following.prop is not None
-                and following.prop is self.stage.goal.prop
+            left = self.stage.goal
+            again = following is not None and (
+                following.prop is not None
+                and following.prop is left.prop
+                or following.both is not None
+                and following.both is left.both
             )
             self.stage.end(result.reached, again)
         if following is None:
@@ -258,12 +260,12 @@ class Director:
         except GoalError as error:
             self._give_up(error)
             return
-        grasp = getattr(self.stage, "grasp", None)
-        if grasp is not None and grasp.active and grasp not in self.grasps:
-            for other in self.grasps:
-                if other.prop is grasp.prop:
-                    other.give_way()
-            self.grasps.append(grasp)
+        for grasp in (getattr(self.stage, name, None) for name in ("grasp", "other")):
+            if grasp is not None and grasp.active and grasp not in self.grasps:
+                for other in self.grasps:
+                    if other.prop is grasp.prop:
+                        other.give_way()
+                self.grasps.append(grasp)
 
     def _take_up(self, moment: Moment) -> None:
         """Go on with a goal after giving way: by another way, and with a thing as others have left it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from nsm_core.rotations import Array, heading_to_direction, rotate_planar, wrap_
 from nsm_core.world.actions import BY_KEY, require_action
 from nsm_core.world.affordances.picking import Picking
 from nsm_core.world.affordances.pulling import Pulling
-from nsm_core.world.scene.props import Box, Leaf, Prop
+from nsm_core.world.scene.props import Box, Leaf, LightThing, Prop
 from nsm_core.world.scene.terrain import Terrain
 from nsm_core.world.sensors.interaction import InteractionVolume
 
@@ -46,6 +46,20 @@ class Steering:
 
 
 @dataclass
+class Both:
+    """Two ``things`` that are carried at once, one in either hand, and the ``pickings`` by which, in the
+    order in which they are taken; ``leads`` names the one that is put down first, whose goal takes both.
+
+    ``hands`` are those at work by the things' names, written by its stage.
+    """
+
+    things: tuple[LightThing, LightThing]
+    pickings: tuple[Picking, Picking]
+    leads: str
+    hands: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass
 class Goal:
     """One entry of the queue.
 
@@ -63,7 +77,8 @@ class Goal:
     ``steering`` that leads instead of a place, until something else is asked for.
     ``picking`` is how a thing is taken and put down, planned where None; ``pulling`` how a front of furniture
     is moved, to the ``opening``, 0 shut to 1.  ``first`` are goals that belong to it and are done before:
-    fronts that are opened to get at a thing, things that are put aside for it.
+    fronts that are opened to get at a thing, things that are put aside for it.  ``both`` tells of two goals
+    that their things are carried at once (``scheduling``).
     ``by`` seconds from the take's beginning at which it is to be reached, as soon as it can be where None;
     ``load``, one of LOADS: what becomes of a box that is in the hands when the goal begins.  Who walks, runs
     or stands can carry it along.
@@ -90,6 +105,7 @@ class Goal:
     pulling: Pulling | None = None
     opening: float = 1.0
     first: tuple[Goal, ...] = ()
+    both: Both | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if self.load not in LOADS:

@@ -116,7 +116,8 @@ class PostProcess:
                 right, left = (shares.get(h, 0.0) if grasp.touches(h) else 0.0 for h in (0, 1))
                 touching[grasp.prop.name] = right, left, grasp.forearms
         borne = [(grasp.bears, grasp.prop.pose[:3].copy()) for grasp in grasps if grasp.prop is not None]
-        load = max(borne, key=lambda b: b[0], default=(0.0, np.zeros(3)))
+        mass = sum(kilograms for kilograms, _ in borne)
+        load = mass, sum((m * at for m, at in borne), np.zeros(3)) / max(mass, 1e-9)
         self.notes.append(
             Note(hips, local, moment.contacts, moment.heading, seat, level, leads, touching, load, manner)
         )

@@ -28,7 +28,8 @@ class TakeRequest:
     which a goal is given up.  ``figure`` is the character's own body where it is another than the network's,
     its hips as high, since it acts in a world of that scale.  ``start`` is the motion that the take goes on
     from, on that body; None: it begins with a quiet stand.  ``movers`` are things that move by themselves.
-    ``stairs`` are flights that are walked up and down, and part of the environment.
+    ``stairs`` are flights that are walked up and down, and part of the environment.  ``in_order``: goals are
+    performed strictly one after the other as they are asked for, instead of as is quickest (``scheduling``).
     """
 
     start_position: Array
@@ -44,6 +45,7 @@ class TakeRequest:
     start: Start | None = None
     movers: Sequence[Mover] = ()
     stairs: Stairs = field(default_factory=Stairs)
+    in_order: bool = False
 
 
 @dataclass

@@ -34,13 +34,14 @@ from .actions.registry import check_reachable
 from .batch import step_together
 from .director import Director
 from .goal_things import ground_of, own_props, places_of, with_props
-from .goals import Goal, Moment
+from .goals import Goal, GoalResult, Moment
 from .insight import Insight
 from .judging import judge_kept, judge_reached
 from .posing import pose_of, stance_of, standing_start
 from .post_process import PostProcess
 from .relief import Relief
 from .request import TakeRequest, TakeResult
+from .scheduling import scheduled
 from .standing import kept_at
 from .start import trail_of
 from .yielding import Yielding
@@ -81,6 +82,10 @@ class TakeRunner:
         places = np.concatenate((root[None, :2], *places_of(goals, self.props.values())))
         bounds = places.min(0) - _MARGIN, places.max(0) + _MARGIN
         self.plan = FloorPlan(request.environment, bounds, stairs=request.stairs)
+        self._asked = list(range(len(goals)))
+        if not request.in_order:
+            schedule = scheduled(goals, self.plan, root, request.environment)
+            goals, self._asked = schedule.goals, schedule.asked
         check_reachable(goals, self.plan, root[:2], request.environment)
         self.director = Director(
             goals, self.plan, root, rng, request.time_limit, self.scene, request.contact_ik
@@ -277,9 +282,17 @@ class TakeRunner:
                 self.scene.props.append(prop)
                 self._poses[name] = [prop.pose.copy()] * self.frames
         self.plan = plan
+        self._asked = []  # what was broken off stays where it was performed
         self.director.interrupt(goals, plan)
         # The feet know this very ground.
         self.terrain.add(ground_of(goals, self.request.environment, self.request.stairs))
+
+    @property
+    def results(self) -> list[GoalResult]:
+        """What became of the goals, in the order in which they were asked for."""
+        found = self.director.results
+        order = [*self._asked, *range(len(self._asked), len(found))]
+        return [one for _, one in sorted(zip(order, found, strict=False), key=lambda pair: pair[0])]
 
     def result(self) -> TakeResult:
         """Everything made so far, solved."""
@@ -297,7 +310,7 @@ class TakeRunner:
             root,
             style,
             experts,
-            self.director.results,
+            self.results,
             {k: v / steps for k, v in self.spent_ms.items()},
             {name: np.stack(poses) for name, poses in self._poses.items()},
             self._insights,

@@ -7,7 +7,7 @@ goal one second ahead of it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,10 +93,12 @@ class Ground:
         self._others = [] if scene is None else scene.others
         self._seen: tuple[list[Prop | Other], Array, FloorPlan] | None = None
 
-    def floor(self, but: Prop | None = None) -> FloorPlan | None:
-        """The free floor with all that stands about where it is now, ``but`` what is in hand."""
+    def floor(self, *but: Prop | None) -> FloorPlan | None:
+        """The free floor with all that stands about where it is now, ``but`` what is in hands."""
         about: list[Prop | Other] = [
-            p for p in self._props if p is not but and (not isinstance(p, Leaf) or abs(p.angle) > STANDS_OPEN)
+            p
+            for p in self._props
+            if all(p is not b for b in but) and (not isinstance(p, Leaf) or abs(p.angle) > STANDS_OPEN)
         ]
         about += [other for other in self._others if other.settled]
         if self.plan is None or not about:
@@ -107,25 +109,25 @@ class Ground:
             self._seen = about, poses, self.plan.besides(Union(about), poses[:, :2], reach)
         return self._seen[2]
 
-    def way(self, a: Array, b: Array, but: Prop | None = None) -> Array:
+    def way(self, a: Array, b: Array, *but: Prop | None) -> Array:
         """Way (N, 2) from ``a`` to ``b`` (2,), around what stands about where there is one; GoalError where
         there is none at all.
         """
         if self.plan is None:
             return np.stack((a, b)).astype(np.float64)
         try:
-            return np.asarray(self.floor(but).find(a, b), dtype=np.float64)  # type: ignore[union-attr]
+            return np.asarray(self.floor(*but).find(a, b), dtype=np.float64)  # type: ignore[union-attr]
         except GoalError:
-            if self.floor(but) is self.plan:
+            if self.floor(*but) is self.plan:
                 raise
             return np.asarray(self.plan.find(a, b), dtype=np.float64)
 
-    def free(self, a: Array, b: Array, but: Prop | None = None) -> bool:
+    def free(self, a: Array, b: Array, *but: Prop | None) -> bool:
         """Whether the straight way from ``a`` to ``b`` (2,) is free but for its very end."""
         if self.stairs and not self._level(a, b):
             return False  # one is led along flights
         # The last stretch lies beside the goal's object, so the end of the line is not asked about.
-        d, floor = b - a, self.floor(but)
+        d, floor = b - a, self.floor(*but)
         length = float(np.linalg.norm(d))
         return floor is None or floor.line_is_free(
             a, a + d * max(0.0, 1 - BESIDE / max(length, 1e-6)), ELBOW_ROOM
@@ -162,19 +164,19 @@ class Approach:
         ready: Callable[[Moment], bool] | None = None,
         thing: Prop | None = None,
         anyway: bool = False,
-        held: Prop | None = None,
+        held: Sequence[Prop] = (),
     ) -> None:
         """Plan to go to ``stand`` (2,) and face ``heading`` there.
 
         ``reach``: metres within which ``final`` may be given; ``ready`` another rule for that; ``thing`` is
         sensed on the way; ``anyway``: where no way is free one goes straight, instead of a GoalError in the
-        middle of a take; ``held`` is in a hand, and neither sensed nor in the way.
+        middle of a take; ``held`` is in hands, and neither sensed nor in the way.
         """
         self.ground, self.stand, self.heading, self.final = ground, np.asarray(stand), heading, final
         # Who is sent to the goal itself goes at the network's own pace.
         self.reach = reach if ground.pace == 1.0 else min(reach, LED_REACH)
         self.gait, self.ready, self.thing, self.anyway = gait, ready, thing, anyway
-        self._but = held or thing
+        self._but = held or (thing,)
         self.command: Command | None = None
         self._stall = self._led = 0
         self._onward: Array | None = None
@@ -224,12 +226,12 @@ class Approach:
         if self.ready is not None:
             return self.ready(moment)
         return distance < self.reach and (
-            distance < 0.6 or self.ground.free(moment.root[:2], self.stand, self._but)
+            distance < 0.6 or self.ground.free(moment.root[:2], self.stand, *self._but)
         )
 
     def _lead(self, moment: Moment) -> Command:
         try:
-            way = self.ground.way(moment.root[:2], self.stand, self._but)
+            way = self.ground.way(moment.root[:2], self.stand, *self._but)
         except GoalError:
             if not self.anyway:
                 raise
@@ -252,7 +254,7 @@ class Approach:
     def _on_from(self, onward: Array) -> Array | None:
         """Way (N, 2) from the standing place on; None, and one stops there, where none is free."""
         try:
-            return self.ground.way(self.stand, onward, self._but)
+            return self.ground.way(self.stand, onward, *self._but)
         except GoalError:
             self._onward = None
             return None

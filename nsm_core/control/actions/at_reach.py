@@ -39,13 +39,13 @@ class AtReach(Stage):
         super().__init__(goal)
         self.ground = ground
 
-    def go(self, reach: Reach, gait: Gait = WALKING, thing: Prop | None = None) -> None:
-        """Go to the place of a ``reach``; ``thing`` is what is in hand."""
+    def go(self, reach: Reach, gait: Gait = WALKING, held: Sequence[Prop] = ()) -> None:
+        """Go to the place of a ``reach``; ``held`` is what is in hands."""
         self.reach, self._still = reach, 0
         final = Command("idle", np.append(reach.place, 0.0).astype(np.float32), reach.heading)
         # The network, which knows boxes alone, would raise both arms about what it sensed in the hand.
         self.approach = Approach(
-            self.ground, reach.place, reach.heading, final, gait=gait, anyway=True, held=thing
+            self.ground, reach.place, reach.heading, final, gait=gait, anyway=True, held=held
         )
 
     def there(self, moment: Moment) -> bool:

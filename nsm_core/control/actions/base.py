@@ -13,7 +13,7 @@ from nsm_core.rotations import Array
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene.containers import Front
-from nsm_core.world.scene.props import Prop
+from nsm_core.world.scene.props import LightThing, Prop
 from nsm_core.world.scene.solids import Scene
 
 from .approach import Command, Ground
@@ -145,7 +145,7 @@ class Way:
     """What ways are looked for with: ``here`` (2,) one comes from, the free floor, and what stands still.
 
     ``poses`` (4,) of boxes and light things that goals move, and ``fronts`` of furniture that they open, as
-    earlier goals leave them, by name, are read and kept up to date.
+    earlier goals leave them, by name, are read and kept up to date; ``things`` are the light ones.
     """
 
     here: Array
@@ -153,6 +153,13 @@ class Way:
     poses: dict[str, Array]
     solids: DistanceQuery | None = None
     fronts: dict[str, Front] = field(default_factory=dict)
+    things: Sequence[LightThing] = ()
+
+    def standing(self, *but: str) -> list[DistanceQuery]:
+        """Everything that goals move where it is by then, and what stands still, ``but`` some by name."""
+        found: list[DistanceQuery] = [] if self.solids is None else [self.solids]
+        found += [front for name, front in self.fronts.items() if name not in but]
+        return found + [t.put(self.poses[t.name]) for t in self.things if t.name not in but]
 
 
 def _its_place(goal: Goal, way: Way) -> list[Array | None]:

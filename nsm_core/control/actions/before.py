@@ -62,6 +62,11 @@ class Before(Stage):
         return getattr(self.stage, "grasp", None)
 
     @property
+    def other(self) -> object:
+        """The hand that the stage in hand puts to work on a second thing."""
+        return getattr(self.stage, "other", None)
+
+    @property
     def approach(self) -> object:
         """How the stage that follows comes to its place, to be looked for anew."""
         return getattr(self.stage, "approach", None)

@@ -73,6 +73,11 @@ class First(Before):
         return getattr(self.stage or self._now, "grasp", None)
 
     @property
+    def other(self) -> object:
+        """The hand that the stage in hand puts to work on a second thing."""
+        return getattr(self.stage or self._now, "other", None)
+
+    @property
     def approach(self) -> object:
         """How the stage in hand comes to its place, to be looked for anew."""
         return getattr(self.stage or self._now, "approach", None)

@@ -5,6 +5,8 @@ The network walks and stands; the hand goes along ways that are planned past eve
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from nsm_core.control.goals import Goal, Moment
@@ -14,7 +16,7 @@ from nsm_core.world.geometry.distance import DistanceQuery, Union
 from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene.props import LightThing
 
-from .approach import Command, Gait
+from .approach import WALKING, Command, Gait
 from .at_reach import AtReach, where_led
 from .base import Performer, StageStart, Way
 from .thing_grasp import Holding
@@ -43,39 +45,82 @@ def planned(
 
 
 class Place(AtReach):
-    """Go to the thing, take it, go to its place, put it down."""
+    """Go to the thing, take it, go to its place, put it down; where two are carried at once, take the other
+    one as well before either is put down (the states of papers/002 figure 6, here errands).
+    """
 
     def __init__(self, goal: Goal, start: StageStart) -> None:
         super().__init__(goal, start.ground)
-        thing = goal.moves(LightThing)
-        solids = start.scene.but(thing)
-        self.picking = planned(goal, solids, start.ground.plan, start.moment.root[:2])
-        self.grasp: Holding | None = None
-        self._hands = Holding(thing, self.picking, solids)
-        self.go(self.picking.pick.reach)
+        thing, both = goal.moves(LightThing), goal.both
+        known: Holding | None = None
+        if both is not None and both.leads != thing.name:
+            known = both.hands.get(thing.name)
+            if known is None or not known.carries:  # whose goal came first did not come to take it
+                self.goal = goal = replace(goal, both=None)
+                both = known = None
+        self.picking = planned(goal, start.scene.but(thing), start.ground.plan, start.moment.root[:2])
+        self._takes: list[Holding] = []
+        if known is None:
+            pairs = [(thing, self.picking)] if both is None else zip(both.things, both.pickings, strict=True)
+            self._takes = [
+                Holding(one, picking, start.scene.but(one), both is not None) for one, picking in pairs
+            ]
+            if both is not None:
+                both.hands = {hold.prop.name: hold for hold in self._takes}
+        self._hands = known or next(hold for hold in self._takes if hold.prop is thing)
+        self.grasp: Holding | None = known
+        self.other: Holding | None = None  # the other thing's hand, once it is at work
+        self._errand = 0
+        self._set_out()
+
+    def _set_out(self) -> None:
+        """Go to where the next errand is."""
+        held = tuple(hold.prop for hold in self._all() if hold.bears)
+        if self._errand < len(self._takes):
+            self.go(self._takes[self._errand].picking.pick.reach, LADEN if held else WALKING, held)
+        else:
+            self.go(self.picking.put.reach, LADEN, held)
+
+    def _all(self) -> list[Holding]:
+        return [self._hands] if self.goal.both is None else list(self.goal.both.hands.values())
 
     def update(self, moment: Moment) -> Command:
-        hands = self._hands
-        if self.part == 0 and self.there(moment):
-            self.part, self.grasp = 1, hands
-        elif self.part == 1 and hands.brought:
-            self.part = 2
-            self.go(self.picking.put.reach, LADEN, self.goal.prop)
-        elif self.part == 2 and self.there(moment):
-            self.part = 3
-            hands.put_down()
-        if self.part in (1, 3):
+        takes = self._errand < len(self._takes)
+        works = self.part % 2 == 1
+        if not works and self.there(moment):
+            self.part += 1
+            hand = self._takes[self._errand] if takes else self._hands
+            if hand is self._hands:
+                self.grasp = hand
+            else:
+                self.other = hand
+            if not takes:
+                hand.put_down()
+        elif works and takes and self._takes[self._errand].brought:
+            self._errand += 1
+            self.part += 1
+            self._set_out()
+        if self.part % 2 == 1:
             return self.approach.final
         return self.approach.update(moment, self.there)
 
     def stays_at(self) -> tuple[Array, float] | None:
-        return (self.reach.place, self.reach.heading) if self.part in (1, 3) else None
+        return (self.reach.place, self.reach.heading) if self.part % 2 == 1 else None
 
     def arrived(self, moment: Moment) -> bool:
         return self.passed(moment) and not self._hands.active and moment.speed < 0.15
 
     def passed(self, moment: Moment) -> bool:
-        return self.part == 3 and self._hands.left
+        return self._errand == len(self._takes) and self.part % 2 == 1 and self._hands.left
+
+    def line(self) -> tuple[Array | None, list[str]]:
+        line, remarks = super().line()
+        both = self.goal.both
+        if both is not None and all(name in both.hands for name in (one.name for one in both.things)):
+            first, last = (one.name for one in both.things)
+            hand = ("right", "left")[both.pickings[0].hand]
+            remarks = [f"{first} in the {hand} hand and {last} in the other were carried at once.", *remarks]
+        return line, remarks
 
     def target(self) -> tuple[Array | None, float, int]:
         return self.picking.pose[:3], float(self.picking.pose[3]), 3
@@ -83,18 +128,26 @@ class Place(AtReach):
     def end(self, reached: bool, again: bool = False) -> None:
         if not reached:
             self._hands.let_go()
+        if not again:  # nobody comes to put down what the other hand has
+            for hold in self._all():
+                hold.let_go()
 
 
 def _places(goal: Goal, way: Way) -> list[Array | None]:
-    """To where the thing is taken, and to where it is put down."""
-    thing = goal.moves(LightThing)
+    """To where the thing is taken, and to where it is put down; where two are carried at once, the first
+    goal's way leads to both, the last one's to its own place.
+    """
+    thing, both = goal.moves(LightThing), goal.both
     if way.solids is None:
         return []
     pose, picking = way.poses.get(thing.name), goal.picking
     if pose is not None or picking is None:
-        picking = planned(goal, Union([way.solids, *way.fronts.values()]), way.plan, way.here, pose)
+        picking = planned(goal, Union(way.standing(thing.name)), way.plan, way.here, pose)
     way.poses[thing.name] = picking.pose
-    return [picking.pick.reach.place, picking.put.reach.place]
+    if both is None:
+        return [picking.pick.reach.place, picking.put.reach.place]
+    takes = [one.pick.reach.place for one in both.pickings] if both.leads == thing.name else []
+    return [*takes, picking.put.reach.place]
 
 
 PERFORMER = Performer(Place, _places)

@@ -72,17 +72,18 @@ def standing_places(
     poses: dict[str, Array],
     solids: DistanceQuery | None = None,
     fronts: dict[str, Front] | None = None,
+    things: Sequence[LightThing] = (),
 ) -> list[Array | None]:
     """Floor places (2,) between which ways must lead to perform a goal from ``here`` (2,), in order.
 
     An empty list: it is done on the spot.  After a None no way is asked for, as through a door or up a step.
     ``poses`` (4,) of what earlier goals have moved, and ``fronts`` of furniture, by name, are read and kept
-    up to date; ``solids`` are what stands still.
+    up to date; ``solids`` are what stands still, ``things`` the light ones that goals move.
     """
     found: list[Array | None] = []
     fronts = {} if fronts is None else fronts
     for one in (*goal.first, goal):
-        found += PERFORMERS[one.action].places(one, Way(here, plan, poses, solids, fronts))
+        found += PERFORMERS[one.action].places(one, Way(here, plan, poses, solids, fronts, things))
         here = next((place for place in reversed(found) if place is not None), here)
     return found
 
@@ -97,12 +98,13 @@ def check_reachable(
     """
     here = np.asarray(start, dtype=np.float64)
     props = [one.prop for goal in goals for one in (*goal.first, goal)]
-    poses = {p.name: p.pose.copy() for p in props if isinstance(p, LightThing)}
+    things = list({p.name: p for p in props if isinstance(p, LightThing)}.values())
+    poses = {thing.name: thing.pose.copy() for thing in things}
     fronts = {p.name: p for p in props if isinstance(p, Front)}
     for goal in goals:
         try:
             asked = True
-            for place in standing_places(goal, here, plan, poses, solids, fronts):
+            for place in standing_places(goal, here, plan, poses, solids, fronts, things):
                 if place is not None and asked and np.linalg.norm(place - here) > 0.3:
                     plan.require_way(here, place)
                 asked = place is not None

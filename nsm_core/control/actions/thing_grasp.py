@@ -34,7 +34,8 @@ FASTEST, LADEN = 1.0, 0.8  # m/s of an empty hand and of one that holds somethin
 DRAWN = 20  # frames in which a hand is drawn onto its way, and given back
 CLOSING = 8  # frames for which a hand stays where it takes or leaves a thing
 TAKING_UP = 24  # frames in which what was elsewhere comes before the body, or onto its way
-BEFORE, BESIDE, HIGH = 0.34, 0.16, 1.04  # metres of a wrist with a thing from the root, and over the floor
+# Metres of a wrist with a thing from the root, aside where either hand has one, and over the floor.
+BEFORE, BESIDE, WIDE, HIGH = 0.34, 0.16, 0.2, 1.04
 OVER = 0.96  # metres over the floor of a thing's foot at least: worktops pass under it
 # Metres from where a thing was taken, and from where it is left, over which it comes before the body and off.
 LEAVES, COMES = (0.15, 0.6), (0.12, 0.5)
@@ -53,14 +54,18 @@ class Holding:
 
     forearms = False
 
-    def __init__(self, thing: LightThing, picking: Picking, solids: DistanceQuery) -> None:
-        """``solids`` are what the thing falls onto where it is let go."""
+    def __init__(
+        self, thing: LightThing, picking: Picking, solids: DistanceQuery, wide: bool = False
+    ) -> None:
+        """``solids`` are what the thing falls onto where it is let go; ``wide``: the other hand carries
+        something as well.
+        """
         self.prop, self.picking, self.hand, self.solids = thing, picking, picking.hand, solids
         self.state = "reach"
         self.errors: dict[str, Any] = {}
         self.leads: list[Lead] = []
         self._side = (RIGHT, LEFT)[picking.hand]
-        self._held_at = _carried(picking, self._side)
+        self._held_at = _carried(picking, self._side, wide)
         self._taken_at = _beside(picking.pick, picking.at)
         self._left_at = _beside(picking.put, picking.pose)
         for pose in (self._taken_at, self._left_at):
@@ -81,6 +86,11 @@ class Holding:
     def bears(self) -> float:
         """Kilograms that its hand bears."""
         return self.prop.mass if self.state in ("out", "carry", "in") else 0.0
+
+    @property
+    def carries(self) -> bool:
+        """Whether the thing is in its hand, and not being put down."""
+        return self.state in ("out", "carry")
 
     @property
     def brought(self) -> bool:
@@ -244,14 +254,22 @@ def _beside(visit: Visit, pose: Array) -> Array:
     return np.append(rotate_planar(off, np.float64(-reach.heading)), wrap_angle(pose[3] - reach.heading))
 
 
-def _carried(picking: Picking, side: float) -> Array:
-    """Pose (4,) of a thing that is carried, seen from the root of a body that faces heading 0."""
+def _carried(picking: Picking, side: float, wide: bool) -> Array:
+    """Pose (4,) of a thing that is carried, seen from the root of a body that faces heading 0; ``wide`` where
+    the other hand carries one too.
+    """
     ahead = heading_to_direction(np.array(0.0))
     rotation = picking.grasp.wrist.rotation
     way = -rotation[:, 1] if abs(rotation[2, 1]) < 0.8 else rotation[:, 2]
-    turn = float(direction_to_heading(ahead)) - side * INWARD - float(direction_to_heading(way[:2]))
+    turn = (
+        float(direction_to_heading(ahead))
+        - (0.0 if wide else side * INWARD)
+        - float(direction_to_heading(way[:2]))
+    )
     held = picking.wrist(np.array((0.0, 0.0, 0.0, turn))).place
-    place = np.append(BEFORE * ahead + side * BESIDE * np.array((1.0, 0.0)), max(HIGH, OVER + held[2]))
+    place = np.append(
+        BEFORE * ahead + side * (WIDE if wide else BESIDE) * np.array((1.0, 0.0)), max(HIGH, OVER + held[2])
+    )
     return np.append(place - held, wrap_angle(turn))
 
 

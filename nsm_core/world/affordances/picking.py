@@ -78,44 +78,81 @@ class Around:
     room: Callable[[Array], Array]
 
 
-def plan_picking(thing: LightThing, place: Array, around: Around) -> Picking:
-    """Plan to take a thing from where it is and put it down with its foot at ``place`` (3,).
+@dataclass(frozen=True)
+class Match:
+    """How one ``hand`` (0 right, 1 left) could take a thing and put it down at ``pose`` (4,): by which
+    ``grasp``, where one stands for either, and how hard that is; ways are not looked for yet.
+    """
+
+    cost: float
+    grasp: OneHandGrasp
+    hand: int
+    pick: Reach
+    put: Reach
+    pose: Array
+
+    def wrist(self, pose: Array) -> WristPose:
+        """As ``Picking.wrist``."""
+        return beside_held(self.grasp.at(pose), self.grasp.width, (RIGHT, LEFT)[self.hand])
+
+
+def plan_picking(
+    thing: LightThing,
+    place: Array,
+    around: Around,
+    there: Around | None = None,
+    hands: Sequence[int] = (0, 1),
+) -> Picking:
+    """Plan to take a thing from where it is and put it down with its foot at ``place`` (3,), by one of
+    ``hands`` (0 right, 1 left); ``there`` is what is around by then, where that is something else.
 
     Raises GoalError, a sentence on what stands in the way: no grasp that has room, no place to stand, no way
     of the hand.
+    """
+    there = there or around
+    found = matches(thing, place, around, there, hands)
+    first = hand_space(thing, around.hands, thing.middle)
+    spaces: dict[float, HandSpace] = {}
+    cleared = False
+    for match in found[:_WAYS]:
+        visit = _visit(thing, match.grasp, match.hand, match.pick, first, around)
+        if visit is None:
+            continue
+        cleared = True
+        put = thing.put(match.pose)
+        turn = float(match.pose[3])
+        if turn not in spaces:
+            spaces[turn] = hand_space(put, there.hands, put.middle)
+        last = _visit(put, match.grasp, match.hand, match.put, spaces[turn], there)
+        if last is not None:
+            return Picking(match.grasp, match.hand, visit, last, thing.pose.copy(), match.pose)
+    where = f"the place of {thing.name}" if cleared else thing.name
+    raise GoalError(
+        f"No way leads a hand to {where} past what stands there; move something away from before it."
+    )
+
+
+def matches(
+    thing: LightThing, place: Array, around: Around, there: Around, hands: Sequence[int] = (0, 1)
+) -> list[Match]:
+    """How each of ``hands`` could take a thing and put it down with its foot at ``place`` (3,), the easiest
+    first; see ``plan_picking``, also for the errors.
     """
     grasps = grasps_with_room(thing, around.hands)
     grasps = _mixed(grasps, lambda grasp: grasp.kind, _GRASPS)
     if not grasps:
         raise GoalError(f"A hand has no room to take {thing.name}; move away what stands close to it.")
-    picks = sorted(_picks(thing, grasps, around), key=lambda one: one[0])
+    picks = sorted(_picks(thing, grasps, around, hands), key=lambda one: one[0])
     picks = _mixed(picks, lambda one: (one[1].kind, one[2]), _ALIKE)
     if not picks:
         raise GoalError(f"{thing.name} is out of reach: {_why(thing.middle[2])}")
-    puts = list(_puts(thing, place, picks, around))
-    if not puts:
+    found = sorted(_puts(place, picks, there), key=lambda one: one.cost)
+    if not found:
         raise GoalError(
             f"The place of {thing.name} is out of reach of the hand that takes it: "
             f"{_why(place[2] + float(thing.size[2]) / 2)}"
         )
-    puts.sort(key=lambda one: one[0])
-    first = hand_space(thing, around.hands, thing.middle)
-    spaces: dict[float, HandSpace] = {}
-    cleared = False
-    for _, grasp, hand, pick, put, pose in puts[:_WAYS]:
-        visit = _visit(thing, grasp, hand, pick, first, around)
-        if visit is None:
-            continue
-        cleared = True
-        there = thing.put(pose)
-        space = spaces.setdefault(float(pose[3]), hand_space(there, around.hands, there.middle))
-        last = _visit(there, grasp, hand, put, space, around)
-        if last is not None:
-            return Picking(grasp, hand, visit, last, thing.pose.copy(), pose)
-    where = f"the place of {thing.name}" if cleared else thing.name
-    raise GoalError(
-        f"No way leads a hand to {where} past what stands there; move something away from before it."
-    )
+    return found
 
 
 def grasps_with_room(thing: LightThing, around: DistanceQuery) -> list[OneHandGrasp]:
@@ -152,19 +189,20 @@ def _mixed(found: Sequence[_One], kind: Callable[[_One], object], most: int) -> 
     return kept
 
 
-def _picks(thing: LightThing, grasps: Sequence[OneHandGrasp], around: Around) -> Iterator[_Pick]:
+def _picks(
+    thing: LightThing, grasps: Sequence[OneHandGrasp], around: Around, hands: Sequence[int]
+) -> Iterator[_Pick]:
     """Cost, grasp, hand and where one stands, the least strained of either hand."""
     for grasp in grasps:
-        for hand, side in enumerate((RIGHT, LEFT)):
+        for hand in hands:
+            side = (RIGHT, LEFT)[hand]
             wrist = beside_held(grasp.at(thing.pose), grasp.width, side)
             found = _standing(wrist, side, around)
             if found is not None:
                 yield found.strain - _WORTH * grasp.score, grasp, hand, found
 
 
-def _puts(
-    thing: LightThing, place: Array, picks: Sequence[_Pick], around: Around
-) -> Iterator[tuple[float, OneHandGrasp, int, Reach, Reach, Array]]:
+def _puts(place: Array, picks: Sequence[_Pick], around: Around) -> Iterator[Match]:
     """The same with where one stands to put the thing down, and how it then stands (4,)."""
     for cost, grasp, hand, pick in picks:
         side, best = (RIGHT, LEFT)[hand], None
@@ -174,7 +212,7 @@ def _puts(
             if found is not None and (best is None or found.strain < best[0].strain):
                 best = found, pose
         if best is not None:
-            yield cost + best[0].strain, grasp, hand, pick, *best
+            yield Match(cost + best[0].strain, grasp, hand, pick, *best)
 
 
 def _standing(wrist: WristPose, side: float, around: Around) -> Reach | None:
