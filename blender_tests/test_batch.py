@@ -56,7 +56,7 @@ class TestJobFile:
             '{ action = "idle" }]'
         )
         body = (
-            'character = "Ann"\nseed = 4\nstart_frame = 10\ncontact_ik = false\n'
+            'character = "Ann"\nseed = 4\nstart_frame = 10\ncontact_ik = false\nin_order = true\n'
             'out = "a/sit.blend"\nreport = "sit.json"'
         )
         job = read_job(write_job(tmp_path, 'scene = "rooms/room.blend"\n' + take(body, goals=goals)))
@@ -70,6 +70,7 @@ class TestJobFile:
             10,
             False,
         )
+        assert one.in_order
         assert [(g.action, g.object, g.hold, g.location) for g in one.goals] == [
             ("sit", "Chair", 3.0, None), ("walk", None, 2.0, (1.0, 2.5, 0.0)), ("idle", None, 2.0, None)
         ]  # fmt: skip

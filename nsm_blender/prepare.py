@@ -61,6 +61,9 @@ class TakeSpec:
     pose, whatever it is, to a quiet stand a second later.  ``lead``: frames before a take that begins with a
     stand from which on the way there is filled in; the character stands where it was then.
 
+    ``in_order``: goals are performed one after the other as they are asked for, even where two things could
+    be carried at once.
+
     ``root_motion`` is one of ``keys.style.KINDS``; ``reduce`` how far the motion may be off for fewer keys,
     None for one in every frame; ``keep_edits`` whether the animator's keys in the take that plays now go into
     another one that begins with the same frame; ``variations`` how many seeds are tried, from ``seed`` on
@@ -73,6 +76,7 @@ class TakeSpec:
     start_frame: float = 1
     seed: int = 0
     contact_ik: bool = True
+    in_order: bool = False
     begin: str = STAND
     root_motion: str = HIPS
     reduce: Bound | None = None
@@ -168,6 +172,7 @@ def prepare(
         environment=environment,
         seed=spec.seed,
         contact_ik=spec.contact_ik,
+        in_order=spec.in_order,
         ground=ground,
         figure=figure,
         start=motion,

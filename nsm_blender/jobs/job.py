@@ -53,6 +53,7 @@ class JobTake:
     start_frame: float = 1
     start: str = STAND  # or POSE: from the pose and the pace at the start frame
     contact_ik: bool = True
+    in_order: bool = False
     root_motion: str = HIPS
     reduce: Bound | None = None  # how far the motion may be off for fewer keys
     overwrite: bool = False  # whether ``out`` may take the place of the scene

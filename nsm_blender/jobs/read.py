@@ -34,7 +34,7 @@ OUTPUTS = ("report", "out", "sheet", "video", "bvh", "glb")
 _JOB_KEYS = ("scene", "scripts", "take", "fill")
 _TAKE_KEYS = (
     "name", "character", "characters", "rig", "seed", "variations", "start", "start_frame", "contact_ik",
-    "root_motion", "reduce", "goals", "overwrite", *OUTPUTS,
+    "in_order", "root_motion", "reduce", "goals", "overwrite", *OUTPUTS,
 )  # fmt: skip
 _CAST_KEYS = ("character", "goals")
 _HEAVIEST = 60.0  # kilograms that a goal may give what is carried
@@ -93,6 +93,7 @@ def _take(entry: Any, number: int, folder: Path) -> JobTake:
         take.reduce = _bound(entry, where)
         take.start_frame = frame(entry.get("start_frame", take.start_frame), f"'start_frame' in {where}")
         take.contact_ik = flag(entry, "contact_ik", where, take.contact_ik)
+        take.in_order = flag(entry, "in_order", where, take.in_order)
         take.overwrite = flag(entry, "overwrite", where, take.overwrite)
         if "characters" in entry:
             take.characters = _characters(entry, where)

@@ -29,6 +29,7 @@ def spec_of(entry: JobTake, scene: bpy.types.Scene) -> TakeSpec:
         start_frame=entry.start_frame,
         seed=entry.seed,
         contact_ik=entry.contact_ik,
+        in_order=entry.in_order,
         begin=entry.start,
         root_motion=entry.root_motion,
         reduce=entry.reduce,

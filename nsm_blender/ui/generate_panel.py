@@ -7,7 +7,7 @@ import bpy
 from . import running
 from .drawing import Sidebar, sentence
 from .properties import settings_of
-from .queue import cast_of
+from .queue import cast_of, queue_of
 from .reviews import takes_of
 
 
@@ -27,6 +27,8 @@ class NSM_PT_generate(Sidebar, bpy.types.Panel):
         plain = layout.column()
         plain.enabled = running.current() is None
         plain.prop(settings, "contact_ik")
+        if sum(row.enabled and row.action == "place" for row in queue_of(context.scene).goals) > 1:
+            plain.prop(settings, "in_order")
         big = layout.column()
         big.scale_y = 1.5
         big.operator("nsm.generate", icon="PLAY")

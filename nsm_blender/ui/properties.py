@@ -335,6 +335,12 @@ class NsmSettings(bpy.types.PropertyGroup):
         "furniture, over the whole take; off leaves the raw motion, in which feet slide",
         default=True,
     )
+    in_order: BoolProperty(
+        name="Strictly in Order",
+        description="Bring one thing after the other as the list asks for them; off, two are carried at "
+        "once, one in either hand, and things are brought in another order, where that saves ways",
+        default=False,
+    )
     results: CollectionProperty(type=NsmResult)
     takes: CollectionProperty(type=NsmTake)
     active_take: IntProperty(name="Take", default=0, min=0)

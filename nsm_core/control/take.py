@@ -83,7 +83,7 @@ class TakeRunner:
         bounds = places.min(0) - _MARGIN, places.max(0) + _MARGIN
         self.plan = FloorPlan(request.environment, bounds, stairs=request.stairs)
         self._asked = list(range(len(goals)))
-        if not request.in_order:
+        if not request.in_order and not request.movers:
             schedule = scheduled(goals, self.plan, root, request.environment)
             goals, self._asked = schedule.goals, schedule.asked
         check_reachable(goals, self.plan, root[:2], request.environment)

@@ -43,6 +43,7 @@ def spec_of(scene: bpy.types.Scene) -> TakeSpec:
         start_frame=settings.start_frame,
         seed=settings.seed,
         contact_ik=settings.contact_ik,
+        in_order=settings.in_order,
         begin=settings.begin.lower(),
         root_motion=keys.root_motion,
         keep_edits=keys.keep_edits,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -47,7 +47,9 @@ class GroupRunner:
         self.players: list[Player] = []
         for order, cast in enumerate(casts):
             with _told(cast.name):
-                self.players.append(Player(cast.name, TakeRunner(model, cast.request), cast.frame, order))
+                # Who goes first among several is told goal by goal.
+                runner = TakeRunner(model, replace(cast.request, in_order=True))
+                self.players.append(Player(cast.name, runner, cast.frame, order))
         self._bodies: dict[tuple[int, int], OtherBody] = {}
         self._things: dict[int, list[tuple[Player, OtherProp]]] = {}
         self._poses = {m.order: m.runner.prop_poses() for m in self.players}
