@@ -20,7 +20,7 @@ BLENDER = {"bpy", "mathutils", "bmesh", "gpu", "blf", "bpy_extras", "nsm_blender
 # Rooms that may import torch at the top of a file; everywhere else only inside a function.
 TORCH_ROOMS = (
     "model/networks/", "training/", "evaluation/",
-    *(f"commands/{command}.py" for command in ("train", "transitions", "planner")),
+    *(f"commands/{command}.py" for command in ("train", "transitions", "planner", "controller")),
 )  # fmt: skip
 # What a take in Blender, its report and its files import; none of it may pull in torch, scipy or anything
 # else that Blender lacks.
@@ -29,7 +29,7 @@ ASIDE = (
     "world/assets/", "model/networks/nsm.py", "model/networks/trainable.py", "model/networks/allocator.py",
     *(f"model/networks/{module}.py" for module in ("encoded", "mlp", "lstm", "gated")),
     *(f"model/networks/{module}.py" for module in ("deferred", "rtn", "rtn_rollout", "field_decoder")),
-    *(f"model/networks/{module}.py" for module in ("delta", "gap_torch", "way_diffusion")),
+    *(f"model/networks/{module}.py" for module in ("delta", "gap_torch", "way_diffusion", "handling")),
     "evaluation/measures/data_baseline.py", "__main__.py",
 )  # fmt: skip
 # Floors of the house from below; a file directly in nsm_core belongs to the ground.  Rooms of one floor do

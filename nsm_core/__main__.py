@@ -16,6 +16,7 @@ COMMANDS = {
     "rooms": ("nsm_core.commands.rooms", "try generated rooms by seed and draw the worst"),
     "kitchens": ("nsm_core.commands.kitchens", "look for grasps in generated kitchens and draw them"),
     "planner": ("nsm_core.commands.planner", "train the network that plans ways of hands"),
+    "controller": ("nsm_core.commands.controller", "train the controller of picking and placing"),
     "containers": ("nsm_core.commands.containers", "propose what opens of furniture meshes"),
     "crowd": ("nsm_core.commands.crowd", "try scenes of several characters and print who got there"),
     "bench": ("nsm_core.commands.bench", "measure the speed of the network"),

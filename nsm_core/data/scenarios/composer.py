@@ -134,7 +134,7 @@ def _finish(session: Session, shortest: int) -> ComposedTake | None:
     tape, rng = session.tape, session.rng
     if len(tape) < shortest:
         return None
-    hips, rotations, feet, frames = _played(session)
+    hips, rotations, feet, frames = played(session)
     for seam in tape.seams:
         soften_seam(hips, rotations, seam)
     motion = Motion(
@@ -144,7 +144,7 @@ def _finish(session: Session, shortest: int) -> ComposedTake | None:
         episode.fit(motion)
     hold(motion, tape.seams)
     look_ahead(motion)
-    _plant(motion)
+    plant(motion)
     for episode in session.episodes:
         episode.finish(motion)
         if not np.isfinite(motion.hips).all():  # spoilt by this one: nothing for the others to fit
@@ -175,7 +175,7 @@ def _finish(session: Session, shortest: int) -> ComposedTake | None:
     return take if keep_clear(take, fixed) else None
 
 
-def _plant(motion: Motion) -> None:
+def plant(motion: Motion) -> None:
     """Let feet stand still from landing to lift-off and swing clear of the floor; hips come down where
     legs are too short.
     """
@@ -199,7 +199,7 @@ def _slow(motion: Motion) -> Array:
     return speed < RESTING
 
 
-def _played(session: Session) -> tuple[Array, Array, Array, Array]:
+def played(session: Session) -> tuple[Array, Array, Array, Array]:
     """Hips (T, 3), rotations (T, J, 4), standing feet (T, 2) and library frames (T,) of a tape, between
     frames interpolated.
     """

@@ -47,9 +47,11 @@ class WatchedMotion:
 
 
 def shown(motion: WatchedMotion, kind: str) -> Array:
-    """How much (T,) each frame shows of ``kind``, of ``KINDS``; a window counts where it is over 0.5 on
-    average.
+    """How much (T,) each frame shows of ``kind``, of ``KINDS`` or "all"; a window counts where it is over 0.5
+    on average.
     """
+    if kind == "all":
+        return np.ones(len(motion.positions))
     sits, climbs = motion.labels[:, SIT], motion.labels[:, CLIMB]
     if kind == "sits":
         return np.asarray(sits)

@@ -40,28 +40,32 @@ def no_object(root: Array) -> tuple[Array, Array]:
     return cells, np.zeros((len(root), CELLS), dtype=np.float32)
 
 
-def _to_root(points: Array, root: Array) -> Array:
+def to_root(points: Array, root: Array) -> Array:
     """World points (B, N, 2 or 3) in the frame of roots (B, 3)."""
     moved = points.copy()
     moved[..., :2] -= root[:, None, :2]
     return rotate_planar(moved, -root[:, None, 2])
 
 
-def _from_root(points: Array, root: Array) -> Array:
+def from_root(points: Array, root: Array) -> Array:
+    """Back from ``to_root``."""
     moved = rotate_planar(points, root[:, None, 2])
     moved[..., :2] += root[:, None, :2]
     return moved
 
 
-def _turn_in(vectors: Array, root: Array) -> Array:
+def turn_in(vectors: Array, root: Array) -> Array:
+    """World directions (B, N, 2 or 3) in the frame of roots (B, 3)."""
     return rotate_planar(vectors, -root[:, None, 2])
 
 
-def _turn_out(vectors: Array, root: Array) -> Array:
+def turn_out(vectors: Array, root: Array) -> Array:
+    """Back from ``turn_in``."""
     return rotate_planar(vectors, root[:, None, 2])
 
 
-def _unit(v: Array) -> Array:
+def unit(v: Array) -> Array:
+    """Vectors (..., k) of length one."""
     return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-6)
 
 
@@ -89,22 +93,20 @@ def build_inputs(state: State, around: SensorReading) -> Inputs[Array]:
     """Network input (B, 4018) and gating input (B, 650) of a state (section 3.1, Inputs), physical units."""
     root, keys = state.root, state.root_keys()
     frame = FRAME.pack(
-        joint_position=_to_root(state.joint_position, root),
-        joint_forward=_turn_in(state.joint_forward, root),
-        joint_up=_turn_in(state.joint_up, root),
-        joint_velocity=_turn_in(state.joint_velocity, root),
-        trajectory_position=_to_root(keys[..., :2], root),
-        trajectory_direction=_turn_in(heading_to_direction(keys[..., 2]), root),
+        joint_position=to_root(state.joint_position, root),
+        joint_forward=turn_in(state.joint_forward, root),
+        joint_up=turn_in(state.joint_up, root),
+        joint_velocity=turn_in(state.joint_velocity, root),
+        trajectory_position=to_root(keys[..., :2], root),
+        trajectory_direction=turn_in(heading_to_direction(keys[..., 2]), root),
         trajectory_style=state.style_keys(),
     )
     goal = GOAL.pack(
-        goal_position=_to_root(state.goal_position, root),
-        goal_direction=_turn_in(heading_to_direction(state.goal_heading), root),
+        goal_position=to_root(state.goal_position, root),
+        goal_direction=turn_in(heading_to_direction(state.goal_heading), root),
         goal_action=state.goal_action,
     )
-    interaction = INTERACTION.pack(
-        cell_position=_to_root(around.cells, root), cell_occupancy=around.occupancy
-    )
+    interaction = INTERACTION.pack(cell_position=to_root(around.cells, root), cell_occupancy=around.occupancy)
     features = INPUT.pack(frame=frame, goal=goal, environment=around.environment, interaction=interaction)
     return Inputs(features, build_gating(state))
 
@@ -123,18 +125,18 @@ def build_targets(state: State, following: State, contacts: Array) -> Array:
     phases = np.concatenate((state.phase_past[:, -1:], following.phase_keys()[:, PIVOT:]), axis=1)
     steps = np.diff(phases, axis=1)
     return OUTPUT.pack(
-        joint_position=_to_root(following.joint_position, root),
-        joint_forward=_turn_in(following.joint_forward, root),
-        joint_up=_turn_in(following.joint_up, root),
-        joint_velocity=_turn_in(following.joint_velocity, root),
-        future_joint_position=_to_root(following.joint_position, state.root_future[:, -1]),
-        trajectory_position=_to_root(ahead[..., :2], root),
-        trajectory_direction=_turn_in(direction, root),
+        joint_position=to_root(following.joint_position, root),
+        joint_forward=turn_in(following.joint_forward, root),
+        joint_up=turn_in(following.joint_up, root),
+        joint_velocity=turn_in(following.joint_velocity, root),
+        future_joint_position=to_root(following.joint_position, state.root_future[:, -1]),
+        trajectory_position=to_root(ahead[..., :2], root),
+        trajectory_direction=turn_in(direction, root),
         trajectory_style=following.style_keys()[:, PIVOT:],
-        goalward_position=_to_root(ahead[..., :2], goal),
-        goalward_direction=_turn_in(direction, goal),
-        goal_position=_to_root(following.goal_position, root),
-        goal_direction=_turn_in(heading_to_direction(following.goal_heading), root),
+        goalward_position=to_root(ahead[..., :2], goal),
+        goalward_direction=turn_in(direction, goal),
+        goal_position=to_root(following.goal_position, root),
+        goal_direction=turn_in(heading_to_direction(following.goal_heading), root),
         goal_action=following.goal_action,
         contact=contacts,
         phase_update=np.cumsum(steps - np.round(steps), axis=1),
@@ -175,15 +177,15 @@ def read_outputs(output: Array, state: State) -> Prediction:
     def planar(position: str, direction: str, frame: Array) -> Array:
         d = get(direction)
         heading = frame[:, None, 2] + np.arctan2(d[..., 0], -d[..., 1])
-        return np.concatenate((_from_root(get(position), frame), heading[..., None]), axis=-1)
+        return np.concatenate((from_root(get(position), frame), heading[..., None]), axis=-1)
 
     goals = planar("goal_position", "goal_direction", root)
     return Prediction(
-        joint_position=_from_root(get("joint_position"), root),
-        joint_forward=_turn_out(_unit(get("joint_forward")), root),
-        joint_up=_turn_out(_unit(get("joint_up")), root),
-        joint_velocity=_turn_out(get("joint_velocity"), root),
-        future_joint_position=_from_root(get("future_joint_position"), state.root_future[:, -1]),
+        joint_position=from_root(get("joint_position"), root),
+        joint_forward=turn_out(unit(get("joint_forward")), root),
+        joint_up=turn_out(unit(get("joint_up")), root),
+        joint_velocity=turn_out(get("joint_velocity"), root),
+        future_joint_position=from_root(get("future_joint_position"), state.root_future[:, -1]),
         root=planar("trajectory_position", "trajectory_direction", root),
         root_goalward=planar("goalward_position", "goalward_direction", goal),
         style=np.clip(get("trajectory_style"), 0, 1),

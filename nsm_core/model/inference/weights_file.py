@@ -25,6 +25,7 @@ from nsm_core.model.features.meaning import Meaning, differences, meaning_hash, 
 from nsm_core.model.networks.config import NetworkConfig
 from nsm_core.model.networks.field_config import FieldConfig
 from nsm_core.model.networks.gap_config import GapConfig
+from nsm_core.model.networks.handling_config import HandlingConfig
 from nsm_core.model.networks.protocol import Weights
 from nsm_core.model.networks.registry import kind_of
 from nsm_core.rotations import Array
@@ -59,7 +60,7 @@ def save_weights(
     parameters: Mapping[str, Array],
     statistics: Mapping[str, Array],
     *,
-    config: NetworkConfig | GapConfig | FieldConfig,
+    config: NetworkConfig | GapConfig | FieldConfig | HandlingConfig,
     layout: Layout,
     credits: Sequence[str] = (),
     data: str = "",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from nsm_core.model.features.layout import Inputs
@@ -92,11 +94,18 @@ class NumpyNsm:
 
     def mix(self, encoded: Array, coefficients: Array) -> Array:
         """Normalised outputs (B, outputs) of the prediction network blended by ``coefficients`` (B, K)."""
-        h, blend = encoded, _mix_one if len(encoded) == 1 else _mix_many
-        for i, (weight, bias) in enumerate(self._experts):
-            h = blend(weight, h, coefficients) + coefficients @ bias
-            h = elu(h) if i < len(self._experts) - 1 else h
-        return h
+        return mixed(self._experts, encoded, coefficients)
+
+
+def mixed(experts: Sequence[tuple[Array, Array]], h: Array, coefficients: Array) -> Array:
+    """Outputs (B, out) of layers whose weights (K, out, in) and biases (K, out) are blended by
+    ``coefficients`` (B, K), ELU between them.
+    """
+    blend = _mix_one if len(h) == 1 else _mix_many
+    for i, (weight, bias) in enumerate(experts):
+        h = blend(weight, h, coefficients) + coefficients @ bias
+        h = elu(h) if i < len(experts) - 1 else h
+    return h
 
 
 def _mix_one(weight: Array, h: Array, coefficients: Array) -> Array:
