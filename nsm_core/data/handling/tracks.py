@@ -13,7 +13,7 @@ from nsm_core.conventions import FPS
 from nsm_core.model.features.state import KEY_OFFSETS, PIVOT, WINDOW
 from nsm_core.model.handling.layout import KEY_JOINTS
 from nsm_core.model.handling.phase import bounded
-from nsm_core.model.handling.state import Goals, HandlingState, Schedule
+from nsm_core.model.handling.state import Goals, HandlingState, KeySchedule
 from nsm_core.model.handling.tasks import labels_of
 from nsm_core.rotations import Array, quat_to_matrix
 from nsm_core.signals import gaussian_smooth
@@ -64,10 +64,12 @@ class HandlingTracks:
             self.root[to], self.joints[to], self.label[to], self.label[frames], self.phase[self.key[frames]]
         )
 
-    def schedule(self, frame: int) -> Schedule:
+    def schedule(self, frame: int) -> KeySchedule:
         """Key frames of a performance from ``frame`` on, at which the schedule's time is 0."""
         keys = np.unique(self.key[frame : self.last[frame] + 1])
-        return Schedule(keys - frame, self.root[keys], self.joints[keys], self.label[keys], self.label[frame])
+        return KeySchedule(
+            keys - frame, self.root[keys], self.joints[keys], self.label[keys], self.label[frame]
+        )
 
     def _within(self, frames: Array, offsets: Array) -> Array:
         return np.clip(frames[:, None] + offsets, self.first[frames][:, None], self.last[frames][:, None])

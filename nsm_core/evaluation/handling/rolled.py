@@ -11,7 +11,7 @@ from nsm_core.body.contacts import LEGS
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import ARMS, HIPS, forward_kinematics, local_from_world
 from nsm_core.data.handling.tracks import HandlingTracks
-from nsm_core.model.handling.state import Schedule
+from nsm_core.model.handling.state import KeySchedule
 from nsm_core.model.handling.tasks import APPROACHES, HOLDS, LEAVES, TASKS
 from nsm_core.model.inference.handling_model import HandlingModel, Rolled
 from nsm_core.rotations import Array, matrix_from_forward_up, quat_from_matrix
@@ -80,7 +80,7 @@ def rigid(position: Array, forward: Array, up: Array) -> Array:
     return forward_kinematics(hips, local)[0].astype(np.float32)
 
 
-def _body(rolled: Rolled, n: int, schedule: Schedule, most: int) -> MovedBody:
+def _body(rolled: Rolled, n: int, schedule: KeySchedule, most: int) -> MovedBody:
     count = min(most, int(np.searchsorted(rolled.clock[:, n], schedule.times[-1])) + 1)
     positions = rigid(rolled.position[:count, n], rolled.forward[:count, n], rolled.up[:count, n])
     clock = rolled.clock[:count, n]

@@ -72,7 +72,7 @@ class Goals:
 
 
 @dataclass(frozen=True)
-class Schedule:
+class KeySchedule:
     """Key frames of one character: ``times`` (K,), frames, rising; ``root`` (K, 3), ``joints`` (K, 3, 9) and
     ``label`` (K, 9) there, the label being that of what begins then; ``first`` (9,) the label before all.
     """
@@ -97,4 +97,4 @@ class Schedule:
         return self.root[goals], self.joints[goals], self.label[goals], present
 
 
-__all__ = ["Goals", "HandlingState", "Schedule"]
+__all__ = ["Goals", "HandlingState", "KeySchedule"]

@@ -15,7 +15,7 @@ from nsm_core.model.features.state import PIVOT
 from nsm_core.model.handling.codec import advance, build_inputs
 from nsm_core.model.handling.layout import layout_description
 from nsm_core.model.handling.phase import GoalFilter
-from nsm_core.model.handling.state import Goals, HandlingState, Schedule
+from nsm_core.model.handling.state import Goals, HandlingState, KeySchedule
 from nsm_core.model.handling.tasks import HOLDS, TASKS
 from nsm_core.model.networks.handling_config import HandlingConfig
 from nsm_core.model.networks.handling_numpy import NumpyHandling
@@ -53,7 +53,9 @@ class HandlingModel:
         self.config, self.metadata = config, weights.metadata
         self._net, self._statistics = NumpyHandling(config, weights), weights.statistics
 
-    def roll(self, state: HandlingState, schedules: list[Schedule], frames: int, goal_phase: str) -> Rolled:
+    def roll(
+        self, state: HandlingState, schedules: list[KeySchedule], frames: int, goal_phase: str
+    ) -> Rolled:
         """Lead B characters from ``state`` along their schedules for so many frames; ``goal_phase`` as the
         module's constants say.  A schedule's time begins at 0 and waits, PATIENCE frames at most, where a key
         frame comes that is not reached.
@@ -98,7 +100,7 @@ class HandlingModel:
             )
         return Rolled(*(np.stack(values) for values in zip(*found, strict=True)))
 
-    def _matched(self, schedules: list[Schedule], keys: Array) -> Array:
+    def _matched(self, schedules: list[KeySchedule], keys: Array) -> Array:
         """Phases (B, 3, C) of the data's key frames most like the ones of numbers ``keys`` (B,)."""
         features = np.stack([key_features(s)[k] for s, k in zip(schedules, keys, strict=True)])
         off = self._statistics["key_features"][None] - features[:, None]
@@ -106,7 +108,7 @@ class HandlingModel:
         return self._statistics["key_phases"][nearest].astype(np.float64)
 
 
-def key_features(schedule: Schedule) -> Array:
+def key_features(schedule: KeySchedule) -> Array:
     """What key frames (K, MATCHED) are matched by: key joints seen from the root, labels before and then."""
     count = len(schedule.times)
     joints = schedule.joints.reshape(count, -1, 9).copy()
