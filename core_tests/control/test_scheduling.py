@@ -57,7 +57,7 @@ def test_each_thing_comes_to_its_place_and_is_told_by_itself(brought):
     assert [result.object for result in take.goals] == ["jar", "mug"]
     for result in take.goals:
         assert result.reached and result.position_error_cm < 0.1 and result.hand_error_cm < 1.0
-        assert "were carried at once" in result.remarks[0]
+        assert "carried at once, taken and put down at the same moment." in result.remarks[0]
         np.testing.assert_allclose(take.props[result.object][-1, :3], PLACES[result.object], atol=1e-6)
     things = {goal.name: goal.prop for goal in request.goals}
     depths = all_depths(take.hips_position, take.local_rotations, request.environment, things, take.props)
@@ -77,6 +77,27 @@ def test_what_one_hand_has_follows_it_while_the_other_works(brought):
     for name, hand in used.items():
         off = np.linalg.norm(hands[both, hand] - take.props[name][both, :3], axis=1)
         assert np.ptp(off) < 0.02
+
+
+def test_things_out_of_reach_of_one_place_are_taken_one_after_the_other():
+    jar, mug = goals()
+    mug.prop.pose[0] = -1.3
+    wide = Cuboids(
+        [
+            (
+                (0, 0, 0),
+                0.0,
+                [(x - 1.4, y, z) if z < 1.4 and x < 0 else (x, y, z) for (x, y, z), _ in BOARDS],
+                [high for _, high in BOARDS],
+            )
+        ]
+    )
+    plan = FloorPlan(wide, (np.array((-5.0, -6.0)), np.array((6.0, 4.0))))
+    found = scheduled([jar, mug], plan, np.array((0.0, -1.6, 0.3)), wide).goals
+    both = found[0].both
+    assert both is not None and found[1].both is both and both.at_once == (False, True)
+    # One comes from the further one past the nearer one to the table.
+    assert [thing.name for thing in both.things] == ["mug", "jar"]
 
 
 def test_in_order_one_is_brought_after_the_other():

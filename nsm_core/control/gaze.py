@@ -93,7 +93,9 @@ def _things(leads: Sequence[Sequence[Lead]], eyes: Array) -> tuple[Array, Array]
     targets, share = eyes.astype(np.float64) + _FORWARD, np.zeros(count)
     for t, now in enumerate(leads):
         if now:
-            targets[t] = np.mean([lead.target for lead in now], axis=0)
+            # Who has something in one hand looks at what the other one comes to.
+            comes = [lead for lead in now if not lead.closed] or now
+            targets[t] = np.mean([lead.target for lead in comes], axis=0)
             share[t] = max(lead.share for lead in now)
     led = np.flatnonzero(share > 0)
     if not len(led):

@@ -50,12 +50,14 @@ class Both:
     """Two ``things`` that are carried at once, one in either hand, and the ``pickings`` by which, in the
     order in which they are taken; ``leads`` names the one that is put down first, whose goal takes both.
 
-    ``hands`` are those at work by the things' names, written by its stage.
+    They are taken, and put down, from one place ``at_once`` where that says so.  ``hands`` are those at work,
+    by the names of things, written by its stage.
     """
 
     things: tuple[LightThing, LightThing]
     pickings: tuple[Picking, Picking]
     leads: str
+    at_once: tuple[bool, bool] = (False, False)
     hands: dict[str, Any] = field(default_factory=dict)
 
 

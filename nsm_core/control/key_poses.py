@@ -18,7 +18,7 @@ from nsm_core.rotations import (
 from nsm_core.world.affordances.reach import LEFT, RIGHT, Reach
 from nsm_core.world.scene.wrist import WristPose
 
-from .actions.thing_grasp import BEFORE, HIGH, WIDE
+from .actions.carried import BEFORE, HIGH, WIDE
 
 WEIGHT = 2.0  # of what lies between key poses beside what lies before the first (w of equation 24)
 _RADIAN = 0.3  # metres that turning by a radian is worth

@@ -7,17 +7,18 @@ by two, the one is performed whose poses lie nearest to each other (equation 24)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import permutations, product
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array
-from nsm_core.world.affordances.picking import Around, Match, Picking, matches, plan_picking
+from nsm_core.world.affordances.picking import Around, Match, Picking, led, matches, plan_picking
+from nsm_core.world.affordances.two_handed import put_at_once, taken_at_once
 from nsm_core.world.geometry.distance import DistanceQuery, Union
 from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene.containers import Front
@@ -25,6 +26,7 @@ from nsm_core.world.scene.props import LightThing
 
 from .actions.at_reach import where_led
 from .actions.base import Way
+from .actions.carried import hands_apart
 from .actions.registry import PERFORMERS, check_reachable
 from .goals import Both, Goal
 from .key_poses import KeyPose, cost, standing_at
@@ -43,9 +45,16 @@ class Schedule:
     asked: list[int]
 
 
-_Block = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
-"""Numbers of one goal, or of two whose things are carried at once, as they are put down; the same as they are
-taken; and the hand (0 right, 1 left) that takes each of these, of one by itself none in particular."""
+class _Block(NamedTuple):
+    """Numbers of one goal, or of two whose things are carried at once, as they are ``put`` down; the same as
+    they are ``taken``, and the hand (0 right, 1 left) that takes each, of one by itself none in particular;
+    whether two are taken, and put down, ``at_once``.
+    """
+
+    put: tuple[int, ...]
+    taken: tuple[int, ...]
+    hands: tuple[int, ...] = ()
+    at_once: tuple[bool, bool] = (False, False)
 
 
 def scheduled(goals: Sequence[Goal], plan: FloorPlan, root: Array, solids: DistanceQuery | None) -> Schedule:
@@ -117,18 +126,19 @@ class _Run:
         self.ends = [
             np.append(g.position.astype(np.float64), turn) for g, turn in zip(goals, turns, strict=True)
         ]
+        self._pairs: dict[Hashable, tuple[Match, Match] | None] = {}
         self._matches = [self._matched(k) for k in range(len(goals))]
 
     def best(self) -> tuple[list[Goal], list[int]]:
         """The goals as they are performed, and the number of each."""
-        as_asked = [((k,), (k,), ()) for k in range(len(self.goals))]
+        as_asked = [_Block((k,), (k,)) for k in range(len(self.goals))]
         most = self._cost(as_asked) - GAIN
         plans = [(self._cost(blocks), number, blocks) for number, blocks in enumerate(self._plans())]
         for worth, _, blocks in sorted(plans, key=lambda one: one[:2])[:_TRIED]:
             if worth >= most:
                 break
             try:
-                return self._performed(blocks), [k for put, _, _ in blocks for k in put]
+                return self._performed(blocks), [k for block in blocks for k in block.put]
             except GoalError:
                 continue
         return self.goals, list(range(len(self.goals)))
@@ -149,12 +159,40 @@ class _Run:
             (self.starts[k][:2], end[:2]),
         )
 
-    def _matched(self, k: int) -> dict[int, Match]:
-        """By the hands that can, the easiest way to bring a thing."""
-        found: dict[int, Match] = {}
+    def _matched(self, k: int) -> dict[int, list[Match]]:
+        """By the hands that can, the ways to bring a thing, the easiest first."""
+        found: dict[int, list[Match]] = {}
         for match in self._led(k, matches):
-            found.setdefault(match.hand, match)
+            found.setdefault(match.hand, []).append(match)
         return found
+
+    def _pair(self, block: _Block) -> tuple[Match, Match] | None:
+        """How two things are brought at once, in the order in which they are taken; None where they cannot
+        be."""
+        if not any(block.at_once):
+            one, other = (self._matches[k][hand][0] for k, hand in zip(block.taken, block.hands, strict=True))
+            return one, other
+        key = block.taken, block.hands, block.at_once
+        if key not in self._pairs:
+            self._pairs[key] = where_led(
+                lambda around: self._paired(block, around),
+                self._around,
+                self.plan,
+                self.root[:2],
+                [poses[k][:2] for k in block.taken for poses in (self.starts, self.ends)],
+            )
+        return self._pairs[key]
+
+    def _paired(self, block: _Block, around: Around) -> tuple[Match, Match] | None:
+        one, other = (self._matches[k][hand] for k, hand in zip(block.taken, block.hands, strict=True))
+        pair: tuple[Match, Match] | None = one[0], other[0]
+        if block.at_once[0]:
+            a, b = block.taken
+            pair = taken_at_once(one, other, (self.starts[a], self.starts[b]), around)
+        if block.at_once[1] and pair is not None:
+            a, b = block.taken
+            pair = put_at_once(*pair, (self.ends[a], self.ends[b]), around)
+        return pair
 
     def _plans(self) -> Iterator[list[_Block]]:
         """All ways to go one by one and two by two, in all orders; in the asked one where anything is opened,
@@ -172,67 +210,80 @@ class _Run:
 
     def _blocks(self, part: tuple[int, ...]) -> list[_Block]:
         if len(part) == 1:
-            return [(part, part, ())]
-        both = (part, part[::-1])
-        return [
-            (put, taken, hands)
-            for put, taken, hands in product(both, both, ((0, 1), (1, 0)))
+            return [_Block(part, part)]
+        both, either = (part, part[::-1]), (False, True)
+        blocks = [
+            _Block(put, taken, hands, once)
+            for once, hands in product(product(either, either), ((0, 1), (1, 0)))
+            for put, taken in product(both, both)
+            # At the same moment there is no order.
+            if not (once[0] and taken != part) and not (once[1] and put != part)
             if all(hand in self._matches[k] for k, hand in zip(taken, hands, strict=True))
         ]
+        return [block for block in blocks if self._pair(block)]
 
     def _cost(self, blocks: Sequence[_Block]) -> float:
         poses: list[KeyPose] = []
-        for put, taken, hands in blocks:
-            by = dict(zip(taken, hands, strict=False))
-            found = {k: self._matches[k][by[k]] if by else self._easiest(k) for k in put}
-            opens = [one.pulling for k in put for one in self.goals[k].first]
+        for block in blocks:
+            pair = self._pair(block) if block.hands else None
+            found = dict(zip(block.taken, pair or [self._easiest(k) for k in block.taken], strict=True))
+            opens = [one.pulling for k in block.put for one in self.goals[k].first]
             poses += [KeyPose.of(standing_at(o.reach), {}, set()) for o in opens if o is not None]
             carried: set[int] = set()
-            for k in taken:
-                match = found[k]
-                works = {match.hand: match.wrist(self.starts[k])}
-                poses.append(KeyPose.of(standing_at(match.pick), works, carried))
-                carried = carried | {match.hand}
-            for k in put:
-                match = found[k]
-                carried = carried - {match.hand}
-                works = {match.hand: match.wrist(match.pose)}
-                poses.append(KeyPose.of(standing_at(match.put), works, carried))
+            for part in [block.taken] if block.at_once[0] else [(k,) for k in block.taken]:
+                works = {found[k].hand: found[k].wrist(self.starts[k]) for k in part}
+                poses.append(KeyPose.of(standing_at(found[part[0]].pick), works, carried))
+                carried = carried | set(works)
+            for part in [block.put] if block.at_once[1] else [(k,) for k in block.put]:
+                works = {found[k].hand: found[k].wrist(found[k].pose) for k in part}
+                carried = carried - set(works)
+                poses.append(KeyPose.of(standing_at(found[part[0]].put), works, carried))
         return cost(KeyPose.of(self.root, {}, set()), poses)
 
     def _easiest(self, k: int) -> Match:
-        known = self.goals[k].picking
-        found = self._matches[k]
+        known, found = self.goals[k].picking, self._matches[k]
         if known is not None and known.hand in found:
-            return found[known.hand]
-        return min(found.values(), key=lambda match: match.cost)
+            return found[known.hand][0]
+        return min((each[0] for each in found.values()), key=lambda match: match.cost)
 
     def _performed(self, blocks: Sequence[_Block]) -> list[Goal]:
         """The goals of a plan, with ways of hands; GoalError where there are none."""
-        order = [k for put, _, _ in blocks for k in put]
+        order = [k for block in blocks for k in block.put]
         same, found = order == sorted(order), list[Goal]()
-        for put, taken, hands in blocks:
-            if len(put) == 1:
-                goal = self.goals[put[0]]
+        for block in blocks:
+            if not block.hands:
+                goal = self.goals[block.put[0]]
                 found.append(goal if same else replace(goal, picking=None))
                 continue
-            pickings = [
-                self._picking(k, hand, same and put == taken) for k, hand in zip(taken, hands, strict=True)
-            ]
-            leads, follows = (self.goals[k] for k in put)
-            by = dict(zip(taken, pickings, strict=True))
-            first, second = (self.things[k] for k in taken)
-            both = Both((first, second), (pickings[0], pickings[1]), self.things[put[0]].name)
-            opens = tuple(one for k in sorted(put) for one in self.goals[k].first)
+            pickings = self._pickings(block, same and block.put == block.taken)
+            by = dict(zip(block.taken, pickings, strict=True))
+            one, other = (self.things[k] for k in block.taken)
+            both = Both((one, other), pickings, self.things[block.put[0]].name, block.at_once)
+            leads, follows = (self.goals[k] for k in block.put)
+            opens = tuple(first for k in sorted(block.put) for first in self.goals[k].first)
             # One does not stand about with a thing in hand.
-            found.append(replace(leads, picking=by[put[0]], both=both, first=opens, hold=0.0))
+            found.append(replace(leads, picking=by[block.put[0]], both=both, first=opens, hold=0.0))
             hold = max(leads.hold, follows.hold)
-            found.append(replace(follows, picking=by[put[1]], both=both, first=(), hold=hold))
+            found.append(replace(follows, picking=by[block.put[1]], both=both, first=(), hold=hold))
         check_reachable(found, self.plan, self.root[:2], self._still)
         return found
 
+    def _pickings(self, block: _Block, known: bool) -> tuple[Picking, Picking]:
+        """How two things are taken and put down, as they are taken; as is ``known`` where that serves."""
+        pair = self._pair(block)
+        if any(block.at_once) and pair is not None:
+            one, other = (
+                self._led(k, lambda thing, _, *around, match=match: led(thing, [match], *around))
+                for k, match in zip(block.taken, pair, strict=True)
+            )
+            ways = [(one.pick, other.pick)] * block.at_once[0] + [(one.put, other.put)] * block.at_once[1]
+            if not all(hands_apart(*visits) for visits in ways):
+                raise GoalError("Hands would meet on their ways; bring one thing after the other.")
+            return one, other
+        one, other = (self._picking(k, h, known) for k, h in zip(block.taken, block.hands, strict=True))
+        return one, other
+
     def _picking(self, k: int, hand: int, known: bool) -> Picking:
-        """How a hand takes a thing and puts it down; as is ``known`` where it is for that hand."""
         own = self.goals[k].picking
         if known and own is not None and own.hand == hand:
             return own

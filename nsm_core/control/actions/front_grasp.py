@@ -22,9 +22,10 @@ from nsm_core.world.scene.containers import Front
 from nsm_core.world.scene.props import LightThing, Prop
 from nsm_core.world.scene.wrist import WristPose
 
+from .carried import FASTEST, TAKING_UP
 from .hold import Lead, SeenBody
 from .led_hand import lead_to
-from .thing_grasp import CLOSING, DRAWN, FASTEST, TAKING_UP
+from .thing_grasp import CLOSING, DRAWN
 
 TURN, SLIDE = 1.0, 0.5  # rad/s and m/s of a front at most
 LEAST = 20  # frames in which one moves at least

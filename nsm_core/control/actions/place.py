@@ -55,48 +55,55 @@ class Place(AtReach):
         known: Holding | None = None
         if both is not None and both.leads != thing.name:
             known = both.hands.get(thing.name)
-            if known is None or not known.carries:  # whose goal came first did not come to take it
+            if known is None or not (known.carries or known.puts):  # whose goal came first took it not
                 self.goal = goal = replace(goal, both=None)
                 both = known = None
         self.picking = planned(goal, start.scene.but(thing), start.ground.plan, start.moment.root[:2])
-        self._takes: list[Holding] = []
-        if known is None:
-            pairs = [(thing, self.picking)] if both is None else zip(both.things, both.pickings, strict=True)
-            self._takes = [
-                Holding(one, picking, start.scene.but(one), both is not None) for one, picking in pairs
-            ]
-            if both is not None:
-                both.hands = {hold.prop.name: hold for hold in self._takes}
-        self._hands = known or next(hold for hold in self._takes if hold.prop is thing)
+        if both is not None and known is None:
+            both.hands = {
+                one.name: Holding(one, picking, start.scene.but(one), wide=True)
+                for one, picking in zip(both.things, both.pickings, strict=True)
+            }
+        own = known or (
+            both.hands[thing.name] if both else Holding(thing, self.picking, start.scene.but(thing))
+        )
+        self._hands: Holding = own
         self.grasp: Holding | None = known
         self.other: Holding | None = None  # the other thing's hand, once it is at work
+        hands = [own] if both is None else [both.hands[one.name] for one in both.things]
+        # What hands do at the same moment, errand by errand: things that are taken, then this one put down.
+        self._takes = [] if known else [hands] if both and both.at_once[0] else [[hold] for hold in hands]
+        self._puts = hands if both and both.at_once[1] else [own]
         self._errand = 0
+        if known is not None and known.puts:
+            self.part = 1
         self._set_out()
 
     def _set_out(self) -> None:
         """Go to where the next errand is."""
-        held = tuple(hold.prop for hold in self._all() if hold.bears)
+        hands = [self._hands] if self.goal.both is None else self.goal.both.hands.values()
+        held = tuple(hold.prop for hold in hands if hold.bears)
         if self._errand < len(self._takes):
-            self.go(self._takes[self._errand].picking.pick.reach, LADEN if held else WALKING, held)
+            reach = self._takes[self._errand][0].picking.pick.reach
+            self.go(reach, LADEN if held else WALKING, held)
         else:
+            for hold in self._puts:
+                hold.comes = True
             self.go(self.picking.put.reach, LADEN, held)
 
-    def _all(self) -> list[Holding]:
-        return [self._hands] if self.goal.both is None else list(self.goal.both.hands.values())
-
     def update(self, moment: Moment) -> Command:
-        takes = self._errand < len(self._takes)
+        takes = self._takes[self._errand] if self._errand < len(self._takes) else []
         works = self.part % 2 == 1
         if not works and self.there(moment):
             self.part += 1
-            hand = self._takes[self._errand] if takes else self._hands
-            if hand is self._hands:
-                self.grasp = hand
-            else:
-                self.other = hand
-            if not takes:
-                hand.put_down()
-        elif works and takes and self._takes[self._errand].brought:
+            for hold in takes or self._puts:
+                if hold is self._hands:
+                    self.grasp = hold
+                else:
+                    self.other = hold
+                if not takes:
+                    hold.put_down()
+        elif works and takes and all(hold.brought for hold in takes):
             self._errand += 1
             self.part += 1
             self._set_out()
@@ -116,10 +123,13 @@ class Place(AtReach):
     def line(self) -> tuple[Array | None, list[str]]:
         line, remarks = super().line()
         both = self.goal.both
-        if both is not None and all(name in both.hands for name in (one.name for one in both.things)):
-            first, last = (one.name for one in both.things)
+        if both is not None and self._errand == len(self._takes):
+            names = [one.name for one in both.things]
             hand = ("right", "left")[both.pickings[0].hand]
-            remarks = [f"{first} in the {hand} hand and {last} in the other were carried at once.", *remarks]
+            told = f"{names[0]} in the {hand} hand and {names[1]} in the other were carried at once"
+            when = [how for how, once in zip(("taken", "put down"), both.at_once, strict=True) if once]
+            told += f", {' and '.join(when)} at the same moment." if when else "."
+            remarks = [told, *remarks]
         return line, remarks
 
     def target(self) -> tuple[Array | None, float, int]:
@@ -128,8 +138,8 @@ class Place(AtReach):
     def end(self, reached: bool, again: bool = False) -> None:
         if not reached:
             self._hands.let_go()
-        if not again:  # nobody comes to put down what the other hand has
-            for hold in self._all():
+        if not again and self.goal.both is not None:  # nobody comes to put down what the other hand has
+            for hold in self.goal.both.hands.values():
                 hold.let_go()
 
 

@@ -14,32 +14,25 @@ from nsm_core.control.goals import Taken
 from nsm_core.conventions import DT
 from nsm_core.rotations import (
     Array,
-    direction_to_heading,
-    heading_to_direction,
     rotate_planar,
     wrap_angle,
 )
 from nsm_core.signals import smooth_step
-from nsm_core.world.affordances.picking import Picking, Visit
+from nsm_core.world.affordances.picking import Picking
 from nsm_core.world.affordances.reach import LEFT, RIGHT
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.hand_way import paced
 from nsm_core.world.scene.props import LightThing
 from nsm_core.world.scene.wrist import WristPose
 
+from .carried import FASTEST, LADEN, TAKING_UP, beside, carried, held_aside, in_world
 from .hold import Lead, SeenBody
 from .led_hand import lead_to
 
-FASTEST, LADEN = 1.0, 0.8  # m/s of an empty hand and of one that holds something, at most
 DRAWN = 20  # frames in which a hand is drawn onto its way, and given back
 CLOSING = 8  # frames for which a hand stays where it takes or leaves a thing
-TAKING_UP = 24  # frames in which what was elsewhere comes before the body, or onto its way
-# Metres of a wrist with a thing from the root, aside where either hand has one, and over the floor.
-BEFORE, BESIDE, WIDE, HIGH = 0.34, 0.16, 0.2, 1.04
-OVER = 0.96  # metres over the floor of a thing's foot at least: worktops pass under it
 # Metres from where a thing was taken, and from where it is left, over which it comes before the body and off.
 LEAVES, COMES = (0.15, 0.6), (0.12, 0.5)
-INWARD = np.radians(25)  # by which such a hand points across the body
 # Share of the way of the hips, up and down, that what is held goes along with, and metres at most.
 BOBS, MOST_BOB = 0.7, 0.04
 _GRAVITY = 9.81
@@ -65,9 +58,12 @@ class Holding:
         self.errors: dict[str, Any] = {}
         self.leads: list[Lead] = []
         self._side = (RIGHT, LEFT)[picking.hand]
-        self._held_at = _carried(picking, self._side, wide)
-        self._taken_at = _beside(picking.pick, picking.at)
-        self._left_at = _beside(picking.put, picking.pose)
+        self.comes = not wide  # whether it is on its way to where it is put down
+        found = held_aside(picking, thing, solids) if wide else None
+        self._aside = found is not None
+        self._held_at = carried(picking) if found is None else found
+        self._taken_at = beside(picking.pick, picking.at)
+        self._left_at = beside(picking.put, picking.pose)
         for pose in (self._taken_at, self._left_at):
             pose[2] = max(pose[2], self._held_at[2])
         self._gone = self._come = 0.0  # how far, 0..1, from where it was taken, and to where it is left
@@ -91,6 +87,11 @@ class Holding:
     def carries(self) -> bool:
         """Whether the thing is in its hand, and not being put down."""
         return self.state in ("out", "carry")
+
+    @property
+    def puts(self) -> bool:
+        """Whether it is putting the thing down, or has done so."""
+        return self.state in ("in", "leave") or "position_error_cm" in self.errors
 
     @property
     def brought(self) -> bool:
@@ -213,7 +214,10 @@ class Holding:
         )
         step = 1 / TAKING_UP
         gone = float(np.clip((off - LEAVES[0]) / (LEAVES[1] - LEAVES[0]), self._gone, 1))
-        come = float(np.clip((COMES[1] - on) / (COMES[1] - COMES[0]), self._come, 1)) if gone > 0 else 0.0
+        if self._aside:
+            gone = 1.0
+        come = float(np.clip((COMES[1] - on) / (COMES[1] - COMES[0]), self._come, 1))
+        come = come if gone > 0 and self.comes else self._come
         self._gone, self._come = min(gone, self._gone + step), min(come, self._come + step)
         held = self._held_at.copy()
         held[2] += float(np.clip(BOBS * (hips - (self._hips or hips)), -MOST_BOB, MOST_BOB))
@@ -222,9 +226,9 @@ class Holding:
             way[3] = wrap_angle(way[3])
             held += float(smooth_step(share)) * way
         held += (1 - float(smooth_step(self._frame / TAKING_UP))) * self._off
-        turned = self.prop.pose[3] + wrap_angle(held[3] + root[2] - self.prop.pose[3])
-        self.prop.pose[:3] = rotate_planar(held[:3], np.float64(root[2])) + (root[0], root[1], 0.0)
-        self.prop.pose[3] = turned
+        there = in_world(held, root)
+        turned = self.prop.pose[3] + wrap_angle(there[3] - self.prop.pose[3])
+        self.prop.pose[:] = np.append(there[:3], turned)
 
     def _seen_by(self, root: Array) -> Array:
         """The thing's pose (4,) seen from a body at ``root`` (3,)."""
@@ -243,34 +247,6 @@ class Holding:
             if pose[2] <= 0 or (self.solids.signed_distance(under.astype(np.float32), 0.1) < 0).any():
                 break
             pose[2], left = max(pose[2] - min(left, 0.004), 0.0), left - 0.004
-
-
-def _beside(visit: Visit, pose: Array) -> Array:
-    """Pose (4,) of a thing, seen from a body that stands for a visit, with the hand where its ways begin; it
-    stands at ``pose`` (4,) where they end.
-    """
-    reach = visit.reach
-    off = pose[:3] + visit.laden[0] - visit.wrist.place - (*reach.place, 0.0)
-    return np.append(rotate_planar(off, np.float64(-reach.heading)), wrap_angle(pose[3] - reach.heading))
-
-
-def _carried(picking: Picking, side: float, wide: bool) -> Array:
-    """Pose (4,) of a thing that is carried, seen from the root of a body that faces heading 0; ``wide`` where
-    the other hand carries one too.
-    """
-    ahead = heading_to_direction(np.array(0.0))
-    rotation = picking.grasp.wrist.rotation
-    way = -rotation[:, 1] if abs(rotation[2, 1]) < 0.8 else rotation[:, 2]
-    turn = (
-        float(direction_to_heading(ahead))
-        - (0.0 if wide else side * INWARD)
-        - float(direction_to_heading(way[:2]))
-    )
-    held = picking.wrist(np.array((0.0, 0.0, 0.0, turn))).place
-    place = np.append(
-        BEFORE * ahead + side * (WIDE if wide else BESIDE) * np.array((1.0, 0.0)), max(HIGH, OVER + held[2])
-    )
-    return np.append(place - held, wrap_angle(turn))
 
 
 __all__ = ["Holding"]

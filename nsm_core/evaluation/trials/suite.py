@@ -4,7 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
-from . import blocked, carry, carry_far, climb, interrupt, locomotion, open, place, shut, sit, stairs, touch
+from . import (
+    blocked,
+    both,
+    carry,
+    carry_far,
+    climb,
+    interrupt,
+    locomotion,
+    open,
+    place,
+    shut,
+    sit,
+    stairs,
+    touch,
+)
 from .part import ABLATIONS, Row, TrialPart
 from .rollout import Report
 
@@ -31,6 +45,7 @@ PARTS: dict[str, TrialPart] = {
     "place": place.PART,
     "shut": shut.PART,
     "blocked": blocked.PART,
+    "both": both.PART,
 }
 
 

@@ -110,7 +110,13 @@ def plan_picking(
     of the hand.
     """
     there = there or around
-    found = matches(thing, place, around, there, hands)
+    return led(thing, matches(thing, place, around, there, hands), around, there)
+
+
+def led(thing: LightThing, found: Sequence[Match], around: Around, there: Around) -> Picking:
+    """The first of some matches that ways lead a hand to and from; ``around`` the thing, and ``there`` where
+    it is put.  GoalError as of ``plan_picking``.
+    """
     first = hand_space(thing, around.hands, thing.middle)
     spaces: dict[float, HandSpace] = {}
     cleared = False

@@ -10,7 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsm_core.rotations import Array, heading_to_direction, rotate_planar
+from nsm_core.rotations import (
+    Array,
+    direction_to_heading,
+    heading_to_direction,
+    rotate_planar,
+    wrap_angle,
+)
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.clearance_map import HEIGHTS
 from nsm_core.world.scene.wrist import WristPose
@@ -72,13 +78,17 @@ def reaches(wrist: WristPose, solids: DistanceQuery, sides: tuple[float, ...] = 
 
 
 def least_strained(
-    wrist: WristPose, solids: DistanceQuery, side: float, room: Callable[[Array], Array]
+    wrist: WristPose,
+    solids: DistanceQuery,
+    side: float,
+    room: Callable[[Array], Array],
+    other: WristPose | None = None,
 ) -> Reach | None:
     """The first of ``reaches`` about whose place there is ``room`` (N,), metres, of places (N, 2), and more
     for knees where the body goes down; rather where there is room for hips and elbows to either side, too.
-    None where there is none.
+    None where there is none.  With ``other``, a pose of the other hand's wrist, from there both are reached.
     """
-    found = _strained(wrist, (side,))
+    found = _strained(wrist, (side,), other)
     if len(found):
         found = found[room(found[:, :2]) > ROOM + KNEES * found[:, 4]]
         aside = _ELBOWS * heading_to_direction(found[:, 2] + np.pi / 2)
@@ -87,7 +97,12 @@ def least_strained(
         found = found[np.argsort(found[:, 5], kind="stable")]
     for first in range(0, len(found), _AT_ONCE):
         some = found[first : first + _AT_ONCE]
-        free = np.flatnonzero(has_room(some[:, :2], solids) & _open(some[:, :2], wrist, solids))
+        free = np.flatnonzero(
+            np.logical_and.reduce(
+                [has_room(some[:, :2], solids)]
+                + [_open(some[:, :2], one, solids) for one in (wrist, other) if one is not None]
+            )
+        )
         if len(free):
             return _reach(some[int(free[0])])
     return None
@@ -97,8 +112,10 @@ def _reach(row: Array) -> Reach:
     return Reach(row[:2].copy(), *(float(value) for value in row[2:]))
 
 
-def _strained(wrist: WristPose, sides: tuple[float, ...]) -> Array:
-    """All that an arm can do, whatever stands there, the least strained first: rows (N, 7) of ``Reach``."""
+def _strained(wrist: WristPose, sides: tuple[float, ...], other: WristPose | None = None) -> Array:
+    """All that an arm can do, whatever stands there, the least strained first: rows (N, 7) of ``Reach``; with
+    the ``other`` wrist of the hand of the other side.
+    """
     if not REACHED[0] <= wrist.held[2] <= REACHED[1]:
         return np.zeros((0, 7))
     around = np.arange(_PLACES) * 2 * np.pi / _PLACES
@@ -106,8 +123,13 @@ def _strained(wrist: WristPose, sides: tuple[float, ...]) -> Array:
     off, facing_wrist, bearing, side, lean = grid.T
     place = wrist.place[:2] - off[:, None] * heading_to_direction(facing_wrist)
     heading = facing_wrist + bearing
-    strain, down = strains(wrist, place, heading, side, lean)
+    low = None if other is None else max(_down(wrist), _down(other))
+    strain, down = strains(wrist, place, heading, side, lean, low)
     strain = strain + _TWISTS * np.maximum(np.abs(bearing) - _AHEAD, 0)
+    if other is not None:
+        more = strains(other, place, heading, -side, lean, low)[0]
+        twisted = np.abs(wrap_angle(direction_to_heading(other.place[:2] - place) - heading))
+        strain = np.maximum(strain, more + _TWISTS * np.maximum(twisted - _AHEAD, 0))
     ways = np.flatnonzero(np.isfinite(strain))
     # Of ways that strain alike the one comes first that faces most as the hand points.
     faces, strain = heading_to_direction(heading) @ wrist.towards[:2], np.round(strain, 6)
@@ -116,13 +138,21 @@ def _strained(wrist: WristPose, sides: tuple[float, ...]) -> Array:
     return rows[ways]
 
 
-def strains(wrist: WristPose, place: Array, heading: Array, side: Array, lean: Array) -> tuple[Array, float]:
+def _down(wrist: WristPose) -> float:
+    """Metres that the body goes down for a wrist, until the shoulder is little over it."""
+    return float(np.clip(_SHOULDER - 0.25 - wrist.place[2], 0.0, _SHOULDER - _LOWEST))
+
+
+def strains(
+    wrist: WristPose, place: Array, heading: Array, side: Array, lean: Array, down: float | None = None
+) -> tuple[Array, float]:
     """How near (N,) a wrist's pose, world, is to what an arm can do from a root at ``place`` (N, 2) that
     faces ``heading`` (N,), with the hand of a ``side`` (N,) and the body leaning by ``lean`` (N,) metres: 1
-    where it just can, infinite where it cannot; and the metres that the shoulder goes down for it.
+    where it just can, infinite where it cannot; and the metres that the shoulder goes down for it, ``down``
+    where that is given.
     """
-    # The body goes down, and with it ahead, until the shoulder is little over the wrist.
-    down = float(np.clip(_SHOULDER - 0.25 - wrist.place[2], 0.0, _SHOULDER - _LOWEST))
+    # The body goes down, and with it ahead.
+    down = _down(wrist) if down is None else down
     ahead = heading_to_direction(heading)
     left = np.stack((-ahead[:, 1], ahead[:, 0]), -1)
     shoulder = place + _ASIDE * side[:, None] * left + (min(_LEAN * down, 0.3) + lean)[:, None] * ahead
