@@ -64,6 +64,15 @@ def test_each_thing_comes_to_its_place_and_is_told_by_itself(brought):
     assert depths.max() < 0.02
 
 
+def test_both_hands_work_at_the_same_moment(brought):
+    _, take = brought
+    first = [np.flatnonzero(np.abs(np.diff(poses, axis=0)).max(1) > 1e-6) for poses in take.props.values()]
+    assert abs(first[0][0] - first[1][0]) < 15 and abs(first[0][-1] - first[1][-1]) < 15
+    # Who has put both down stays there.
+    last = max(moved[-1] for moved in first)
+    assert np.linalg.norm(take.root[last:, :2] - take.root[last, :2], axis=1).max() < 0.15
+
+
 def test_what_one_hand_has_follows_it_while_the_other_works(brought):
     _, take = brought
     hands = wrists(take.hips_position, take.local_rotations)

@@ -58,7 +58,10 @@ class Place(AtReach):
             if known is None or not (known.carries or known.puts):  # whose goal came first took it not
                 self.goal = goal = replace(goal, both=None)
                 both = known = None
-        self.picking = planned(goal, start.scene.but(thing), start.ground.plan, start.moment.root[:2])
+        if known is not None:
+            self.picking = known.picking
+        else:
+            self.picking = planned(goal, start.scene.but(thing), start.ground.plan, start.moment.root[:2])
         if both is not None and known is None:
             both.hands = {
                 one.name: Holding(one, picking, start.scene.but(one), wide=True)
