@@ -94,8 +94,8 @@ def _things(leads: Sequence[Sequence[Lead]], eyes: Array) -> tuple[Array, Array]
     for t, now in enumerate(leads):
         if now:
             # Who has something in one hand looks at what the other one comes to.
-            comes = [lead for lead in now if not lead.closed] or now
-            targets[t] = np.mean([lead.target for lead in comes], axis=0)
+            open_ = [lead for lead in now if not lead.closed] or now
+            targets[t] = np.mean([lead.target for lead in open_], axis=0)
             share[t] = max(lead.share for lead in now)
     led = np.flatnonzero(share > 0)
     if not len(led):
