@@ -111,8 +111,16 @@ class Place(AtReach):
             self.part += 1
             self._set_out()
         if self.part % 2 == 1:
+            down = any(hold.state in ("reach", "take", "in") for hold in takes or self._puts)
+            self._lower(self.reach.down if down else 0.0)
             return self.approach.final
         return self.approach.update(moment, self.there)
+
+    def _lower(self, down: float) -> None:
+        """Tell hands that carry something meanwhile by how much the body goes down, metres."""
+        both = self.goal.both
+        for hold in () if both is None else both.hands.values():
+            hold.low = down
 
     def stays_at(self) -> tuple[Array, float] | None:
         return (self.reach.place, self.reach.heading) if self.part % 2 == 1 else None

@@ -35,6 +35,8 @@ CLOSING = 8  # frames for which a hand stays where it takes or leaves a thing
 LEAVES, COMES = (0.15, 0.6), (0.12, 0.5)
 # Share of the way of the hips, up and down, that what is held goes along with, and metres at most.
 BOBS, MOST_BOB = 0.7, 0.04
+# Share of what the body goes down by that what is held goes along with, and how fast, m/s.
+GOES_DOWN, LOWERS = 0.6, 0.8
 _GRAVITY = 9.81
 
 
@@ -59,6 +61,8 @@ class Holding:
         self.leads: list[Lead] = []
         self._side = (RIGHT, LEFT)[picking.hand]
         self.comes = not wide  # whether it is on its way to where it is put down
+        self.low = 0.0  # metres that the body goes down, for what the other hand comes to
+        self._lower = 0.0
         found = held_aside(picking, thing, solids) if wide else None
         self._aside = found is not None
         self._held_at = carried(picking) if found is None else found
@@ -220,11 +224,13 @@ class Holding:
         come = come if gone > 0 and self.comes else self._come
         self._gone, self._come = min(gone, self._gone + step), min(come, self._come + step)
         held = self._held_at.copy()
+        self._lower += float(np.clip(GOES_DOWN * self.low - self._lower, -LOWERS * DT, LOWERS * DT))
         held[2] += float(np.clip(BOBS * (hips - (self._hips or hips)), -MOST_BOB, MOST_BOB))
         for pose, share in ((self._taken_at, 1 - self._gone), (self._left_at, self._come)):
             way = pose - held
             way[3] = wrap_angle(way[3])
             held += float(smooth_step(share)) * way
+        held[2] -= self._lower
         held += (1 - float(smooth_step(self._frame / TAKING_UP))) * self._off
         there = in_world(held, root)
         turned = self.prop.pose[3] + wrap_angle(there[3] - self.prop.pose[3])

@@ -17,6 +17,8 @@ from .reach import LEFT, RIGHT, Reach, least_strained
 _GRASPS = 3  # of either thing that are tried together, the easiest
 _FACINGS = 12  # ways to face in which two things are put down
 _APART = 0.14  # metres, to the side, between hands that work at the same moment
+# Metres over the floor and in height between them, beyond which a body that bends for one is off the other.
+_WITHIN, _LEVEL = 0.7, 0.2
 _INWARD = np.radians(10)  # by which hands point to each other there
 
 Pair = tuple[Match, Match]
@@ -62,11 +64,14 @@ def _beside(reach: Reach) -> Reach:
 def _both(one: Match, other: Match, poses: Poses, around: Around) -> Reach | None:
     """How one stands to have both things in hand at ``poses`` (4,)."""
     wrists = one.wrist(poses[0]), other.wrist(poses[1])
+    off = wrists[1].place - wrists[0].place
+    if np.linalg.norm(off[:2]) > _WITHIN or abs(off[2]) > _LEVEL:
+        return None
     reach = least_strained(wrists[0], around.bodies, (RIGHT, LEFT)[one.hand], around.room, wrists[1])
     if reach is None:
         return None
     left = rotate_planar(heading_to_direction(np.array(reach.heading)), np.float64(np.pi / 2))
-    aside = (wrists[1].place - wrists[0].place)[:2] @ left * (1 if one.hand == 0 else -1)
+    aside = off[:2] @ left * (1 if one.hand == 0 else -1)
     return reach if aside > _APART else None
 
 
