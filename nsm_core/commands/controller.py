@@ -26,7 +26,7 @@ from nsm_core.model.inference.handling_model import (
 )
 from nsm_core.model.networks.allocator import keep_freed_memory
 from nsm_core.model.networks.handling_config import HandlingConfig
-from nsm_core.training.handling import HandlingSettings, HandlingTrainer, train_phases
+from nsm_core.training.handling import HandlingSettings, HandlingTrainer, learnt_phases
 from nsm_core.training.timed_run import run
 
 CREDITS = ("Performances were made of the captures in the folder that the training was given.",)
@@ -65,7 +65,7 @@ def main(arguments: list[str]) -> int:
     library = make_handling(folder / "performances", a.captures, a.frames, _tell)
     _tell(handling_coverage(library))
     settings = replace(defaults, minutes=a.minutes, steps=a.steps, seed=a.seed)
-    phases = train_phases(library, folder, settings, _tell)
+    phases = learnt_phases(library, folder / "phases.npz", settings, _tell)
     made = {}
     for goal_phase, name in ((1, "controller"), (0, "without")):
         config = HandlingConfig(a.width, a.experts, goal_phase=goal_phase)

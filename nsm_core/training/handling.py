@@ -47,7 +47,7 @@ _WEIGHTS = {
 }
 _LOST = 0.6  # metres of the root off the data at which a character is put back
 # Shares of a run to which frames are learnt one by one, and from which on roll-outs are at their longest.
-_ALONE, _FULL = 0.4, 0.9
+_ALONE, _FULL = 0.3, 0.7
 _MANY = 4000  # frames that statistics are taken of
 
 
@@ -62,22 +62,25 @@ class HandlingSettings:
     batch: int = 64
     learning_rate: float = 1e-3
     noise: float = 0.1
-    longest: int = 10
+    longest: int = 12
     held_out: float = 0.1
     phase_minutes: float = 4.0
     seed: int = 0
 
 
-def learnt_phases(library: HandlingLibrary, path: Path, settings: HandlingSettings) -> list[Array]:
+def learnt_phases(
+    library: HandlingLibrary, path: Path, settings: HandlingSettings, tell: Callable[[str], None]
+) -> list[Array]:
     """Phase states (T, 3, CHANNELS) of every performance: read from ``path``, or of an autoencoder that is
     trained now on those that are learnt from, and kept there.
     """
     lengths = [len(p.hips) for p in library.performances]
     if not path.exists():
+        tell("Learning phases ...")
         motions = [periodic_phase.velocities(Clip("", p.hips, p.rotations)) for p in library.performances]
         learnt = motions[: split(library, settings)]
         model, error = periodic_phase.train(learnt, settings.phase_minutes, settings.seed, CHANNELS)
-        print(f"Periodic Autoencoder of {CHANNELS} channels: error {error:.2f} of the velocities' variance.")
+        tell(f"Periodic Autoencoder of {CHANNELS} channels: error {error:.2f} of the velocities' variance.")
         found = phase_states([periodic_phase.phases(model, m) for m in motions])
         with output(path, "The phases") as temporary, open(temporary, "wb") as file:
             np.savez(file, phase=np.concatenate(found), error=np.float32(error))
@@ -271,12 +274,4 @@ def noised(phase: Array, noise: float, rng: np.random.Generator) -> Array:
     return bounded(phase_of(wave, frequency + rng.normal(0, noise, frequency.shape)))
 
 
-def train_phases(
-    library: HandlingLibrary, folder: Path, settings: HandlingSettings, tell: Callable[[str], None]
-) -> list[Array]:
-    """``learnt_phases`` kept in a run's folder."""
-    tell("Learning phases ...")
-    return learnt_phases(library, folder / "phases.npz", settings)
-
-
-__all__ = ["HandlingSettings", "HandlingTrainer", "learnt_phases", "noised", "split", "train_phases"]
+__all__ = ["HandlingSettings", "HandlingTrainer", "learnt_phases", "noised", "split"]

@@ -17,7 +17,7 @@ from nsm_core.model.inference.handling_model import KALMAN, MATCHED, NONE, PREDI
 from nsm_core.model.networks.handling_config import HandlingConfig
 from nsm_core.model.networks.handling_numpy import NumpyHandling
 from nsm_core.model.networks.protocol import Weights
-from nsm_core.training.handling import HandlingSettings, HandlingTrainer
+from nsm_core.training.handling import HandlingSettings, HandlingTrainer, learnt_phases
 from nsm_core.training.timed_run import run
 
 SMALL = HandlingConfig(hidden=24, experts=3, gate=8)
@@ -71,6 +71,18 @@ def test_training_lessens_the_error_and_goes_on_from_a_checkpoint(tmp_path):
         trainer(HandlingConfig(hidden=16, experts=3, gate=8)).load(tmp_path / "checkpoint.pt")
 
 
+def test_phases_are_learnt_once_and_kept(tmp_path):
+    library, told = HandlingLibrary((handled(), handled(1.0))), []
+    settings = HandlingSettings(held_out=0.5, phase_minutes=0.005)
+    first = learnt_phases(library, tmp_path / "phases.npz", settings, told.append)
+    assert len(told) == 2 and [p.shape for p in first] == [(COUNT, 3, 8)] * 2
+    assert all((p >= 0).all() and (p[:, :2] <= 1).all() for p in first)
+    again = learnt_phases(library, tmp_path / "phases.npz", settings, told.append)
+    assert len(told) == 2 and np.array_equal(first[1], again[1])
+    with pytest.raises(WeightsError, match="other performances"):
+        learnt_phases(HandlingLibrary((handled(),)), tmp_path / "phases.npz", settings, told.append)
+
+
 @pytest.mark.parametrize("goal_phase", [NONE, MATCHED, PREDICTED, KALMAN])
 def test_it_leads_a_body_along_its_key_frames(trained, goal_phase):
     made, path = trained
@@ -79,8 +91,9 @@ def test_it_leads_a_body_along_its_key_frames(trained, goal_phase):
     (body,) = rolled_bodies(model, made.others, goal_phase)
     (data,) = captured_bodies(made.others)
     assert np.isfinite(body.positions).all()
-    # As long as the performance, and no longer than it may take.
-    assert COUNT - 31 <= len(body.positions) <= COUNT + 30
+    # As long as the reach takes in the performance, and no longer than it may.
+    assert len(data.positions) == COUNT - 30
+    assert len(data.positions) - 1 <= len(body.positions) <= len(data.positions) + 30
     assert [m.side for m in body.moves] == [m.side for m in data.moves] == [0, 0]
     assert np.isfinite(body.moves[0].missed) and np.isnan(body.moves[1].missed)
 

@@ -1,4 +1,4 @@
-"""Roll-outs of the controller over performances that it has not learnt from, as bodies to be looked at."""
+"""Roll-outs of the controller over reaches that it has not learnt from, as bodies to be looked at."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import ARMS, HIPS, forward_kinematics, local_from_world
 from nsm_core.data.handling.tracks import HandlingTracks
 from nsm_core.model.handling.state import KeySchedule
-from nsm_core.model.handling.tasks import APPROACHES, HOLDS, LEAVES, TASKS
+from nsm_core.model.handling.tasks import APPROACHES, FREE, HOLDS, LEAVES, TASKS
 from nsm_core.model.inference.handling_model import HandlingModel, Rolled
 from nsm_core.rotations import Array, matrix_from_forward_up, quat_from_matrix
 from nsm_core.signals import intervals
 
-BEGIN = 30  # frames of a performance before a roll-out begins
-_AFTER = 30  # frames by which a roll-out may take longer than its performance
+HELD = 30  # frames of a performance before anything begins
+BEFORE, AFTER = 60, 15  # frames of a trial before a hand sets out, and after it is back
+LONGER = 30  # frames by which a roll-out may take longer than its performance
 _LIMBS = (*LEGS, *ARMS)
 
 
@@ -44,29 +45,40 @@ class MovedBody:
     moves: tuple[HandMove, ...]
 
 
-def captured_bodies(tracks: HandlingTracks) -> list[MovedBody]:
-    """The performances themselves, from where roll-outs begin."""
+def trials_of(tracks: HandlingTracks) -> list[tuple[int, int]]:
+    """First and last frame of every reach of performances: from BEFORE it to AFTER the hand is back."""
     found = []
-    for first in np.unique(tracks.first):
-        span = np.arange(first + BEGIN, tracks.last[first] + 1)
-        label = tracks.label[span]
+    for _, task, a, _ in _spans(tracks.label):
+        if task != APPROACHES:
+            continue
+        first, last = int(tracks.first[a]), int(tracks.last[a])
+        side = int(tracks.label[a, 1 + TASKS + APPROACHES] > 0.5)
+        back = np.flatnonzero(tracks.label[a : last + 1, 1 + side * TASKS + FREE] > 0.5)
+        end = min(last, a + int(back[0]) + AFTER) if len(back) else last
+        found.append((max(first + HELD, a - BEFORE), end))
+    return found
+
+
+def captured_bodies(tracks: HandlingTracks) -> list[MovedBody]:
+    """What the performances show of their trials."""
+    found = []
+    for first, last in trials_of(tracks):
+        span = np.arange(first, last + 1)
         moves = tuple(
-            HandMove(side, slice(a, b), float("nan"))
-            for side in (0, 1)
-            for task in (APPROACHES, LEAVES)
-            for a, b in intervals(label[:, 1 + side * TASKS + task] > 0.5)
+            HandMove(side, slice(a, b), float("nan")) for side, _, a, b in _spans(tracks.label[span])
         )
         found.append(MovedBody(tracks.position[span], tracks.feet[span] > 0.5, moves))
     return found
 
 
 def rolled_bodies(model: HandlingModel, tracks: HandlingTracks, goal_phase: str) -> list[MovedBody]:
-    """Roll-outs over all performances of ``tracks``, from BEGIN frames after their beginnings on."""
-    firsts = np.unique(tracks.first) + BEGIN
+    """Roll-outs over all trials of performances; each may take LONGER than its performance did."""
+    trials = trials_of(tracks)
+    firsts = np.array([first for first, _ in trials])
+    lengths = np.array([last - first for first, last in trials])
     schedules = [tracks.schedule(int(f)) for f in firsts]
-    lengths = tracks.last[firsts] - firsts
-    rolled = model.roll(tracks.state(firsts), schedules, int(lengths.max()) + _AFTER, goal_phase)
-    return [_body(rolled, n, schedules[n], int(lengths[n]) + _AFTER) for n in range(len(firsts))]
+    rolled = model.roll(tracks.state(firsts), schedules, int(lengths.max()) + LONGER, goal_phase)
+    return [_body(rolled, n, schedules[n], int(lengths[n])) for n in range(len(firsts))]
 
 
 def rigid(position: Array, forward: Array, up: Array) -> Array:
@@ -80,8 +92,8 @@ def rigid(position: Array, forward: Array, up: Array) -> Array:
     return forward_kinematics(hips, local)[0].astype(np.float32)
 
 
-def _body(rolled: Rolled, n: int, schedule: KeySchedule, most: int) -> MovedBody:
-    count = min(most, int(np.searchsorted(rolled.clock[:, n], schedule.times[-1])) + 1)
+def _body(rolled: Rolled, n: int, schedule: KeySchedule, length: int) -> MovedBody:
+    count = min(length + LONGER, int(np.searchsorted(rolled.clock[:, n], length)) + 1)
     positions = rigid(rolled.position[:count, n], rolled.forward[:count, n], rolled.up[:count, n])
     clock = rolled.clock[:count, n]
     passed = np.searchsorted(schedule.times, clock, side="right")
@@ -105,4 +117,4 @@ def _spans(label: Array) -> Sequence[tuple[int, int, int, int]]:
     ]
 
 
-__all__ = ["BEGIN", "HandMove", "MovedBody", "captured_bodies", "rigid", "rolled_bodies"]
+__all__ = ["HandMove", "MovedBody", "captured_bodies", "rigid", "rolled_bodies", "trials_of"]

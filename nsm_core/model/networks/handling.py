@@ -11,7 +11,7 @@ from torch.nn import functional as F
 from nsm_core.model.handling.layout import GATE, INPUT, OUTPUT, UNSEEN
 
 from .encoded import dense
-from .handling_config import HandlingConfig
+from .handling_config import FAR, HandlingConfig
 from .nsm import ExpertLinear
 
 
@@ -41,7 +41,7 @@ class HandlingNet(nn.Module):
 
     def forward(self, inputs: Tensor) -> Tensor:
         """As the class says."""
-        x = (inputs - self.input_mean) / self.input_std
+        x = ((inputs - self.input_mean) / self.input_std).clamp(-FAR, FAR)
         if not self.config.goal_phase:
             x = x.index_fill(1, self.unseen, 0.0)
         h = x[:, self.gate_columns]

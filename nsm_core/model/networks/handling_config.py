@@ -9,6 +9,7 @@ from nsm_core.errors import WeightsError
 from nsm_core.model.handling.layout import CHANNELS, GATE, INPUT, KEY_JOINTS, LABELS, OUTPUT, SOLID
 from nsm_core.validate import shown
 
+FAR = 4.0  # deviations from the data's mean beyond which inputs are taken for that far: roll-outs stay sane
 # What a key frame is matched by: key joints seen from its root, and the labels that begin and end there.
 MATCHED = len(KEY_JOINTS) * SOLID + 2 * LABELS
 
@@ -74,4 +75,4 @@ class HandlingConfig:
         return cls(**known)
 
 
-__all__ = ["MATCHED", "HandlingConfig"]
+__all__ = ["FAR", "MATCHED", "HandlingConfig"]

@@ -7,7 +7,7 @@ import numpy as np
 from nsm_core.model.handling.layout import GATE, UNSEEN
 from nsm_core.rotations import Array
 
-from .handling_config import HandlingConfig
+from .handling_config import FAR, HandlingConfig
 from .layers_numpy import dense, elu, softmax
 from .nsm_numpy import mixed
 from .protocol import Weights
@@ -25,7 +25,7 @@ class NumpyHandling:
     def outputs(self, inputs: Array) -> Array:
         """Outputs (B, OUTPUT.size) of inputs (B, INPUT.size), both in physical units."""
         s = self._statistics
-        x = ((inputs - s["input_mean"]) / s["input_std"]).astype(np.float32)
+        x = np.clip((inputs - s["input_mean"]) / s["input_std"], -FAR, FAR).astype(np.float32)
         if not self.config.goal_phase:
             x[:, UNSEEN] = 0
         h = x[:, GATE]
