@@ -37,7 +37,7 @@ from . import periodic_phase
 from .trainer import read_checkpoint
 
 _SMALLEST = {"goal_root": 0.1, "goal_joints": 0.1}  # deviations of outputs that hardly change, at least
-_LEAST = 1e-3
+_LEAST = 2e-3
 _WEIGHTS = {
     "goal_root": 0.1,
     "goal_joints": 0.1,

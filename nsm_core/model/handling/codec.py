@@ -1,25 +1,26 @@
 """States to the controller's input and output vectors and back; ``layout`` names every slice of them.
 
-Outputs are told as what comes otherwise than foreseen: of a network that says nothing joints go on as fast as
-they go, ways ahead are gone, and turns and goals stay.
+Poses and ways are told as they are, so that who is off comes back; of goals what changes is told, mostly
+nothing.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from nsm_core.conventions import DT
 from nsm_core.model.features.codec import from_root, to_root, turn_in, turn_out, unit
 from nsm_core.model.features.rollout_step import restore_bone_lengths
-from nsm_core.model.features.state import FUTURE, KEY_STEP, PIVOT
+from nsm_core.model.features.state import FUTURE, PIVOT
 from nsm_core.rotations import Array, heading_to_direction, matrix_from_forward_up, wrap_angle
 
 from .layout import INPUT, OUTPUT
 from .phase import control_of, controlled, phase_of, wave_of
 from .state import Goals, HandlingState
 
+_GOALS = ("goal_root", "goal_joints")  # told as changes
 NEAR = 1.5  # metres from its goal from which on what is seen from there has a say
 ALPHA, BETA = 1.0, 1.0  # weights of radians and of metres in equation 22
 
@@ -51,39 +52,9 @@ def build_targets(
     """Output (B, OUTPUT.size) that leads from ``state`` to ``following`` one frame later, whose goals are
     ``coming``; ``contact`` (B, 2) is that of the feet then.
     """
-    base = carried(state, goals)
-    ahead, joints = following.root_keys()[:, PIVOT:], following.joint_keys()[:, PIVOT:]
-    made = _told(state, goals, following, ahead, joints, coming)
-    phases = OUTPUT.pack(
-        **_none(state),
-        goal_wave=wave_of(coming.phase),
-        goal_frequency=coming.phase[:, 2],
-        control=control_of(state.phase, following.phase),
-        contact=contact,
-    )
-    return made - base + phases
-
-
-def carried(state: HandlingState, goals: Goals) -> Array:
-    """What outputs (B, OUTPUT.size) are the change from: what is foreseen of the next frame."""
-    position = state.joint_position + DT * state.joint_velocity
-    roots, joints = _gone(state.root_keys()[:, PIVOT:]), _gone(state.joint_keys()[:, PIVOT:])
-    return _told(state, goals, replace(state, joint_position=position), roots, joints, goals)
-
-
-def _gone(keys: Array) -> Array:
-    """Keys (B, 7, ...) of a way ahead one frame later; beyond the last it goes on straight."""
-    steps = np.diff(keys, axis=1)
-    return keys + np.concatenate((steps, steps[:, -1:]), axis=1) / KEY_STEP
-
-
-def _told(
-    state: HandlingState, goals: Goals, following: HandlingState, ahead: Array, joints: Array, coming: Goals
-) -> Array:
-    """``following`` told for ``state``, its roots ``ahead`` (B, 7, 3) and key ``joints`` (B, 7, 3, 9)."""
-    root = state.root
-    zero = np.zeros((len(state), 1), np.float32)
-    return OUTPUT.pack(
+    root, ahead = state.root, following.root_keys()[:, PIVOT:]
+    joints = following.joint_keys()[:, PIVOT:]
+    made = OUTPUT.pack(
         joint_position=to_root(following.joint_position, root),
         joint_forward=turn_in(following.joint_forward, root),
         joint_up=turn_in(following.joint_up, root),
@@ -94,18 +65,25 @@ def _told(
         goalward_joints=_solid_from(joints, goals.joints[:, PIVOT:]),
         goal_root=_planar(coming.root, root),
         goal_joints=_solid(coming.joints, root),
-        **{n: _zeros(zero, n) for n in ("goal_wave", "goal_frequency", "control", "contact")},
+        goal_wave=wave_of(coming.phase),
+        goal_frequency=coming.phase[:, 2],
+        control=control_of(state.phase, following.phase),
+        contact=contact,
+    )
+    return made - carried(state, goals)
+
+
+def carried(state: HandlingState, goals: Goals) -> Array:
+    """What outputs (B, OUTPUT.size) are the change from: goals as they are, and nothing of all else."""
+    return OUTPUT.pack(
+        **{name: _zeros(state, name) for name in OUTPUT.shapes if name not in _GOALS},
+        goal_root=_planar(goals.root, state.root),
+        goal_joints=_solid(goals.joints, state.root),
     )
 
 
-def _zeros(zero: Array, name: str) -> Array:
-    return np.zeros((len(zero), OUTPUT.width(name)), np.float32)
-
-
-def _none(state: HandlingState) -> dict[str, Array]:
-    zero = np.zeros((len(state), 1), np.float32)
-    names = [n for n in OUTPUT.shapes if n not in ("goal_wave", "goal_frequency", "control", "contact")]
-    return {n: _zeros(zero, n) for n in names}
+def _zeros(state: HandlingState, name: str) -> Array:
+    return np.zeros((len(state), OUTPUT.width(name)), np.float32)
 
 
 @dataclass
