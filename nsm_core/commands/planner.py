@@ -11,13 +11,15 @@ from pathlib import Path
 
 import torch
 
-from nsm_core.data.reaches.library import load_library, make_library
+from nsm_core.data.reaches.library import WayLibrary, load_library, make_library
+from nsm_core.evaluation.goal_matching import GoalKeyframes, match_table
 from nsm_core.evaluation.hand_layouts import layouts
 from nsm_core.evaluation.hand_table import DIFFUSION, LAYOUTS, descent, planners, rival_paths, tables
 from nsm_core.files import output
 from nsm_core.model.inference.field_model import load_fields
 from nsm_core.model.networks.allocator import keep_freed_memory
 from nsm_core.model.networks.field_config import FieldConfig
+from nsm_core.training.environment_code import CodeTrainer
 from nsm_core.training.hand_fields import FieldSettings, FieldTrainer
 from nsm_core.training.timed_run import run
 from nsm_core.training.way_rivals import train_rivals
@@ -48,11 +50,21 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         "--descent", action="store_true", help="with --table: what steps and guesses are worth"
     )
+    parser.add_argument(
+        "--codes",
+        type=float,
+        default=0.0,
+        metavar="MINUTES",
+        help="train a code of what is around a thing for so long instead, of a core, and match grasps by it",
+    )
     a = parser.parse_args(arguments)
     keep_freed_memory()
     torch.set_num_threads(a.threads)
     folder = Path(a.run)
     weights = Path(a.weights) if a.weights else folder / "planner.npz"
+    if a.codes:
+        _match(a, folder)
+        return 0
     if not a.table:
         _train(a, folder, weights)
     if a.layouts:
@@ -61,9 +73,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _train(a: argparse.Namespace, folder: Path, weights: Path) -> None:
-    print("Making ways of hands ...", flush=True)
-    make_library(folder / "ways", a.kitchens, a.things, _tell)
-    library = load_library(folder / "ways")
+    library = _library(a, folder)
     settings = replace(FieldSettings(), minutes=a.minutes, seed=a.seed)
     config = FieldConfig(width=a.width)
     trainer = FieldTrainer(library, config, settings)
@@ -85,6 +95,19 @@ def _compare(a: argparse.Namespace, folder: Path, weights: Path) -> None:
         temporary.write_text(json.dumps(rows, indent=1), encoding="utf-8")
     if a.descent:
         descent(model, list(layouts(min(a.layouts, 40), reshaped=False)), _tell)
+
+
+def _match(a: argparse.Namespace, folder: Path) -> None:
+    library = _library(a, folder)
+    trainer = CodeTrainer(library, FieldTrainer.learnt_rows(library, FieldSettings()), a.codes, a.seed)
+    run(trainer, folder / "codes", a.every, _tell)
+    match_table(GoalKeyframes(library, trainer.rows, trainer.codes), a.layouts, _tell)
+
+
+def _library(a: argparse.Namespace, folder: Path) -> WayLibrary:
+    print("Making ways of hands ...", flush=True)
+    make_library(folder / "ways", a.kitchens, a.things, _tell)
+    return load_library(folder / "ways")
 
 
 def _tell(words: str) -> None:

@@ -29,15 +29,25 @@ def layouts(count: int, reshaped: bool) -> Iterator[HandTask]:
     """So many layouts by seed, each with one thing that a hand comes to, empty and laden in turn, where fast
     marching finds a way.
     """
-    seed, found = FIRST, 0
+    seed, found = 0, 0
     while found < count:
-        rng = np.random.default_rng((seed, 31))
-        kitchen = _made(seed, rng, found) if reshaped else make_kitchen(seed, _FILL, _BLOCKED)
+        kitchen, rng = judged_kitchen(seed, reshaped, found)
         task = _task(kitchen, rng, laden=found % 2 == 1)
         seed += 1
         if task is not None:
             found += 1
             yield task
+
+
+def judged_kitchen(
+    seed: int, reshaped: bool, number: int | None = None
+) -> tuple[Kitchen, np.random.Generator]:
+    """A densely filled kitchen that nothing was learnt from, and what else is drawn of its ``seed``, 0 and
+    up; ``reshaped``, every fourth by its ``number`` (the seed) of a kind that no kitchen has.
+    """
+    seed, number = FIRST + seed, seed if number is None else number
+    rng = np.random.default_rng((seed, 31))
+    return (_made(seed, rng, number) if reshaped else make_kitchen(seed, _FILL, _BLOCKED)), rng
 
 
 def _made(seed: int, rng: np.random.Generator, number: int) -> Kitchen:

@@ -8,7 +8,7 @@ the thing in the hand it is wider.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -106,24 +106,46 @@ def tasks_to(kitchen: Kitchen, name: str) -> Iterator[tuple[HandTask, HandTask]]
     """What hands could do at a thing of a kitchen as it is now, the best grasp first: come empty, and come
     laden.  They hold while nothing of the kitchen is opened or shut.
     """
-    thing, scene = kitchen.things[name].thing, kitchen.scene()
-    heading = float(kitchen.containers[kitchen.things[name].container].pose[3])
-    around = scene.near(thing.pose[:2], _ARM, thing)
-    grasps = find_grasps(
-        name, thing.query, thing.low, thing.high, thing.pose, around, thing.mass, thing.handle, 0.01
-    )
-    solids = Union([scene.environment, *(p for c in kitchen.containers.values() for p in c.parts)])
-    space = hand_space(thing, around, thing.middle, heading)
-    for grasp in grasps[:_TRIED]:
-        wrist = grasp.at(thing.pose)
-        found = reaches(wrist, solids)
-        if found:
-            left, begin = found[0].side == LEFT, raised(found[0])
-            empty, laden = (
-                HandTask(thing, around, space, heading, wrist, begin, left, with_it)
-                for with_it in (False, True)
-            )
-            yield empty, laden
+    at = HandAt.thing_of(kitchen, name)
+    for wrist in at.wrists:
+        if (empty := at.task(wrist, laden=False)) is not None:
+            yield empty, replace(empty, laden=True)
+
+
+@dataclass(frozen=True)
+class HandAt:
+    """A thing that hands may come to: ``wrists`` poses that hold it, world, the best first, some of them out
+    of reach; ``solids`` what is in the way of a body; the others as in ``HandTask``.
+    """
+
+    thing: SmallThing
+    around: DistanceQuery
+    space: HandSpace
+    heading: float
+    wrists: list[WristPose]
+    solids: DistanceQuery
+
+    @classmethod
+    def thing_of(cls, kitchen: Kitchen, name: str) -> HandAt:
+        """Of a kitchen as it is now; it holds while nothing of that is opened or shut."""
+        thing, scene = kitchen.things[name].thing, kitchen.scene()
+        heading = float(kitchen.containers[kitchen.things[name].container].pose[3])
+        around = scene.near(thing.pose[:2], _ARM, thing)
+        grasps = find_grasps(
+            name, thing.query, thing.low, thing.high, thing.pose, around, thing.mass, thing.handle, 0.01
+        )
+        solids = Union([scene.environment, *(p for c in kitchen.containers.values() for p in c.parts)])
+        space = hand_space(thing, around, thing.middle, heading)
+        wrists = [grasp.at(thing.pose) for grasp in grasps[:_TRIED]]
+        return cls(thing, around, space, heading, wrists, solids)
+
+    def task(self, wrist: WristPose, laden: bool) -> HandTask | None:
+        """What a hand does that comes to a pose; None where nobody stands who reaches it."""
+        found = reaches(wrist, self.solids)
+        if not found:
+            return None
+        left, begin = found[0].side == LEFT, raised(found[0])
+        return HandTask(self.thing, self.around, self.space, self.heading, wrist, begin, left, laden)
 
 
 def quickest(task: HandTask) -> Array | None:
