@@ -29,7 +29,8 @@ ASIDE = (
     "world/assets/", "model/networks/nsm.py", "model/networks/trainable.py", "model/networks/allocator.py",
     *(f"model/networks/{module}.py" for module in ("encoded", "mlp", "lstm", "gated")),
     *(f"model/networks/{module}.py" for module in ("deferred", "rtn", "rtn_rollout", "field_decoder")),
-    *(f"model/networks/{module}.py" for module in ("delta", "gap_torch", "way_diffusion", "handling", "environment_code")),
+    *(f"model/networks/{module}.py" for module in ("delta", "gap_torch", "way_diffusion", "handling")),
+    "model/networks/environment_code.py",
     "evaluation/measures/data_baseline.py", "__main__.py",
 )  # fmt: skip
 # Floors of the house from below; a file directly in nsm_core belongs to the ground.  Rooms of one floor do
