@@ -130,7 +130,7 @@ def test_tables_print_ours_beside_the_paper_and_the_aim():
         "data": {"walk": 9.0, "all": 8.0},
         "trials": [
             {"part": "carry", "ablation": None, "setting": 0, "name": "x", **broken},
-            {"part": "carry", "ablation": None, "setting": 1, "name": "y", "placed": 1.0},
+            {"part": "carry", "ablation": None, "setting": 1, "name": "y", "placed": 1.0, "touched": "mug"},
         ],
     }
     text = evaluation_report.tables(result)
@@ -141,6 +141,7 @@ def test_tables_print_ours_beside_the_paper_and_the_aim():
     )
     assert "end free of penetration | 50% |" in text and "broke off 1 x carry: ValueError: x" in text
     assert "| placed: x | 0 of 1 |" in text and "| placed: y | 1 of 1 |" in text
+    assert text.endswith("\ncarry: mug")
     assert "| walk |  | 9.0 | 11.0 |" in text
     assert np.isnan(Figures()["whatever"])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +12,8 @@ from nsm_core.rotations import Array
 from nsm_core.world.sensors.environment import environment_points_world
 from nsm_core.world.sensors.interaction import InteractionVolume
 
+from .actions.base import Grasp
+
 
 @dataclass(frozen=True)
 class Insight:
@@ -19,7 +22,8 @@ class Insight:
     ``level`` metres by which the walker's floor lies over that of the world; ``environment`` (1408,) and the
     ``volume``'s occupancy (512,) in 0..255, uint8, the volume None where nothing is sensed; ``egocentric``
     and ``goalward`` (7, 3) x, y and heading of the pivot and the six keys ahead, seen from the character and
-    from its goal; ``goal`` (3,) where the last key is sent.  World frame, metres and radians.
+    from its goal; ``goal`` (3,) where the last key is sent; ``doing`` what hands are at.  World frame, metres
+    and radians.
     """
 
     root: Array
@@ -29,10 +33,17 @@ class Insight:
     egocentric: Array
     goalward: Array
     goal: Array
+    doing: str = ""
 
     @classmethod
     def of(
-        cls, root: Array, level: float, environment: Array, volume: InteractionVolume | None, goals: Array
+        cls,
+        root: Array,
+        level: float,
+        environment: Array,
+        volume: InteractionVolume | None,
+        goals: Array,
+        doing: str,
     ) -> Insight:
         """What was sensed at ``root`` (3,), with the goals (13, 3) of the keys, before anything is
         predicted.
@@ -40,7 +51,7 @@ class Insight:
         if volume is not None:
             volume = replace(volume, occupancy=_bytes(volume.occupancy))
         here = np.repeat(root[None], 7, axis=0)
-        return cls(root.copy(), level, _bytes(environment), volume, here, here, goals[-1].copy())
+        return cls(root.copy(), level, _bytes(environment), volume, here, here, goals[-1].copy(), doing)
 
     def foreseeing(self, predicted: Prediction) -> Insight:
         """The same with the ways that a batch of one was predicted to go."""
@@ -55,6 +66,11 @@ class Insight:
         centres = environment_points_world(self.root[:2], float(self.root[2]))
         centres[:, 2] += self.level
         return centres
+
+
+def doing_of(grasps: Sequence[Grasp]) -> str:
+    """What hands are at, in words: the part of their work, and the thing."""
+    return ", ".join(f"{g.state} {g.prop.name}" for g in grasps if g.prop is not None)
 
 
 def _bytes(values: Array) -> Array:

@@ -35,14 +35,14 @@ from .batch import step_together
 from .director import Director
 from .goal_things import ground_of, own_props, places_of, with_props
 from .goals import Goal, GoalResult, Moment
-from .insight import Insight
+from .insight import Insight, doing_of
 from .judging import judge_kept, judge_reached
 from .posing import pose_of, stance_of, standing_start
 from .post_process import PostProcess
 from .relief import Relief
 from .request import TakeRequest, TakeResult
 from .scheduling import scheduled
-from .standing import kept_at
+from .standing import kept_at, kept_off
 from .start import trail_of
 from .yielding import Yielding
 
@@ -175,7 +175,9 @@ class TakeRunner:
         if sensed is not None:
             cells, occupancy = relief.sensed(sensed).cells_world()[None], sensed.occupancy[None]
         t2 = self.clock()
-        self._insights[self.frames] = Insight.of(root[0], relief.level, environment, sensed, position)
+        self._insights[self.frames] = Insight.of(
+            root[0], relief.level, environment, sensed, position, doing_of(self.director.grasps)
+        )
         inputs = build_inputs(state, SensorReading(environment[None], cells, occupancy))
         self._spend(goals=t1 - t0, sensors=t2 - t1, blending=self.clock() - t2)
         return inputs
@@ -192,6 +194,8 @@ class TakeRunner:
         stage = self.director.stage
         if stage is not None and (place := stage.stays_at()) is not None:
             self.state = kept_at(self.state, *place)
+        elif stage is not None and (way := stage.keeps_off()) is not None:
+            self.state = kept_off(self.state, *way)
         self.relief.follow(self.state.root[0, :2])
         t1 = self.clock()
         self._keep(predicted.contact[0], info["experts"][0] if "experts" in info else np.zeros(0, np.float32))

@@ -215,6 +215,7 @@ def tables(result: dict[str, Any]) -> str:
     lines += (
         ["", *(f"broke off {count} x {message}" for message, count in messages.items())] if messages else []
     )
+    lines += [f"{t['part']}: {t['touched']}" for t in result.get("trials", ()) if t.get("touched")]
     return "\n".join(lines).strip("\n")
 
 

@@ -57,3 +57,11 @@ def test_one_stands_rather_where_hips_and_elbows_have_room():
     free, beside = (solid(WALL, WORKTOP, *more) for more in ((), (SIDE,)))
     far = [least_strained(wrist, query, LEFT, room(query)).place[0] for query in (free, beside)]
     assert far[1] < far[0] - 0.04 or far[1] < 0.28 - 0.3
+
+
+def test_one_stands_as_far_from_what_one_reaches_over_as_an_arm_allows():
+    wrist = WristPose(np.array((0.0, -0.2, 1.05)), matrix_from_forward_up(np.array((0.0, 1.0, 0.0)), UP))
+    query = solid(WALL, WORKTOP)
+    found, nearest = least_strained(wrist, query, LEFT, room(query)), reaches(wrist, query, (LEFT,))[0]
+    about = room(query)(np.stack((found.place, nearest.place)))
+    assert about[0] > 0.28 and about[1] < 0.23

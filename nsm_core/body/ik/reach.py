@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from nsm_core.body.skeleton import HIPS
+from nsm_core.body.skeleton import HIPS, INDEX
 from nsm_core.body.tree import HUMAN
 from nsm_core.rotations import Array
 
@@ -21,12 +21,21 @@ from .tasks import ReachTask
 # little short;
 # and so that every frame gets all it needs.
 SMOOTH, EXACT = (5.0, 4.0, 3.0, 2.5, 2.0), (3.0, 2.0, 1.0, 0.0, 0.0, 0.0)
+TRUNK = [HIPS, *(INDEX[name] for name in ("Chest", "Chest2", "Chest3", "Chest4"))]
+ASIDE = 0.4  # share of its pitch by which a trunk leans aside or turns as one bends over
+_ACROSS = np.array((1.0, 0.0, 0.0))  # the axis about which a trunk bends forward
 FURTHEST = 0.5  # metres that hips leave the motion by
 
 
 def bending() -> Stiffness:
     """A body that bends over: the trunk pitches over hips that sink, and hardly go anywhere."""
-    return replace(stiffness(), hips=np.array((0.01, 0.01, 0.08)))
+    return replace(pitching(), hips=np.array((0.01, 0.01, 0.08)))
+
+
+def pitching() -> Stiffness:
+    """A body whose trunk bends forward rather than aside, or about itself."""
+    own = stiffness()
+    return replace(own, hinges=own.hinges | {j: (_ACROSS, ASIDE * float(own.turns[j])) for j in TRUNK})
 
 
 def shifting() -> Stiffness:

@@ -34,6 +34,7 @@ class AtReach(Stage):
 
     approach: Approach
     reach: Reach
+    held: Sequence[Prop]
 
     def __init__(self, goal: Goal, ground: Ground) -> None:
         super().__init__(goal)
@@ -41,12 +42,16 @@ class AtReach(Stage):
 
     def go(self, reach: Reach, gait: Gait = WALKING, held: Sequence[Prop] = ()) -> None:
         """Go to the place of a ``reach``; ``held`` is what is in hands."""
-        self.reach, self._still = reach, 0
+        self.reach, self.held, self._still = reach, held, 0
         final = Command("idle", np.append(reach.place, 0.0).astype(np.float32), reach.heading)
         # The network, which knows boxes alone, would raise both arms about what it sensed in the hand.
         self.approach = Approach(
             self.ground, reach.place, reach.heading, final, gait=gait, anyway=True, held=held
         )
+
+    def keeps_off(self) -> tuple[FloorPlan, Array] | None:
+        floor = self.ground.floor(*self.held)
+        return None if floor is None else (floor, self.reach.place)
 
     def there(self, moment: Moment) -> bool:
         """Whether one stands where the hand works, or near it and comes no nearer."""

@@ -68,6 +68,12 @@ class Stage:
         """
         return None
 
+    def keeps_off(self) -> tuple[FloorPlan, Array] | None:
+        """The floor on whose solids one is kept off, and the place (2,) to which one goes; None where the
+        network's own way is good enough.
+        """
+        return None
+
     def line(self) -> tuple[Array | None, list[str]]:
         """The line (N, 2) that is followed, None where there is none, and sentences on how it is gone."""
         return None, []
@@ -84,6 +90,7 @@ class Grasp(Protocol):
     """Hands that a stage puts to work on something; one call of ``apply`` a frame while it is ``active``."""
 
     errors: dict[str, Any]
+    state: str  # the part of its work that it is at, a word of its own
 
     @property
     def prop(self) -> Prop | None:

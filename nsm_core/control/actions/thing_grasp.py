@@ -6,6 +6,7 @@ The thing stays upright and leads, the wrist goes with it; all that is noted is 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,14 @@ DRAWN = 20  # frames in which a hand is drawn onto its way, and given back
 CLOSING = 8  # frames for which a hand stays where it takes or leaves a thing
 # Metres from where a thing was taken, and from where it is left, over which it comes before the body and off.
 LEAVES, COMES = (0.15, 0.6), (0.12, 0.5)
+# Radians by which one has turned from where it was taken, and is still to turn to where it is left, over
+# which the same happens.
+TURNS_OFF, TURNS_ON = (np.radians(5), np.radians(40)), (np.radians(50), np.radians(20))
+# Metres that what is held keeps off what stands about, by how many at most it is drawn to the body for that,
+# and by how many in a frame.
+KEEPS, DRAWN_IN, DRAWS = 0.04, 0.18, 0.02
+# Metres and radians off the beginning of its way in at which it goes that way, and frames that it waits.
+SETTLED, STRAIGHT, SETTLES = 0.015, np.radians(3), 30
 # Share of the way of the hips, up and down, that what is held goes along with, and metres at most.
 BOBS, MOST_BOB = 0.7, 0.04
 # Share of what the body goes down by that what is held goes along with, and how fast, m/s.
@@ -74,6 +83,7 @@ class Holding:
         self._off = np.zeros(4)  # of the thing, from where it is to be; fades
         self._hips: float | None = None
         self._fall, self._weight = 0.0, 0.0
+        self._drawn, self._due = 0.0, -1  # metres drawn to the body; frames that it waits to be put down
         self._last = picking.pick.wrist
         self._begin("reach", paced(picking.pick.empty, FASTEST, TAKING_UP))
 
@@ -118,11 +128,17 @@ class Holding:
         return hand == self.hand and (near or self.state == "reach" and self._share > 0.6)
 
     def put_down(self) -> None:
-        """Bring the thing to its place from now on."""
-        put = self.picking.put
-        self._begin("in", paced(put.laden, LADEN, TAKING_UP))
-        self._off = self.prop.pose - self._placed(self._way[0])
-        self._off[3] = wrap_angle(self._off[3])
+        """Bring the thing to its place, as soon as who has come there stands still."""
+        self._due = 0
+
+    def _go_in(self) -> None:
+        """Begin the way to its place once the thing is where that begins, or has been waited for."""
+        off = self.prop.pose - self._placed(self.picking.put.laden[0])
+        self._due += 1
+        if np.hypot(*off[:2]) < SETTLED and abs(wrap_angle(off[3])) < STRAIGHT or self._due > SETTLES:
+            self._begin("in", paced(self.picking.put.laden, LADEN, TAKING_UP))
+            off[3] = wrap_angle(off[3])
+            self._off = off
 
     def let_go(self) -> None:
         """End it at any time: the hand returns, and a thing in the air falls."""
@@ -167,7 +183,9 @@ class Holding:
         share = float(smooth_step(self._weight))
         closed = doing in ("out", "carry", "in") or doing in ("take", "leave") and self._frame > CLOSING / 2
         self.leads = [lead_to(self.hand, self._last, now, share, gripped, closed)] if share > 0 else []
-        if done:
+        if doing == "carry" and self._due >= 0:
+            self._go_in()
+        elif done:
             self._next(root, float(seen.hips[2]))
 
     @property
@@ -212,19 +230,21 @@ class Holding:
 
     def _carry(self, root: Array, hips: float) -> None:
         """Hold the thing before the body, and as it was or will be held where it is taken and left."""
-        off, on = (
-            float(np.linalg.norm(root[:2] - visit.reach.place))
-            for visit in (self.picking.pick, self.picking.put)
+        (off, away), (on, aside) = (
+            (float(np.linalg.norm(root[:2] - reach.place)), abs(float(wrap_angle(root[2] - reach.heading))))
+            for reach in (self.picking.pick.reach, self.picking.put.reach)
         )
         step = 1 / TAKING_UP
-        gone = float(np.clip((off - LEAVES[0]) / (LEAVES[1] - LEAVES[0]), self._gone, 1))
+        gone = float(np.clip(max(_share(off, LEAVES), _share(away, TURNS_OFF)), self._gone, 1))
         if self._aside:
             gone = 1.0
-        come = float(np.clip((COMES[1] - on) / (COMES[1] - COMES[0]), self._come, 1))
-        come = come if gone > 0 and self.comes else self._come
+        come = min(_share(on, COMES[::-1]), _share(aside, TURNS_ON))
+        come = float(np.clip(come, self._come, 1)) if gone > 0 and self.comes else self._come
         self._gone, self._come = min(gone, self._gone + step), min(come, self._come + step)
         held = self._held_at.copy()
         self._lower += float(np.clip(GOES_DOWN * self.low - self._lower, -LOWERS * DT, LOWERS * DT))
+        if not self._aside:
+            held[:2] *= 1 - self._drawn_in(root, held)
         held[2] += float(np.clip(BOBS * (hips - (self._hips or hips)), -MOST_BOB, MOST_BOB))
         for pose, share in ((self._taken_at, 1 - self._gone), (self._left_at, self._come)):
             way = pose - held
@@ -235,6 +255,19 @@ class Holding:
         there = in_world(held, root)
         turned = self.prop.pose[3] + wrap_angle(there[3] - self.prop.pose[3])
         self.prop.pose[:] = np.append(there[:3], turned)
+
+    def _drawn_in(self, root: Array, held: Array) -> float:
+        """Share of its way from the body by which what is ``held`` (4,), seen from the root, is nearer to it,
+        so that it can be turned with the body whichever way among what stands about.
+        """
+        heights = held[2] + np.linspace(0.0, float(self.prop.size[2]), 4)
+        about = np.column_stack((np.tile(root[:2], (4, 1)), heights)).astype(np.float32)
+        far = float(np.linalg.norm(held[:2]))
+        reach = far + float(self.prop.size[:2].max()) / 2 + KEEPS
+        lack = reach - float(self.solids.signed_distance(about, reach).min())
+        wanted = float(np.clip(lack, 0.0, min(DRAWN_IN, far)))
+        self._drawn += float(np.clip(wanted - self._drawn, -DRAWS, DRAWS))
+        return self._drawn / max(far, 1e-6)
 
     def _seen_by(self, root: Array) -> Array:
         """The thing's pose (4,) seen from a body at ``root`` (3,)."""
@@ -253,6 +286,11 @@ class Holding:
             if pose[2] <= 0 or (self.solids.signed_distance(under.astype(np.float32), 0.1) < 0).any():
                 break
             pose[2], left = max(pose[2] - min(left, 0.004), 0.0), left - 0.004
+
+
+def _share(value: float, span: Sequence[float]) -> float:
+    """How far, 0..1, a value is from the one end of a span to the other."""
+    return float(np.clip((value - span[0]) / (span[1] - span[0]), 0.0, 1.0))
 
 
 __all__ = ["Holding"]

@@ -50,16 +50,26 @@ def prop_depths(
     wrist is there.  They are judged by their distance to the grip.
     """
     body = Body.of(hips_position, local_rotations, figure)
-    local = rotate_planar(body.centres - poses[:, None, :3], -poses[:, None, 3])
-    reach = float(body.radii.max(initial=0.0)) + 0.02
-    distance = prop.query.signed_distance(local.reshape(-1, 3).astype(np.float32), reach).reshape(
-        body.radii.shape
-    )
-    depth = np.maximum(0, body.radii - distance)
     hands = wrists(hips_position, local_rotations, figure.offsets)
+    return depths_in_prop(body, hands, prop, poses).max(axis=1)
+
+
+def depths_in_prop(body: Body, hands: Array, prop: Prop, poses: Array) -> Array:
+    """Depths (T, S) in metres of a body's spheres in a prop, as ``prop_depths``; ``hands`` (T, 2, 3) are its
+    wrists.
+    """
+    local = rotate_planar(body.centres - poses[:, None, :3], -poses[:, None, 3])
+    depth = depths_by_sphere(body, local, prop.query)
     seen = rotate_planar(hands - poses[:, None, :3], -poses[:, None, 3])
     depth[_holding(prop, body, local, seen)] = 0
-    return depth.max(axis=1)
+    return depth
+
+
+def depths_by_sphere(body: Body, centres: Array, query: DistanceQuery) -> Array:
+    """Depths (T, S) in metres of a body's spheres in solids; ``centres`` (T, S, 3) in their frame."""
+    reach = float(body.radii.max(initial=0.0)) + 0.02
+    distance = query.signed_distance(centres.reshape(-1, 3).astype(np.float32), reach)
+    return np.asarray(np.maximum(0, body.radii - distance.reshape(body.radii.shape)))
 
 
 @singledispatch
@@ -201,17 +211,22 @@ def box_in_solids(box: Box, poses: Array, still: DistanceQuery) -> float:
 
 
 def thing_in_solids(thing: LightThing, poses: Array, still: DistanceQuery) -> float:
-    """Depth in metres to which a thing that has ``poses`` (T, 4) comes into solids, the deepest: of points on
-    it, a centimetre apart.
+    """Depth in metres to which a thing that has ``poses`` (T, 4) comes into solids, the deepest."""
+    return float(thing_depths(thing, poses, still).max(initial=0.0))
+
+
+def thing_depths(thing: LightThing, poses: Array, still: DistanceQuery) -> Array:
+    """Depths (T,) in metres to which a thing that has ``poses`` (T, 4) comes into solids, in frames in which
+    it moves, and the first: of points on it, a centimetre apart.
     """
     axes = [np.arange(a, b + _FINE, _FINE) for a, b in zip(thing.low, thing.high, strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     on_it = np.abs(thing.query.signed_distance(points.astype(np.float32), _FINE)) < _FINE / 2
-    points, deepest = points[on_it], 0.0
-    for pose in poses[np.concatenate(([True], moving_frames(poses)[1:]))]:
-        world = thing.to_world(points, pose).astype(np.float32)
-        deepest = max(deepest, -float(still.signed_distance(world, _FINE).min(initial=0.0)))
-    return deepest
+    points, depths = points[on_it], np.zeros(len(poses))
+    for t in np.flatnonzero(np.concatenate(([True], moving_frames(poses)[1:]))):
+        world = thing.to_world(points, poses[t]).astype(np.float32)
+        depths[t] = -float(still.signed_distance(world, _FINE).min(initial=0.0))
+    return depths
 
 
 def _surface(half: Array) -> Array:

@@ -19,6 +19,7 @@ from nsm_core.control.take import TakeRequest, TakeResult
 from nsm_core.errors import GoalError
 from nsm_core.evaluation.measures.objects import thing_in_solids
 from nsm_core.model.inference.model import Model
+from nsm_core.world.affordances.clearing import NEIGHBOUR
 from nsm_core.world.affordances.picking import LOWEST
 from nsm_core.world.affordances.reach import REACHED
 from nsm_core.world.assets.kitchen import Kitchen, make_kitchen
@@ -31,6 +32,8 @@ from .part import TrialPart
 from .rollout import Report
 from .together import Trying
 
+_BLOCKED = 1.0  # share of filled boards on which something is put before a thing at the back
+_TRIED = 5  # things of a kitchen that are tried
 _FLOOR = 3.0  # metres of floor planned on around the thing and its place
 
 
@@ -47,10 +50,42 @@ def trials(kitchens: int = 10) -> list[BlockedTrial]:
     return list(islice(made, kitchens))
 
 
+def kitchen_of(seed: int) -> Kitchen:
+    """The kitchen of a seed with more on its boards that stands behind something else than usual."""
+    return make_kitchen(seed, blocked=_BLOCKED)
+
+
 def _trial(seed: int) -> BlockedTrial | None:
-    kitchen = make_kitchen(seed)
-    names = [n for n, s in kitchen.things.items() if s.blockers and not kitchen.shut_by(n)]
-    return place.drawn(BlockedTrial, "blocked", kitchen, 16, names, _within)
+    """The trial of a seed: of a thing in the open that nobody gets at as it stands, but would without its
+    neighbours; None where none of the first ones is like that.
+    """
+    kitchen = kitchen_of(seed)
+    names = [n for n, s in kitchen.things.items() if s.blockers and not kitchen.shut_by(n)][:_TRIED]
+    return place.drawn(BlockedTrial, "blocked", kitchen, 16, names, _within, partial(_hemmed_in, kitchen))
+
+
+def _hemmed_in(kitchen: Kitchen, trial: BlockedTrial) -> bool:
+    """Whether a hand cannot take a thing past what stands there, and can where its neighbours are gone."""
+    thing = kitchen.things[trial.thing].thing
+    off = {n: s.thing.middle - thing.middle for n, s in kitchen.things.items() if s.thing is not thing}
+    near = [kitchen.things[n].thing for n, o in off.items() if np.hypot(*o[:2]) < NEIGHBOUR]
+    return not _taken(kitchen, trial, []) and _taken(kitchen, trial, near)
+
+
+def _taken(kitchen: Kitchen, trial: BlockedTrial, gone: Sequence[LightThing]) -> bool:
+    thing = kitchen.things[trial.thing].thing
+    solids = place.standing(kitchen, thing, *gone)
+    goal = Goal("place", trial.thing, trial.place, 0.0, prop=thing)
+    try:
+        planned(goal, solids, _floor(solids, goal, trial), trial.start[:2].astype(np.float64))
+    except GoalError:
+        return False
+    return True
+
+
+def _floor(solids: Cuboids, goal: Goal, trial: place.PlaceTrial) -> FloorPlan:
+    ends = np.stack((goal.moves(LightThing).pose[:2], trial.place[:2], trial.start[:2]))
+    return FloorPlan(solids, (ends.min(0) - _FLOOR, ends.max(0) + _FLOOR))
 
 
 def _within(name: str, thing: LightThing, still: DistanceQuery) -> bool:
@@ -62,7 +97,7 @@ def request(trial: place.PlaceTrial, hold: float = 0.5, **more: Any) -> TakeRequ
     """Set up one trial's take: with what is put aside first where the thing cannot be taken as it stands.
     Raises GoalError where nothing helps.
     """
-    kitchen = make_kitchen(trial.seed)
+    kitchen = kitchen_of(trial.seed)
     thing = kitchen.things[trial.thing].thing
     goal = Goal("place", trial.thing, trial.place, 0.0, hold, prop=thing)
     goal = asked_for(kitchen, goal, trial)
@@ -75,8 +110,7 @@ def asked_for(kitchen: Kitchen, goal: Goal, trial: place.PlaceTrial) -> Goal:
     thing = goal.moves(LightThing)
     others = [s.thing for s in kitchen.things.values() if s.thing is not thing]
     solids = place.standing(kitchen, thing)
-    ends = np.stack((thing.pose[:2], trial.place[:2], trial.start[:2]))
-    plan = FloorPlan(solids, (ends.min(0) - _FLOOR, ends.max(0) + _FLOOR))
+    plan = _floor(solids, goal, trial)
     try:
         planned(goal, solids, plan, trial.start[:2].astype(np.float64))
     except GoalError as error:
@@ -94,7 +128,7 @@ def _without(kitchen: Kitchen, gone: Sequence[LightThing]) -> Cuboids:
 def run_trial(model: Model, trial: BlockedTrial, **more: Any) -> Trying[tuple[TakeResult, Report]]:
     """Roll one trial out; returns the take and its figures."""
     asked = request(trial, **more)
-    take, report = yield from place.figures(model, asked, trial.place)
+    take, report = yield from place.figures(model, asked, trial.place, kitchen_of(trial.seed))
     aside = asked.goals[0].first
     report["aside"] = float(len(aside))
     off = [np.linalg.norm(take.props[g.name][-1, :3] - g.position) for g in aside]

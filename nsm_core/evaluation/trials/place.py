@@ -6,7 +6,7 @@ higher than one hand takes things, and those at which no hand has room.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -16,12 +16,14 @@ from nsm_core.control.goals import Goal
 from nsm_core.control.take import TakeRequest, TakeResult
 from nsm_core.errors import GoalError
 from nsm_core.evaluation.measures.objects import thing_in_solids
+from nsm_core.evaluation.measures.touches import told, touches
 from nsm_core.model.inference.model import Model
 from nsm_core.rotations import Array
 from nsm_core.world.affordances.picking import LOWEST, grasps_with_room
 from nsm_core.world.affordances.reach import REACHED
 from nsm_core.world.assets.kitchen import Kitchen, make_kitchen
 from nsm_core.world.geometry.distance import Cuboids, DistanceQuery
+from nsm_core.world.scene.containers import Front
 from nsm_core.world.scene.furniture import cuboids
 from nsm_core.world.scene.props import LightThing, Prop
 
@@ -37,6 +39,7 @@ PLACED, DEEP = (
 SUNK = 1.0  # cm that the thing itself may be in what stands there
 _EDGE = (0.1, 0.2)  # metres from the front edge of a board to the middle of a thing that is put on it
 _FREE = 0.06  # metres about a thing where it is put that are free
+_GRID, _GAP = 0.04, 0.01  # metres between points there that are looked at, and from them to what stands
 _HIGHEST = 1.6  # metres over the floor of a board that a thing is put on
 _TRIES = 60
 
@@ -78,9 +81,11 @@ def drawn(
     stream: int,
     names: Sequence[str],
     fits: Callable[[str, LightThing, DistanceQuery], bool],
+    apt: Callable[[_Trial], bool] = lambda trial: True,
 ) -> _Trial | None:
     """Draw a trial of a ``kind`` about one of the things ``names`` of a kitchen that ``fits`` among what
-    stands there: where it is put, and a start; None where none has both.  ``stream`` tells draws apart.
+    stands there: where it is put, and a start; None where none has both and is ``apt`` then.  ``stream``
+    tells draws apart.
     """
     rng = np.random.default_rng((SEED, stream, kitchen.seed))
     for k in rng.permutation(len(names)):
@@ -96,7 +101,9 @@ def drawn(
             start, heading = rollout.start_about(rng, middle, rollout.clear_of(still), 0.0, 1.5)
         except GoalError:
             continue
-        return kind(0, title, kitchen.seed, thing.name, place, start, heading)
+        trial = kind(0, title, kitchen.seed, thing.name, place, start, heading)
+        if apt(trial):
+            return trial
     return None
 
 
@@ -112,18 +119,26 @@ def standing(kitchen: Kitchen, *but: Prop) -> Cuboids:
     """What stands of a kitchen ``but`` some things and parts, no floor; furniture shut, other things as
     boxes.
     """
-    groups = [cuboids([(kitchen.walls, np.zeros(3), 0.0)])]
-    things = [s.thing for s in kitchen.things.values() if all(s.thing is not b for b in but)]
-    for container in kitchen.containers.values():
-        groups.append(container.standing())
+    whole = Cuboids()
+    whole.groups = [g for one in named(kitchen, *but).values() for g in one.groups]
+    return whole
+
+
+def named(kitchen: Kitchen, *but: Prop) -> dict[str, Cuboids]:
+    """The same by the names of walls, furniture and things."""
+    found = {"walls": cuboids([(kitchen.walls, np.zeros(3), 0.0)])}
+    for name, container in kitchen.containers.items():
+        found[name] = Cuboids()
+        found[name].groups = [*container.standing().groups]
         for part in [p for p in container.parts if all(p is not b for b in but)]:
             shut = part.query.groups if isinstance(part.query, Cuboids) else []
             boxes = [(part.pose[:3], part.pose[3], g.centres - g.halves, g.centres + g.halves) for g in shut]
-            groups.append(Cuboids(boxes))
-    groups.append(Cuboids([(t.pose[:3], t.pose[3], t.low[None], t.high[None]) for t in things]))
-    whole = Cuboids()
-    whole.groups = [g for one in groups for g in one.groups]
-    return whole
+            found[name].groups += Cuboids(boxes).groups
+    for name, standing_ in kitchen.things.items():
+        thing = standing_.thing
+        if all(thing is not b for b in but):
+            found[name] = Cuboids([(thing.pose[:3], thing.pose[3], thing.low[None], thing.high[None])])
+    return found
 
 
 def free_place(
@@ -140,7 +155,10 @@ def free_place(
         and b.room > thing.size[2] + 0.1
         and LOWEST < b.height + c.pose[2] < _HIGHEST
     ]
-    half = float(np.linalg.norm(thing.size[:2])) / 2
+    half = float(np.linalg.norm(np.maximum(-thing.low, thing.high)[:2]))  # of a thing turned about its foot
+    lines = np.arange(-half - _FREE, half + _FREE + _GRID, _GRID)
+    disc = np.stack(np.meshgrid(lines, lines, [0.0], indexing="ij"), -1).reshape(-1, 3)
+    disc = disc[np.linalg.norm(disc, axis=1) <= half + _FREE]
     for _ in range(_TRIES):
         container, board = boards[int(rng.integers(len(boards)))]
         y = board.low[1] + max(float(rng.uniform(*_EDGE)), half + 0.02)
@@ -154,11 +172,9 @@ def free_place(
         if container.kind == "table" and rng.random() < 0.5:  # from behind it
             y = board.low[1] + board.high[1] - y
         place = container.to_world((x, y, board.height))
-        up = np.arange(0.03, float(thing.size[2]) + 0.03, 0.03)
-        column = np.column_stack((np.tile(place[:2], (len(up), 1)), place[2] + up))
-        if (
-            still.signed_distance(column.astype(np.float32), 0.5) > np.minimum(half + _FREE, up - 0.01)
-        ).all():
+        up = np.arange(0.02, float(thing.size[2]) + 0.03, 0.03)
+        column = np.repeat(disc + place, len(up), 0) + np.tile(up, len(disc))[:, None] * (0, 0, 1)
+        if (still.signed_distance(column.astype(np.float32), 0.1) > _GAP).all():
             return np.asarray(place, dtype=np.float64)
     return None
 
@@ -173,12 +189,14 @@ def request(trial: PlaceTrial, hold: float = 0.5, **more: Any) -> TakeRequest:
 
 def run_trial(model: Model, trial: PlaceTrial, **more: Any) -> Trying[tuple[TakeResult, Report]]:
     """Roll one trial out; returns the take and its figures."""
-    return (yield from figures(model, request(trial, **more), trial.place))
+    return (yield from figures(model, request(trial, **more), trial.place, make_kitchen(trial.seed)))
 
 
-def figures(model: Model, asked: TakeRequest, place: Array) -> Trying[tuple[TakeResult, Report]]:
-    """Roll out what is asked for, whose last goal brings a thing to a ``place`` (3,): the take and its
-    figures.
+def figures(
+    model: Model, asked: TakeRequest, place: Array, kitchen: Kitchen
+) -> Trying[tuple[TakeResult, Report]]:
+    """Roll out what is asked for in a ``kitchen``, whose last goal brings a thing to a ``place`` (3,): the
+    take and its figures.
     """
     take = yield from rolled(model, asked)
     report, _ = rollout.judge(asked, take, goal=len(asked.goals) - 1)
@@ -190,7 +208,26 @@ def figures(model: Model, asked: TakeRequest, place: Array) -> Trying[tuple[Take
     report["thing_in_solids_cm"] = 100 * thing_in_solids(thing, poses, asked.environment)
     report["placed"] = float(bool(report["reached"]) and off <= PLACED)
     report["clean"] = float(report["penetration_cm"] <= DEEP and report["thing_in_solids_cm"] <= SUNK)
+    if not report["clean"]:
+        moved = rollout.props_of(asked)
+        still = named(kitchen, *_moved(kitchen, moved))
+        found = told(touches(take, still, moved, DEEP / 100, SUNK / 100))
+        report["touched"] = f"kitchen {kitchen.seed}, {thing.name}: {found}"  # type: ignore[assignment]
     return take, report
+
+
+def _moved(kitchen: Kitchen, moved: Mapping[str, Prop]) -> list[Prop]:
+    """What of a kitchen is ``moved``, with what stands in drawers that are."""
+    fronts = [prop for prop in moved.values() if isinstance(prop, Front)]
+    parts: list[Prop] = [
+        p for c in kitchen.containers.values() for p in c.parts if f"{c.name} {p.name}" in moved
+    ]
+    things = [
+        s.thing
+        for name, s in kitchen.things.items()
+        if name in moved or any(front.carries(s.thing.pose) for front in fronts)
+    ]
+    return [*parts, *things]
 
 
 def summarise(reports: Sequence[Report]) -> Report:

@@ -146,7 +146,7 @@ def summarise(reports: Sequence[Report]) -> Report:
             k
             for r in reports
             for k in r
-            if k != "error" and (not k.startswith("slide_") or k.startswith("slide_moving"))
+            if not isinstance(r[k], str) and (not k.startswith("slide_") or k.startswith("slide_moving"))
         }
     )
     summary: Report = {

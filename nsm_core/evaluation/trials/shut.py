@@ -96,7 +96,9 @@ def request(trial: place.PlaceTrial, hold: float = 0.5, **more: Any) -> TakeRequ
 
 def run_trial(model: Model, trial: ShutTrial, **more: Any) -> Trying[tuple[TakeResult, Report]]:
     """Roll one trial out; returns the take and its figures."""
-    take, report = yield from place.figures(model, request(trial, **more), trial.place)
+    take, report = yield from place.figures(
+        model, request(trial, **more), trial.place, make_kitchen(trial.seed)
+    )
     opened = take.goals[:-1]
     report["opened"] = float(all(goal.reached for goal in opened))
     report["handle_cm"] = max(goal.hand_error_cm for goal in opened)

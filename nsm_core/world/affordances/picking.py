@@ -18,7 +18,7 @@ from nsm_core.errors import GoalError
 from nsm_core.rotations import Array
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.hand_fields import HandSpace, hand_space
-from nsm_core.world.planning.hand_way import AMPLE, FROM, HAND, filled, way_into
+from nsm_core.world.planning.hand_way import AMPLE, FROM, HAND, filled, pushed_off, resampled, way_into
 from nsm_core.world.scene.props import LightThing
 from nsm_core.world.scene.wrist import WristPose, beside_held
 
@@ -33,6 +33,10 @@ _HEADINGS = 12  # in which a thing may be put down
 _NEARER = (0.0, 0.1, 0.2, 0.28)  # metres by which a hand is held nearer to the body than with ease
 _HEIGHTS = (0.95, 1.3)  # metres over the floor of a hand held there
 _BETWEEN = 0.02  # metres off a line between a body and its hand within which something lies between them
+# Balls along each side of a thing whose way is looked at closely, and metres between places of that way.
+_FINELY, _APART = 6, 0.01
+# Metres that a thing that is put down may be in what stands beside it, and over its board at which one looks.
+_STANDS, _RAISED = 0.006, 0.02
 _WORTH = 4.0  # strain that a metre of a grasp's score makes up for
 
 
@@ -152,7 +156,13 @@ def matches(
     picks = _mixed(picks, lambda one: (one[1].kind, one[2]), _ALIKE)
     if not picks:
         raise GoalError(f"{thing.name} is out of reach: {_why(thing.middle[2])}")
-    found = sorted(_puts(place, picks, there), key=lambda one: one.cost)
+    poses = [np.append(place, turn) for turn in np.arange(_HEADINGS) * 2 * np.pi / _HEADINGS]
+    poses = [pose for pose in poses if _stands_free(thing, pose, there.hands)]
+    if not poses:
+        raise GoalError(
+            f"The place of {thing.name} is taken by something that stands there; clear it, or choose another."
+        )
+    found = sorted(_puts(poses, picks, there), key=lambda one: one.cost)
     if not found:
         raise GoalError(
             f"The place of {thing.name} is out of reach of the hand that takes it: "
@@ -208,12 +218,19 @@ def _picks(
                 yield found.strain - _WORTH * grasp.score, grasp, hand, found
 
 
-def _puts(place: Array, picks: Sequence[_Pick], around: Around) -> Iterator[Match]:
-    """The same with where one stands to put the thing down, and how it then stands (4,)."""
+def _stands_free(thing: LightThing, pose: Array, solids: DistanceQuery) -> bool:
+    """Whether a thing that stands at ``pose`` (4,) is in nothing beside or over it."""
+    balls = filled(thing.put(pose + (0, 0, _RAISED, 0)), _FINELY)
+    places, radii = (np.array(column) for column in zip(*balls, strict=True))
+    room = solids.signed_distance(places.astype(np.float32), float(radii.max()) + 0.01)
+    return bool((room > radii - _STANDS).all())
+
+
+def _puts(poses: Sequence[Array], picks: Sequence[_Pick], around: Around) -> Iterator[Match]:
+    """The same with where one stands to put the thing down, and how it then stands, one of ``poses`` (4,)."""
     for cost, grasp, hand, pick in picks:
         side, best = (RIGHT, LEFT)[hand], None
-        for turn in np.arange(_HEADINGS) * 2 * np.pi / _HEADINGS:
-            pose = np.append(place, turn)
+        for pose in poses:
             found = _standing(beside_held(grasp.at(pose), grasp.width, side), side, around)
             if found is not None and (best is None or found.strain < best[0].strain):
                 best = found, pose
@@ -238,7 +255,13 @@ def _visit(
     empty, laden = (way_into(space, wrist, begin, held, whole=True) for held in (None, thing))
     if empty is None or laden is None:
         return None
-    return Visit(wrist, reach, *(np.concatenate((begin[None], way)) for way in (empty, laden)))
+    bare = [(np.zeros(3), HAND)]
+    held = [(place - wrist.place, radius) for place, radius in filled(thing, _FINELY)]
+    empty, laden = (
+        pushed_off(resampled(np.concatenate((begin[None], way)), _APART), balls, around.hands)
+        for way, balls in ((empty, bare), (laden, held))
+    )
+    return Visit(wrist, reach, empty, laden)
 
 
 def before_body(

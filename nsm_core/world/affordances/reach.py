@@ -46,6 +46,9 @@ _BEFORE, _BESIDE, _HIGH = 0.28, 0.2, 0.95  # metres from the root, and over the 
 _BETWEEN, _BEFORE_WRIST, _CLEAR = 30, 0.9, 0.01
 # Metres aside at which that room should be as well, and what a metre that is lacking there strains.
 _ELBOWS, _CROWDS = 0.25, 2.0
+# Metres about who stands there from which on more is no better, and what a metre that is lacking strains: who
+# stands closer sweeps what stands before him as he turns away.
+_AMPLE, _PRESSES = 0.3, 2.0
 # Radians off straight ahead within which a wrist is reached for with ease, and what one beyond strains.
 _AHEAD, _TWISTS = np.radians(25), 0.5
 _LEAN = 0.5  # share of what it goes down by which the shoulder goes ahead as well, metres a metre
@@ -85,16 +88,21 @@ def least_strained(
     other: WristPose | None = None,
 ) -> Reach | None:
     """The first of ``reaches`` about whose place there is ``room`` (N,), metres, of places (N, 2), and more
-    for knees where the body goes down; rather where there is room for hips and elbows to either side, too.
-    None where there is none.  With ``other``, a pose of the other hand's wrist, from there both are reached.
+    for knees where the body goes down; rather where there is room to turn, and for hips and elbows to either
+    side, too.  None where there is none.  With ``other``, a pose of the other hand's wrist, from there both
+    are reached.
     """
     found = _strained(wrist, (side,), other)
     if len(found):
-        found = found[room(found[:, :2]) > ROOM + KNEES * found[:, 4]]
+        about = room(found[:, :2])
+        roomy = about > ROOM + KNEES * found[:, 4]
+        found = found[roomy]
         aside = _ELBOWS * heading_to_direction(found[:, 2] + np.pi / 2)
         beside = np.minimum(room(found[:, :2] + aside), room(found[:, :2] - aside))
         found[:, 5] += _CROWDS * np.clip(ROOM - beside, 0.0, ROOM)
-        found = found[np.argsort(found[:, 5], kind="stable")]
+        # Which place is chosen, not which grasp: a thing at the back of a board is pressed for whatever way.
+        pressed = _PRESSES * np.maximum(_AMPLE - about[roomy], 0.0)
+        found = found[np.argsort(found[:, 5] + pressed, kind="stable")]
     for first in range(0, len(found), _AT_ONCE):
         some = found[first : first + _AT_ONCE]
         free = np.flatnonzero(

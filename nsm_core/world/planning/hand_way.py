@@ -12,6 +12,7 @@ import numpy as np
 from nsm_core.conventions import FPS
 from nsm_core.rotations import Array, cross, quat_from_axis_angle, quat_to_matrix
 from nsm_core.signals import gaussian_smooth
+from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.geometry.eikonal import NEVER, arrival_times
 from nsm_core.world.scene.props import LightThing
 from nsm_core.world.scene.wrist import WristPose
@@ -27,6 +28,9 @@ _STEP = 0.01  # metres between the places of a way that is not timed yet
 _CORNERS = 1.0  # of such places: deviation of what rounds corners of a way as it is gone
 _ROUNDS, _SPARE = 36, 0.03  # in which a way is rounded, and metres of room down to which that may take it
 _ARM, _ARM_RADIUS = (0.1, 0.2), 0.042  # metres behind the wrist of balls that stand for a forearm
+# Metres that a way is pushed off solids, at most in a round, the rounds; metres at which it is asked which
+# way room grows; places by which a push is evened out.
+_OFF, _PUSHED, _PUSHES, _PROBE, _EVENLY = 0.012, 0.008, 12, 0.004, 2.0
 _PALM, _PALM_RADIUS = 0.08, 0.03  # and before it, of a hand
 Ball = tuple[Array, float]  # a place (3,) from the wrist, and a radius, metres
 _NEIGHBOURS = np.array([d for d in product((-1, 0, 1), repeat=3) if any(d)])
@@ -101,11 +105,46 @@ def way_into(
     return None if way is None else np.concatenate((way, wrist.place[None]))
 
 
-def filled(held: LightThing) -> list[Ball]:
-    """Balls as thick as a thing that fill its box to the corners, where it stands."""
+def pushed_off(way: Array, balls: Sequence[Ball], solids: DistanceQuery) -> Array:
+    """A way (K, 3) of ``balls``, places from it and radii, that was found on cells, pushed off ``solids`` as
+    exactly as they tell; its ends stay, and less room is asked for near its last one, where a thing stands.
+    """
+    way, offs, radii = way.copy(), np.array([b[0] for b in balls]), np.array([b[1] for b in balls])
+    left = np.linalg.norm(way - way[-1], axis=1)
+    wish = _OFF * np.minimum(left / STRAIGHT, 1.0)
+    reach = float(radii.max()) + 2 * _OFF
+
+    def room(points: Array) -> Array:
+        told = solids.signed_distance(points.reshape(-1, 3).astype(np.float32), reach)
+        return np.asarray(told, dtype=np.float64).reshape(points.shape[:-1])
+
+    for _ in range(_PUSHES):
+        lack = wish[:, None] + radii - room(way[:, None] + offs)
+        worst = lack.argmax(1)
+        lack = lack[np.arange(len(way)), worst]
+        lack[[0, -1]] = 0.0
+        deep = np.flatnonzero(lack > 0)
+        if not len(deep):
+            break
+        at = (way[deep] + offs[worst[deep]])[:, None]
+        steep = room(at + _PROBE * np.eye(3)) - room(at - _PROBE * np.eye(3))
+        size = np.linalg.norm(steep, axis=1, keepdims=True)
+        step = np.zeros_like(way)
+        step[deep] = np.minimum(lack[deep], _PUSHED)[:, None] * steep / np.maximum(size, 1e-6)
+        step = gaussian_smooth(step, _EVENLY) * np.minimum(np.arange(len(way))[::-1, None], 1.0)
+        step[0] = 0.0
+        way += step
+    return way
+
+
+def filled(held: LightThing, most: int = 3) -> list[Ball]:
+    """Balls as thick as a thing that fill its box to the corners, where it stands; at most so many along its
+    width, depth and height.
+    """
     middle, half = (held.low + held.high) / 2, (held.high - held.low) / 2
     radius = float(half.min())
-    ends = [np.unique((-over, 0.0, over)) for over in half - radius]
+    counts = [min(most, 1 + 2 * int(np.ceil(over / (2 * radius)))) for over in half - radius]
+    ends = [np.linspace(-over, over, n) for over, n in zip(half - radius, counts, strict=True)]
     inside = np.stack(np.meshgrid(*ends, indexing="ij"), -1).reshape(-1, 3)
     return [(place, radius) for place in held.to_world(middle + inside)]
 
