@@ -75,6 +75,20 @@ def test_a_union_takes_the_nearest_of_its_parts():
     )
 
 
+def test_groups_that_are_exchanged_are_the_ones_that_are_asked():
+    def at(x):
+        return Cuboids([((x, 0), 0.0, [(0, 0, 0)], [(1, 1, 1)])])
+
+    query, point = at(0), np.array([(0.5, 0.5, 1.2), (5.5, 0.5, 1.2)], np.float32)
+    assert np.allclose(query.signed_distance(point, 1.0), (0.2, 1.0))
+    query.groups[0] = at(5).groups[0]
+    assert np.allclose(query.signed_distance(point, 1.0), (1.0, 0.2))
+    query.groups += at(0).groups
+    assert np.allclose(query.signed_distance(point, 1.0), (0.2, 0.2))
+    query.groups = []
+    assert np.allclose(query.signed_distance(point, 1.0), 1.0)
+
+
 def test_nothing_is_far_from_everything():
     points = np.zeros((4, 3))
     for query in (Cuboids(), Cuboids([((0, 0), 0.0, np.zeros((0, 3)), np.zeros((0, 3)))]), Union([])):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from operator import is_
 from typing import Protocol
 
 import numpy as np
@@ -106,6 +107,8 @@ class Cuboids:
         """
         packed = (box_group(*o) for o in objects)
         self.groups: list[BoxGroup] = [g for g in packed if len(g.centres)]
+        self._known: list[BoxGroup] = []
+        self._spheres = np.zeros((0, 4))
 
     def signed_distance(self, points: Array, max_distance: float) -> Array:
         """Distances (N,) float32 in metres of world ``points`` (N, 3): negative inside, never over
@@ -115,19 +118,29 @@ class Cuboids:
         out = np.full(len(points), max_distance, dtype=np.float32)
         if not len(points):
             return out
-        low, high = points.min(0), points.max(0)
-        for group in self.groups:
-            # The object's bounding sphere against the bounding box of all points.
-            centre, radius = group.sphere
-            reach = radius + max_distance
-            if (centre + reach < low).any() or (centre - reach > high).any():
-                continue
+        # Bounding spheres of the objects against the bounding box of all points.
+        spheres = self._bounding()
+        reach = spheres[:, 3:] + max_distance
+        near_by = ((spheres[:, :3] + reach >= points.min(0)) & (spheres[:, :3] - reach <= points.max(0))).all(
+            1
+        )
+        for k in np.flatnonzero(near_by):
+            group = self.groups[k]
             lo, hi = group.bounds
             local = ((points - group.position) @ group.matrix).astype(np.float32)
             near = np.flatnonzero(((local > lo - max_distance) & (local < hi + max_distance)).all(1))
             if len(near):
                 out[near] = np.minimum(out[near], _box_distance(local[near], group.centres, group.halves))
         return out
+
+    def _bounding(self) -> Array:
+        """Middles and radii (G, 4) of the groups' bounding spheres, made anew where the groups are others."""
+        known = self._known
+        if len(known) != len(self.groups) or not all(map(is_, known, self.groups)):
+            self._known = list(self.groups)
+            rows = [(*centre, radius) for centre, radius in (g.sphere for g in self.groups)]
+            self._spheres = np.array(rows, dtype=np.float64).reshape(-1, 4)
+        return self._spheres
 
 
 class Union:

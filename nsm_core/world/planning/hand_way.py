@@ -163,10 +163,13 @@ def _told(space: HandSpace, field: Array, places: Array) -> Array:
     at = np.clip((places - points[0, 0, 0]) @ axes.T / CELL**2, 0, last - 1e-6)
     cell = at.astype(int)
     share = at - cell
+    parts = 1 - share, share
+    steps = np.array((field.shape[1] * field.shape[2], field.shape[2], 1))
+    flat, first = np.ravel(field), cell @ steps
     out = np.zeros(at.shape[:-1])
-    for corner in product((0, 1), repeat=3):
-        weight = np.where(corner, share, 1 - share).prod(-1)
-        out += weight * field[tuple(np.moveaxis(cell + corner, -1, 0))]
+    for i, j, k in product((0, 1), repeat=3):
+        weight = parts[i][..., 0] * parts[j][..., 1] * parts[k][..., 2]
+        out += weight * flat[first + np.dot((i, j, k), steps)]
     return out
 
 
