@@ -39,7 +39,7 @@ def test_every_action_is_judged():
     assert (
         parts_named("run") == ["travel", "response", "interrupt"]
         and parts_named("sit") == ["sit"]
-        and parts_named("place") == ["place", "shut", "blocked"]
+        and parts_named("place") == ["place", "shut", "blocked", "both"]
         and not parts_named("fly")
     )
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import bpy
 
+from nsm_core.world.actions import BY_KEY
+
 from . import running
 from .drawing import Sidebar, sentence
 from .properties import settings_of
@@ -27,7 +29,7 @@ class NSM_PT_generate(Sidebar, bpy.types.Panel):
         plain = layout.column()
         plain.enabled = running.current() is None
         plain.prop(settings, "contact_ik")
-        if sum(row.enabled and row.action == "place" for row in queue_of(context.scene).goals) > 1:
+        if sum(row.enabled and BY_KEY[row.action].pairs for row in queue_of(context.scene).goals) > 1:
             plain.prop(settings, "in_order")
         big = layout.column()
         big.scale_y = 1.5

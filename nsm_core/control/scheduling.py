@@ -17,6 +17,7 @@ import numpy as np
 
 from nsm_core.errors import GoalError
 from nsm_core.rotations import Array
+from nsm_core.world.actions import BY_KEY
 from nsm_core.world.affordances.picking import Around, Match, Picking, led, matches, plan_picking
 from nsm_core.world.affordances.two_handed import put_at_once, taken_at_once
 from nsm_core.world.geometry.distance import DistanceQuery, Union
@@ -100,7 +101,7 @@ def _runs(goals: Sequence[Goal]) -> Iterator[list[int]]:
 
 def _orderly(goal: Goal) -> bool:
     """Whether a goal brings a thing at no particular time, with nothing to be put aside for it."""
-    if goal.action != "place" or not isinstance(goal.prop, LightThing):
+    if not BY_KEY[goal.action].pairs:
         return False
     return goal.by is None and goal.wait == 0 and all(isinstance(one.prop, Front) for one in goal.first)
 

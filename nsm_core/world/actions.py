@@ -67,6 +67,11 @@ class Action:
         return bool(self.moved)
 
     @property
+    def pairs(self) -> bool:
+        """Whether two of it can be done at once, one with either hand."""
+        return self.moved == "LightThing"
+
+    @property
     def prop(self) -> type[Prop] | None:
         """What its hands move; loaded when it is asked for, since menus are made of actions alone."""
         if not self.moved:
