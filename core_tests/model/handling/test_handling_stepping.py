@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
+
+torch = pytest.importorskip("torch", reason="training needs PyTorch")
+
 from handled import COUNT, handled, walked
 
 from nsm_core.data.handling.library import HandlingLibrary
