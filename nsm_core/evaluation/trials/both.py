@@ -41,7 +41,7 @@ class BothTrial(place.PlaceTrial):
 
 def trials(kitchens: int = 10) -> list[BothTrial]:
     """The same trials at every call: one in each of so many kitchens that have two such things."""
-    made = (_trial(seed) for seed in range(kitchens))
+    made = (_trial(seed) for seed in range(place.FIRST, place.FIRST + kitchens))
     return [one for one in made if one is not None]
 
 

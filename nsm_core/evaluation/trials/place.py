@@ -42,6 +42,7 @@ _FREE = 0.06  # metres about a thing where it is put that are free
 _GRID, _GAP = 0.04, 0.01  # metres between points there that are looked at, and from them to what stands
 _HIGHEST = 1.6  # metres over the floor of a board that a thing is put on
 _TRIES = 60
+FIRST = 300  # seed of the first kitchen of all conditions: rules were mended on some of those before
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ class PlaceTrial:
 
 def trials(kitchens: int = 10) -> list[PlaceTrial]:
     """The same trials at every call: one in each of so many kitchens."""
-    made = (_trial(seed) for seed in range(kitchens))
+    made = (_trial(seed) for seed in range(FIRST, FIRST + kitchens))
     return [one for one in made if one is not None]
 
 

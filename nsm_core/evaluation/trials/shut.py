@@ -34,7 +34,7 @@ class ShutTrial(place.PlaceTrial):
 
 def trials(kitchens: int = 10) -> list[ShutTrial]:
     """The same trials at every call: one in each of so many kitchens."""
-    made = (_trial(seed) for seed in range(kitchens))
+    made = (_trial(seed) for seed in range(place.FIRST, place.FIRST + kitchens))
     return [one for one in made if one is not None]
 
 
