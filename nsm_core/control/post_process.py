@@ -17,7 +17,6 @@ from nsm_core.body.contacts import ANKLES, TOES
 from nsm_core.body.ik.clearance import Clearance, Obstacle
 from nsm_core.body.ik.foot_clearance import keep_clear
 from nsm_core.body.ik.footsteps import FootGround, footsteps
-from nsm_core.body.ik.reach import pitching
 from nsm_core.body.ik.seating import settle
 from nsm_core.body.ik.solver import Pose, Task, solve
 from nsm_core.body.ik.stiffness import stiffness
@@ -51,9 +50,6 @@ SEAT, HEAD_TURN = 0.003, 0.1
 GRASPS = (0.6, 1.0)  # share of its way over which a hand comes to touch what it holds
 # Metres by which a hand that holds a thing may be inside it, and the forearm along it.
 INSIDE, ALONG = 0.3, 0.02
-# Metres of depth after which a take is solved on, in rounds that smooth less: what lasts a few frames, as a
-# hand that swings past an edge, is smoothed away by the others.
-BRIEF, SHARP = 0.01, (1.5, 1.0, 0.7, 0.5)
 # Radians between the pose a take goes on from and its own from which on the ease takes longer, by so many
 # frames at most.
 FAR, SLOWER = np.radians((40, 130)), 16
@@ -168,11 +164,7 @@ class PostProcess:
         tasks.append(TurnTask(INDEX["Head"], pose.world[:, INDEX["Head"]], np.full(len(notes), HEAD_TURN)))
         spheres = self.figure.spheres
         limit = Clearance([*solids, self._floor()], spheres.foot, spheres)
-        works = any(lead.bends for n in notes for lead in n.leads)  # with a hand, among furniture
-        gives = pitching() if works else stiffness()
-        pose = yield from solve(pose, [*tasks, limit], gives)
-        if works and limit.lack(pose) > BRIEF:
-            pose = yield from solve(pose, [*tasks, limit], gives, SHARP)
+        pose = yield from solve(pose, [*tasks, limit], stiffness())
         pose = Pose(pose.tree, pose.hips, hands.twisted(hands.led(pose, hands.firm)))
         if before is not None and len(notes) > 3:
             hips, local = _gone_on(before, pose, feet.ankles, feet.rotations)

@@ -12,7 +12,7 @@ from nsm_core.body.near_spheres import near_spheres
 from nsm_core.rotations import Array, rotate_planar
 from nsm_core.world.geometry.distance import DistanceQuery
 
-from .solver import AT_ONCE, Pose, Rows
+from .solver import Pose, Rows
 
 PAD = 0.004  # metres between flesh and solids that are asked for
 NEAR = 0.07  # metres off the flesh up to which spheres are looked at again in each round
@@ -99,11 +99,6 @@ class Clearance:
             low = (ways[:, 2] < _DOWN) & (centres[t, s, 2] < LOWEST)
             parts.append((t, s, np.where(low, 0.0, lack), ways))
         return self._of(pose, centres, parts)
-
-    def lack(self, pose: Pose) -> float:
-        """Metres that the deepest sphere of a whole motion lacks to be clear."""
-        spans = [slice(k, min(k + AT_ONCE, len(pose.hips))) for k in range(0, len(pose.hips), AT_ONCE)]
-        return max(float(self.rows(pose.part(span), span).error.max(initial=0.0)) for span in spans)
 
     def _of(self, pose: Pose, centres: Array, parts: Sequence[tuple[Array, ...]]) -> Rows:
         count = len(pose.hips)
