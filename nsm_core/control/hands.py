@@ -84,6 +84,11 @@ class Hands:
                 tasks.append(TurnTask(wrist, self.turns[:, side], np.where(on, turn / least, np.inf)))
         return tasks
 
+    def lack(self, pose: Pose) -> float:
+        """Metres by which the arms of a motion lack at most to bring firmly led wrists to their places."""
+        led = Pose(pose.tree, pose.hips, self.led(pose, self.firm)).positions[:, _WRISTS]
+        return float(np.where(self.firm > 0.99, np.linalg.norm(led - self.wrists, axis=-1), 0.0).max())
+
     def trunk(self, pose: Pose) -> list[Task]:
         """A trunk that bends no lower and no further ahead than the network's: a longer one would bend into
         what is held.
