@@ -47,7 +47,7 @@ from .start import Start
 
 # Standard deviations that are left to what is asked, metres and radians.
 SEAT, HEAD_TURN = 0.003, 0.1
-OFF_HOLD = 0.005  # metres that a hand may be off what it holds
+OFF_HOLD = 0.02  # metres off what it holds from which on a hand is missed
 GRASPS = (0.6, 1.0)  # share of its way over which a hand comes to touch what it holds
 # Metres by which a hand that holds a thing may be inside it, and the forearm along it.
 INSIDE, ALONG = 0.3, 0.02
