@@ -47,6 +47,7 @@ from .start import Start
 
 # Standard deviations that are left to what is asked, metres and radians.
 SEAT, HEAD_TURN = 0.003, 0.1
+JUMP = 0.08  # metres in a frame that hips go at most for a hand that would miss
 OFF_HOLD = 0.02  # metres off what it holds from which on a hand is missed
 GRASPS = (0.6, 1.0)  # share of its way over which a hand comes to touch what it holds
 # Metres by which a hand that holds a thing may be inside it, and the forearm along it.
@@ -167,8 +168,10 @@ class PostProcess:
         limit = Clearance([*solids, self._floor()], spheres.foot, spheres)
         pose = yield from solve(pose, [*tasks, limit], stiffness())
         if any(lead.bends for n in notes for lead in n.leads) and hands.lack(pose) > OFF_HOLD:
-            # Who bends among furniture may need twice as many rounds; more than needed, and hips jump.
-            pose = yield from solve(pose, [*tasks, limit], stiffness())
+            # Who bends among furniture may need twice as many rounds, unless hips would jump for it.
+            more = yield from solve(pose, [*tasks, limit], stiffness())
+            if _fastest(more) <= max(_fastest(pose), JUMP):
+                pose = more
         pose = Pose(pose.tree, pose.hips, hands.twisted(hands.led(pose, hands.firm)))
         if before is not None and len(notes) > 3:
             hips, local = _gone_on(before, pose, feet.ankles, feet.rotations)
@@ -218,6 +221,11 @@ def _gone_on(before: Pose, pose: Pose, ankles: Array, turns: Array) -> tuple[Arr
     soften_turns(part := eased[:, legs], 2)
     eased[:, legs] = part
     return hips[1:], eased[1:]
+
+
+def _fastest(pose: Pose) -> float:
+    """Metres that the hips of a motion go in a frame at most."""
+    return float(np.linalg.norm(np.diff(pose.hips, axis=0), axis=1).max(initial=0.0))
 
 
 def _sit(pose: Pose, weight: Array) -> list[Task]:
