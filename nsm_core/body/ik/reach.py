@@ -28,14 +28,12 @@ FURTHEST = 0.5  # metres that hips leave the motion by
 
 
 def bending() -> Stiffness:
-    """A body that bends over: the trunk pitches over hips that sink, and hardly go anywhere."""
-    return replace(pitching(), hips=np.array((0.01, 0.01, 0.08)))
-
-
-def pitching() -> Stiffness:
-    """A body whose trunk bends forward rather than aside, or about itself."""
+    """A body that bends over: the trunk pitches forward, rather than aside or about itself, over hips that
+    sink, and hardly go anywhere.
+    """
     own = stiffness()
-    return replace(own, hinges=own.hinges | {j: (_ACROSS, ASIDE * float(own.turns[j])) for j in TRUNK})
+    hinges = own.hinges | {j: (_ACROSS, ASIDE * float(own.turns[j])) for j in TRUNK}
+    return replace(own, hinges=hinges, hips=np.array((0.01, 0.01, 0.08)))
 
 
 def shifting() -> Stiffness:
