@@ -29,7 +29,8 @@ class NSM_PT_generate(Sidebar, bpy.types.Panel):
         plain = layout.column()
         plain.enabled = running.current() is None
         plain.prop(settings, "contact_ik")
-        if sum(row.enabled and BY_KEY[row.action].pairs for row in queue_of(context.scene).goals) > 1:
+        asked = (BY_KEY.get(row.action) for row in queue_of(context.scene).goals if row.enabled)
+        if sum(action is not None and action.pairs for action in asked) > 1:
             plain.prop(settings, "in_order")
         big = layout.column()
         big.scale_y = 1.5
