@@ -136,7 +136,7 @@ class PostProcess:
         hips, local, seated = settle(
             np.stack([n.hips for n in notes]).astype(np.float64),
             np.stack([n.local for n in notes]).astype(np.float64),
-            np.array([n.heading for n in notes]),
+            headings := np.array([n.heading for n in notes]),
             contacts[:, HIP_CONTACT],
             [n.seat for n in notes],
         )
@@ -155,7 +155,7 @@ class PostProcess:
         yield
         pose = leant(pose, *(np.array(column) for column in zip(*[n.load for n in notes], strict=True)))
         pose, laid = sat(pose, [n.manner for n in notes], self.figure)
-        pose = yield from bent(pose, [n.leads for n in notes], self.figure)
+        pose = yield from bent(pose, [n.leads for n in notes], self.figure, headings, feet, solids)
         hands = hands_of([n.leads or own for n, own in zip(notes, laid, strict=True)], pose, self.figure)
         self.beside = hands.beside
         # Arms go first, so that the trunk gives no more than what they lack.
