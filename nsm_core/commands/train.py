@@ -21,12 +21,13 @@ from nsm_core.model.networks.config import NetworkConfig
 from nsm_core.model.networks.gate_features import BLINDABLE, GATE_PARTS
 from nsm_core.model.networks.registry import KINDS
 from nsm_core.training.batches import RolloutSettings
+from nsm_core.training.checkpoint import read_checkpoint
 from nsm_core.training.fresh_takes import SEEDS_APART, FreshSettings, FreshTakes
 from nsm_core.training.log import Log
 from nsm_core.training.loop import run_training
 from nsm_core.training.measured_phase import with_measured_phase
 from nsm_core.training.ranks import Ranks
-from nsm_core.training.trainer import Trainer, TrainingSettings, device_of, read_checkpoint
+from nsm_core.training.trainer import Trainer, TrainingSettings, device_of
 from nsm_core.training.warm_start import start_from
 
 

@@ -5,7 +5,6 @@ with it (papers/002 equations 7 and 8), and the encoder that guesses them.
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -14,8 +13,6 @@ import torch
 from torch import nn
 
 from nsm_core.data.reaches.library import CELLS, WayLibrary
-from nsm_core.errors import WeightsError
-from nsm_core.files import output
 from nsm_core.model.inference.field_model import PRIOR
 from nsm_core.model.inference.weights_file import save_weights
 from nsm_core.model.networks.field_config import CONDITION, FieldConfig, field_layout
@@ -23,7 +20,6 @@ from nsm_core.model.networks.field_decoder import CODE, FieldDecoder
 from nsm_core.model.networks.field_numpy import cells_of, seen_of
 from nsm_core.model.networks.precision import half_precision_pays
 from nsm_core.rotations import Array
-from nsm_core.training.trainer import read_checkpoint
 from nsm_core.world.planning.hand_fields import (
     CELL,
     NEAREST,
@@ -32,6 +28,9 @@ from nsm_core.world.planning.hand_fields import (
     SPREAD,
     grid_around,
 )
+
+from .checkpoint import Part
+from .timed_run import TimedTrainer
 
 
 @dataclass(frozen=True)
@@ -53,12 +52,12 @@ class FieldSettings:
     seed: int = 0
 
 
-class FieldTrainer:
+class FieldTrainer(TimedTrainer):
     """State of one run."""
 
     def __init__(self, library: WayLibrary, config: FieldConfig, settings: FieldSettings) -> None:
+        super().__init__(settings.minutes, 0, settings.seed)
         self.library, self.settings = library, settings
-        torch.manual_seed(settings.seed)
         self.net = FieldDecoder(config)
         self.net.field_scale.copy_(torch.tensor((1 / NEAREST, 1 / NEAREST, 1 / SOONEST)))
         self.net.query_scale.copy_(torch.tensor((1.0,) * CONDITION.size + (SIDE / 2,) * 3))
@@ -67,16 +66,16 @@ class FieldTrainer:
         self.codes = nn.Embedding(2 * len(self.rows), config.latent, sparse=False)
         nn.init.normal_(self.codes.weight, std=CODE)
         self.net.half = half_precision_pays(torch.device("cpu"))
-        self.optimiser = torch.optim.Adam(
-            [
-                {"params": list(self.net.parameters()), "lr": settings.learning_rate},
-                {"params": list(self.codes.parameters()), "lr": settings.codes},
-            ],
-            fused=True,
+        self.optimise_by(
+            torch.optim.Adam(
+                [
+                    {"params": list(self.net.parameters()), "lr": settings.learning_rate},
+                    {"params": list(self.codes.parameters()), "lr": settings.codes},
+                ],
+                fused=True,
+            )
         )
-        self.rates = [group["lr"] for group in self.optimiser.param_groups]
         self.places = grid_around(np.zeros(3)).reshape(-1, 3).astype(np.float32)
-        self.step, self.seconds = 0, 0.0
         self._told = [float(name != settings.without) for name in ("target", "obstacles")]
         self._seen = np.stack([self._cells(mirrored) for mirrored in (False, True)])
 
@@ -96,15 +95,13 @@ class FieldTrainer:
             parts.append(cells_of(both[0], both[1], scale).astype(np.float16))
         return np.concatenate(parts)
 
-    @property
-    def done(self) -> float:
-        """Share of the run that is over."""
-        return min(1.0, self.seconds / (60 * self.settings.minutes))
+    def parts(self) -> dict[str, Part]:
+        """Network, codes of the ways that are learnt, and optimiser."""
+        return super().parts() | {"codes": self.codes}
 
-    def learn(self) -> tuple[float, float]:
+    def step_on(self, rng: np.random.Generator) -> tuple[float, float]:
         """One step; returns the mean error of fields and of guessed codes."""
-        begun, settings = time.process_time(), self.settings
-        rng = np.random.default_rng((settings.seed, self.step))
+        settings = self.settings
         chosen = rng.integers(len(self.rows), size=settings.scenes)
         mirrored = rng.random(settings.scenes) < 0.5
         rows = self.rows[chosen]
@@ -128,15 +125,7 @@ class FieldTrainer:
         known = sum(told * off[..., k].abs().mean() for k, told in enumerate(self._told))
         error = known + settings.arrival * off[..., 2].square().mean()
         missed = (guessed - code).square().mean()
-        loss = error + PRIOR * code.square().sum(-1).mean() + missed
-        self.optimiser.zero_grad()
-        loss.backward()
-        for group, rate in zip(self.optimiser.param_groups, self.rates, strict=True):
-            group["lr"] = rate * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * self.done)))
-        self.optimiser.step()
-        self.step += 1
-        # Of a core: what else runs beside it takes nothing from a training.
-        self.seconds += (time.process_time() - begun) / torch.get_num_threads()
+        self.descend(error + PRIOR * code.square().sum(-1).mean() + missed)
         return float(error.detach()), float(missed.detach())
 
     def _drawn(self, rows: Array, rng: np.random.Generator) -> Array:
@@ -159,32 +148,6 @@ class FieldTrainer:
     def judge(self) -> tuple[float, ...]:
         """Nothing: ways not learnt from are planned when all is learnt (``evaluation.hand_ways``)."""
         return ()
-
-    def save(self, path: Path) -> None:
-        """Write a checkpoint, whole or not at all."""
-        state = {
-            "net": self.net.state_dict(),
-            "codes": self.codes.state_dict(),
-            "optimiser": self.optimiser.state_dict(),
-            "step": self.step,
-            "seconds": self.seconds,
-        }
-        with output(path, "The checkpoint") as temporary:
-            torch.save(state, temporary)
-
-    def load(self, path: Path) -> None:
-        """Go on from a checkpoint of the same network and ways; WeightsError where it is of others."""
-        state = read_checkpoint(path)
-        try:
-            self.net.load_state_dict(state["net"])
-            self.codes.load_state_dict(state["codes"])
-            self.optimiser.load_state_dict(state["optimiser"])
-        except (KeyError, RuntimeError, ValueError) as error:
-            raise WeightsError(
-                f"{path} is of another network or of other ways; choose another folder with --run, or delete "
-                "it."
-            ) from error
-        self.step, self.seconds = state["step"], state["seconds"]
 
     def export(self, path: Path) -> Path:
         """Write the network's weights, half precision."""

@@ -8,7 +8,6 @@ frames lead to come back to the data.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -34,7 +33,7 @@ from nsm_core.model.networks.precision import half_precision_pays
 from nsm_core.rotations import Array
 
 from . import periodic_phase
-from .trainer import read_checkpoint
+from .timed_run import TimedTrainer
 
 _SMALLEST = {"goal_root": 0.1, "goal_joints": 0.1}  # deviations of outputs that hardly change, at least
 _LEAST = 2e-3
@@ -48,6 +47,7 @@ _WEIGHTS = {
 _LOST = 0.6  # metres of the root off the data at which a character is put back
 # Shares of a run to which frames are learnt one by one, and from which on roll-outs are at their longest.
 _ALONE, _FULL = 0.3, 0.7
+_WARM_UP = 100  # steps
 _MANY = 4000  # frames that statistics are taken of
 
 
@@ -95,7 +95,7 @@ def split(library: HandlingLibrary, settings: HandlingSettings) -> int:
     return math.floor((1 - settings.held_out) * len(library.performances))
 
 
-class HandlingTrainer:
+class HandlingTrainer(TimedTrainer):
     """State of one run."""
 
     def __init__(
@@ -105,17 +105,16 @@ class HandlingTrainer:
         config: HandlingConfig,
         settings: HandlingSettings,
     ) -> None:
+        super().__init__(settings.minutes, settings.steps, settings.seed)
         self.settings = settings
-        torch.manual_seed(settings.seed)
         learnt = split(library, settings)
         self.tracks = tracks_of(library.performances[:learnt], phases[:learnt])
         self.others = tracks_of(library.performances[learnt:], phases[learnt:])
         self.net = HandlingNet(config)
         self.half = half_precision_pays(torch.device("cpu"))
-        self.optimiser = torch.optim.AdamW(
-            self.net.parameters(), lr=settings.learning_rate, weight_decay=1e-4, fused=True
+        self.optimise_by(
+            torch.optim.AdamW(self.net.parameters(), lr=settings.learning_rate, weight_decay=1e-4, fused=True)
         )
-        self.step, self.seconds = 0, 0.0
         self._weight = np.ones(OUTPUT.size, np.float32)
         for name, weight in _WEIGHTS.items():
             self._weight[OUTPUT.slices[name]] = weight
@@ -124,32 +123,19 @@ class HandlingTrainer:
         self._frames = self._drawn(rng, settings.batch)
         self._state = self.tracks.state(self._frames)
 
-    @property
-    def done(self) -> float:
-        """Share of the run that is over."""
-        by_steps = self.step / self.settings.steps if self.settings.steps else 0.0
-        return min(1.0, max(self.seconds / (60 * self.settings.minutes), by_steps))
+    def rate(self) -> float:
+        """As of every run, with a short warm-up."""
+        return super().rate() * min(1.0, (self.step + 1) / _WARM_UP)
 
-    def learn(self) -> tuple[float, float]:
+    def step_on(self, rng: np.random.Generator) -> tuple[float, float]:
         """One step, a frame of every character; returns its error and how far roots are off the data,
         metres.
         """
-        begun = time.process_time()
-        rng = np.random.default_rng((self.settings.seed, self.step))
         self.net.train()
         inputs, targets, goals = self._pairs(self.tracks, self._state, self._frames, rng)
         told, error = self._error(inputs, targets)
-        self.optimiser.zero_grad()
-        error.backward()
-        torch.nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
-        for group in self.optimiser.param_groups:
-            rate = 0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * self.done))
-            group["lr"] = self.settings.learning_rate * rate * min(1.0, (self.step + 1) / 100)
-        self.optimiser.step()
+        self.descend(error, clipped=1.0)
         off = self._go_on(told.detach().numpy(), goals, rng)
-        self.step += 1
-        # Of a core: what else runs beside it takes nothing from a training.
-        self.seconds += (time.process_time() - begun) / torch.get_num_threads()
         return float(error.detach()), off
 
     def _pairs(
@@ -213,31 +199,6 @@ class HandlingTrainer:
         frames = np.minimum(frames, self.others.last[frames] - 1)
         inputs, targets, _ = self._pairs(self.others, self.others.state(frames), frames, rng)
         return (float(self._error(inputs, targets)[1]),)
-
-    def save(self, path: Path) -> None:
-        """Write a checkpoint, whole or not at all."""
-        state = {
-            "net": self.net.state_dict(),
-            "optimiser": self.optimiser.state_dict(),
-            "step": self.step,
-            "seconds": self.seconds,
-        }
-        with output(path, "The checkpoint") as temporary:
-            torch.save(state, temporary)
-
-    def load(self, path: Path) -> None:
-        """Go on from a checkpoint of the same network; WeightsError where it is of another.  Characters begin
-        on the data again.
-        """
-        state = read_checkpoint(path)
-        try:
-            self.net.load_state_dict(state["net"])
-            self.optimiser.load_state_dict(state["optimiser"])
-        except (KeyError, RuntimeError, ValueError) as error:
-            raise WeightsError(
-                f"{path} is of another network; choose another folder with --run, or delete it."
-            ) from error
-        self.step, self.seconds = state["step"], state["seconds"]
 
     def export(self, path: Path, credits: Sequence[str]) -> Path:
         """Write the network's weights, half precision, and the key frames that goals are matched to."""

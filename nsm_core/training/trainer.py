@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -13,7 +12,6 @@ import torch
 from nsm_core.conventions import STYLES
 from nsm_core.data.storage import Dataset
 from nsm_core.errors import WeightsError
-from nsm_core.files import output
 from nsm_core.model.features.layout import Inputs, layout_description
 from nsm_core.model.features.meaning import Meaning
 from nsm_core.model.inference.weights_file import save_weights
@@ -24,6 +22,7 @@ from nsm_core.model.networks.trainable import Tensors
 from nsm_core.rotations import Array
 
 from .batches import Batches, RolloutSettings, loss_weights, statistics
+from .checkpoint import Part, restore, write_checkpoint
 from .fresh_takes import FreshSettings, FreshTakes
 from .planted import planted_loss
 from .ranks import ALONE, Ranks
@@ -60,28 +59,6 @@ class TrainingSettings:
     device: str = "cpu"
     without: tuple[str, ...] = ()  # parts of its input that the network never reads
     phase: str = "labels"  # where the data's phase is from: "labels", or "pae" for what was measured of it
-
-
-def read_checkpoint(path: str | Path) -> dict[str, Any]:
-    """What ``Trainer.save`` wrote, by plain types and tensors alone; WeightsError where a file is none, or
-    holds no numbers.
-    """
-    if Path(path).exists() and not Path(path).is_file():  # a pipe would be waited for
-        raise WeightsError(f"{path} is no file; choose a checkpoint of this project.")
-    try:
-        state = torch.load(path, weights_only=True, map_location="cpu")
-        networks = [state[name] for name in ("net", "average") if name in state]
-        sound = isinstance(state.get("step", 0), int) and state.get("step", 0) >= 0 and networks
-        sound = sound and all(torch.isfinite(v).all() for network in networks for v in network.values())
-    except FileNotFoundError as error:
-        raise WeightsError(f"There is no checkpoint at {path}; check the path.") from error
-    except Exception as error:  # torch raises a dozen kinds: of zip, of pickle, of sizes
-        raise WeightsError(
-            f"{path} is no checkpoint of this project, or damaged; take another one, or train anew."
-        ) from error
-    if not sound:
-        raise WeightsError(f"{path} holds values that are not numbers; take an earlier one, or train anew.")
-    return state
 
 
 def device_of(name: str) -> torch.device:
@@ -283,32 +260,16 @@ class Trainer:
             errors.append(((out - y) ** 2).mean())
         return float(torch.stack(errors).mean())
 
+    def _parts(self) -> dict[str, Part]:
+        return {"net": self.net, "average": self.average, "optimiser": self.optimiser}
+
     def save(self, path: Path) -> None:
         """Write everything needed to go on, whole or not at all."""
-        state = {
-            "net": self.net.state_dict(),
-            "average": self.average.state_dict(),
-            "optimiser": self.optimiser.state_dict(),
-            "step": self.step,
-            "spent": self.spent,
-        }
-        with output(path, "The checkpoint") as temporary:
-            try:
-                torch.save(state, temporary)
-            except RuntimeError as error:  # how torch says that a disk is full
-                raise OSError("the disk may be full") from error
+        write_checkpoint(path, self._parts(), {"step": self.step, "spent": self.spent})
 
     def load(self, path: Path) -> None:
         """Go on from what ``save`` wrote; WeightsError where that is damaged or of another network."""
-        state = read_checkpoint(path)
-        try:
-            self.net.load_state_dict(state["net"])
-            self.average.load_state_dict(state["average"])
-            self.optimiser.load_state_dict(state["optimiser"])
-        except (LookupError, TypeError, ValueError, RuntimeError, AttributeError) as error:
-            raise WeightsError(
-                f"{path} is of another network or damaged; train into another --run, or remove it."
-            ) from error
+        state = restore(path, self._parts(), ("step",))
         for group in self.optimiser.param_groups:
             group["fused"] = True
         self.step = state["step"]

@@ -14,10 +14,7 @@ import torch
 
 from nsm_core.data.transitions.gaps import GapSource, statistics_of
 from nsm_core.data.transitions.windows import Windows
-from nsm_core.errors import WeightsError
-from nsm_core.files import output
 from nsm_core.model.inference.weights_file import save_weights
-from nsm_core.model.networks.deferred import collect
 from nsm_core.model.networks.delta import DeltaNetwork
 from nsm_core.model.networks.gap_config import NOISE, GapConfig
 from nsm_core.model.networks.gap_torch import filled, gap_network
@@ -25,7 +22,11 @@ from nsm_core.model.networks.precision import half_precision_pays
 from nsm_core.model.networks.rtn_rollout import RollOut
 from nsm_core.model.networks.rtn_rows import TransitionSettings
 from nsm_core.model.transitions.layout import layout_description
-from nsm_core.training.trainer import CREDITS, read_checkpoint
+
+from .checkpoint import Part
+from .schedule import cosine
+from .timed_run import TimedTrainer
+from .trainer import CREDITS
 
 VALIDATED = (30, 128)  # frames and number of the gaps of held-out actors that a run is judged by
 CLIPPED = 1.0  # norm of the gradient at most
@@ -33,39 +34,42 @@ EASED = 0.5  # share of a run from which on the learning rate falls
 LAST_RATE = 0.05  # share of it at the end
 
 
-class TransitionTrainer:
+class TransitionTrainer(TimedTrainer):
     """State of one run: the network as it is and as it was when it did best on actors held out."""
 
+    counters = (*TimedTrainer.counters, "least")
+
     def __init__(self, windows: Windows, config: GapConfig, settings: TransitionSettings) -> None:
+        # Steps that are asked for are taken, whatever time they take.
+        minutes = math.inf if settings.steps else settings.minutes
+        super().__init__(minutes, settings.steps, settings.seed, clock=time.perf_counter)
         self.settings, self.windows = settings, windows
-        torch.manual_seed(settings.seed)
         self.net, self.best = gap_network(config), gap_network(config)
         if isinstance(self.net, DeltaNetwork):
             self.net.half = half_precision_pays(torch.device("cpu"))
         self.source = GapSource(windows, False, config.faced, settings.evened, settings.hasted)
         self.held = GapSource(windows, True, config.faced)
-        self.optimiser = torch.optim.Adam(
-            self.net.parameters(), lr=settings.learning_rate, amsgrad=True, fused=True
+        self.optimise_by(
+            torch.optim.Adam(self.net.parameters(), lr=settings.learning_rate, amsgrad=True, fused=True)
         )
-        self.step, self.seconds, self.least = 0, 0.0, float("inf")
+        self.least = float("inf")
         rng = np.random.default_rng(settings.seed)
         lengths = [int(n) for n in np.linspace(settings.shortest, settings.longest, 8)]
         for name, values in statistics_of(self.source, lengths, rng).items():
             getattr(self.net, name).copy_(torch.from_numpy(values))
         self.best.load_state_dict(self.net.state_dict())
 
-    @property
-    def done(self) -> float:
-        """Share of the run that is over."""
-        settings = self.settings
-        return min(
-            1.0, self.step / settings.steps if settings.steps else self.seconds / (60 * settings.minutes)
-        )
+    def parts(self) -> dict[str, Part]:
+        """The network, its best and the optimiser."""
+        return super().parts() | {"average": self.best}
 
-    def learn(self) -> tuple[float]:
+    def rate(self) -> float:
+        """Full at first, then half a cosine."""
+        return cosine(max(0.0, (self.done - EASED) / (1 - EASED)), LAST_RATE)
+
+    def step_on(self, rng: np.random.Generator) -> tuple[float]:
         """One step; returns its error."""
-        begun, settings = time.perf_counter(), self.settings
-        rng = np.random.default_rng((settings.seed, self.step))
+        settings = self.settings
         generator = torch.Generator().manual_seed(int(rng.integers(1 << 40)))
         spread = settings.longest - settings.shortest + 1
         frames = settings.shortest + int(spread * rng.random() ** 1.5)
@@ -77,17 +81,7 @@ class TransitionTrainer:
         loss = error + settings.world * self._world(out) if settings.world else error
         if settings.pace:
             loss = loss + settings.pace * self._pace(out)
-        self.optimiser.zero_grad()
-        loss.backward()
-        collect(self.net)
-        torch.nn.utils.clip_grad_norm_(self.net.parameters(), CLIPPED)
-        late = max(0.0, (self.done - EASED) / (1 - EASED))
-        rate = LAST_RATE + (1 - LAST_RATE) * 0.5 * (1 + math.cos(math.pi * late))
-        for group in self.optimiser.param_groups:
-            group["lr"] = settings.learning_rate * rate
-        self.optimiser.step()
-        self.step += 1
-        self.seconds += time.perf_counter() - begun
+        self.descend(loss, CLIPPED)
         return (float(error.detach()),)
 
     def _world(self, out: RollOut) -> torch.Tensor:
@@ -107,32 +101,6 @@ class TransitionTrainer:
             self.least = error
             self.best.load_state_dict(self.net.state_dict())
         return (error,)
-
-    def save(self, path: Path) -> None:
-        """Write a checkpoint, whole or not at all."""
-        state = {
-            "net": self.net.state_dict(),
-            "average": self.best.state_dict(),
-            "optimiser": self.optimiser.state_dict(),
-            "step": self.step,
-            "seconds": self.seconds,
-            "least": self.least,
-        }
-        with output(path, "The checkpoint") as temporary:
-            torch.save(state, temporary)
-
-    def load(self, path: Path) -> None:
-        """Go on from a checkpoint of the same network; WeightsError where it is of another."""
-        state = read_checkpoint(path)
-        try:
-            self.net.load_state_dict(state["net"])
-            self.best.load_state_dict(state["average"])
-            self.optimiser.load_state_dict(state["optimiser"])
-        except (KeyError, RuntimeError, ValueError) as error:
-            raise WeightsError(
-                f"{path} is of another network; choose another folder with --run, or delete it."
-            ) from error
-        self.step, self.seconds, self.least = state["step"], state["seconds"], state["least"]
 
     def export(self, path: Path) -> Path:
         """Write the best network's weights, half precision, with credits and who was held out."""

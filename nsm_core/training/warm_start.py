@@ -10,7 +10,7 @@ from nsm_core.errors import WeightsError
 from nsm_core.model.inference.weights_file import load_weights
 from nsm_core.model.networks.trainable import Trainable
 
-from .trainer import read_checkpoint
+from .checkpoint import read_checkpoint
 
 
 @torch.no_grad()

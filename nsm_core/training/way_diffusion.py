@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import torch
 
@@ -15,6 +13,10 @@ from nsm_core.model.networks.way_diffusion import LEVELS, POINTS, SCALE, WayDiff
 from nsm_core.rotations import Array
 from nsm_core.world.planning.hand_fields import NEAREST
 
+from .schedule import cosine
+
+_RATE = 1e-3
+
 
 class DiffusionTrainer:
     """State of one run: ways as they are and mirrored."""
@@ -22,7 +24,7 @@ class DiffusionTrainer:
     def __init__(self, library: WayLibrary, rows: Array, seed: int = 0) -> None:
         torch.manual_seed(seed)
         self.net, self.library, self.rows, self.seed = WayDiffusion(), library, rows, seed
-        self.optimiser = torch.optim.AdamW(self.net.parameters(), lr=1e-3, weight_decay=1e-3)
+        self.optimiser = torch.optim.AdamW(self.net.parameters(), lr=_RATE, weight_decay=1e-3)
         self._kept = kept_shares()
         self._cells = np.stack([self._seen(mirrored) for mirrored in (False, True)])
         self._ways = np.stack([_sampled(library, row) for row in rows])
@@ -51,7 +53,7 @@ class DiffusionTrainer:
         self.optimiser.zero_grad()
         error.backward()
         for group in self.optimiser.param_groups:
-            group["lr"] = 1e-3 * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * step / steps)))
+            group["lr"] = _RATE * cosine(step / steps)
         self.optimiser.step()
         return float(error.detach())
 

@@ -4,6 +4,7 @@ whole one for as many steps, and the diffusion policy.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -33,10 +34,10 @@ def train_rivals(
         if path.exists():
             continue
         trainer = FieldTrainer(library, config, replace(settings, without=without))
+        trainer.minutes, trainer.steps = math.inf, steps
         error = 0.0
-        for step in range(steps):
-            trainer.seconds = 60 * settings.minutes * step / steps
-            error += (trainer.learn()[0] - error) / min(step + 1, 100)
+        while trainer.done < 1:
+            error += (trainer.learn()[0] - error) / min(trainer.step, 100)
         trainer.export(path)
         tell(f"{path.name}: error {error:.4f} after {steps} steps")
     if not diffusion.exists():
