@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 
 from ..rigs.mannequin.loft import LoftPart, loft
+from .solids import add_parts, block
 
 Materials = dict[str, bpy.types.Material]
 
@@ -23,10 +24,10 @@ def add_leaf(materials: Materials, name: str, hinge: tuple[float, float], turn: 
     The object's origin is the pin, on the floor, as for any door that is to be turned by hand.
     """
     back, front = -THICKNESS, 0.0  # the pin is at the face to which the leaf opens
-    parts = [_block((GAP, back, GAP), (WIDTH, front, HEIGHT), 0)]
+    parts = [block((GAP, back, GAP), (WIDTH, front, HEIGHT), 0)]
     for low, high in ((0.14, 0.86), (1.16, HEIGHT - 0.13)):  # two raised fields on either side
         for y0, y1 in ((back - 0.006, back), (front, front + 0.006)):
-            parts.append(_block((0.15, y0, low), (WIDTH - 0.15, y1, high), 0))
+            parts.append(block((0.15, y0, low), (WIDTH - 0.15, y1, high), 0))
     for height in (0.25, HEIGHT / 2 + 0.05, HEIGHT - 0.22):
         parts.append(_rod((0.0, 0.006, height - 0.045), (0.0, 0.006, height + 0.045), 0.009, 1))
     x, z = WIDTH - HANDLE_FROM_EDGE, HANDLE_HEIGHT
@@ -35,7 +36,7 @@ def add_leaf(materials: Materials, name: str, hinge: tuple[float, float], turn: 
         parts.append(_rod((x, face, z), (x, face + side * 0.050, z), 0.009, 1))
         parts.append(_rod((x + 0.012, face + side * 0.048, z), (x - 0.105, face + side * 0.048, z), 0.010, 1))
         parts.append(_rod((x, face, z - 0.11), (x, face + side * 0.006, z - 0.11), 0.017, 1))
-    leaf = _add(name, parts, [materials["Door"], materials["Brass"]], (*hinge, 0.0), turn)
+    leaf = add_parts(name, parts, [materials["Door"], materials["Brass"]], (*hinge, 0.0), turn, smooth=False)
     bevel = leaf.modifiers.new("Rounded Edges", "BEVEL")
     bevel.width, bevel.segments, bevel.limit_method = 0.003, 2, "ANGLE"
     return leaf
@@ -51,28 +52,20 @@ def add_frame(
     top = HEIGHT + GAP + LINING
     near, far = wall[0] - PROUD, wall[1] + PROUD
     parts = [
-        _block((low, near, 0), (-GAP, far, top), 0),
-        _block((WIDTH + GAP, near, 0), (high, far, top), 0),
-        _block((low, near, HEIGHT + GAP), (high, far, top), 0),
+        block((low, near, 0), (-GAP, far, top), 0),
+        block((WIDTH + GAP, near, 0), (high, far, top), 0),
+        block((low, near, HEIGHT + GAP), (high, far, top), 0),
         # The stop that the leaf shuts against.
-        _block((-GAP, wall[0] + 0.01, 0), (0.012, -THICKNESS - 0.012, HEIGHT + GAP), 0),
-        _block((WIDTH + GAP - 0.02, wall[0] + 0.01, 0), (WIDTH + GAP, -THICKNESS - 0.012, HEIGHT + GAP), 0),
+        block((-GAP, wall[0] + 0.01, 0), (0.012, -THICKNESS - 0.012, HEIGHT + GAP), 0),
+        block((WIDTH + GAP - 0.02, wall[0] + 0.01, 0), (WIDTH + GAP, -THICKNESS - 0.012, HEIGHT + GAP), 0),
     ]
     for y0, y1 in ((near, wall[0]), (wall[1], far)):
         parts += [
-            _block((low - CASING, y0, 0), (low, y1, top + CASING), 0),
-            _block((high, y0, 0), (high + CASING, y1, top + CASING), 0),
-            _block((low, y0, top), (high, y1, top + CASING), 0),
+            block((low - CASING, y0, 0), (low, y1, top + CASING), 0),
+            block((high, y0, 0), (high + CASING, y1, top + CASING), 0),
+            block((low, y0, top), (high, y1, top + CASING), 0),
         ]
-    return _add(name, parts, [materials["Skirting"]], (*hinge, 0.0), turn)
-
-
-def _block(low: tuple[float, float, float], high: tuple[float, float, float], tone: int) -> LoftPart:
-    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-    vertices = np.where(corners == 1, np.array(high), np.array(low))
-    return LoftPart(
-        vertices, [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)], tone
-    )
+    return add_parts(name, parts, [materials["Skirting"]], (*hinge, 0.0), turn, smooth=False)
 
 
 def _rod(
@@ -91,29 +84,3 @@ def _rod(
     x = np.cross(z, (0.0, 0.0, 1.0)) if abs(z[2]) < 0.9 else np.array((1.0, 0.0, 0.0))
     x /= np.linalg.norm(x)
     return LoftPart(part.vertices @ np.stack((x, np.cross(z, x), z)) + a, part.faces, tone)
-
-
-def _add(
-    name: str,
-    parts: list[LoftPart],
-    tones: list[bpy.types.Material],
-    location: tuple[float, float, float],
-    turn: float,
-) -> bpy.types.Object:
-    starts = np.cumsum([0] + [len(p.vertices) for p in parts])
-    mesh = bpy.data.meshes.new(name)
-    faces = [
-        tuple(int(s) + i for i in face) for part, s in zip(parts, starts, strict=False) for face in part.faces
-    ]
-    mesh.from_pydata(np.concatenate([p.vertices for p in parts]).tolist(), [], faces)
-    mesh.polygons.foreach_set(
-        "material_index",
-        np.repeat([p.material for p in parts], [len(p.faces) for p in parts]).astype(np.intc),
-    )
-    for tone in tones:
-        mesh.materials.append(tone)
-    mesh.update()
-    made = bpy.data.objects.new(name, mesh)
-    made.location, made.rotation_euler = location, (0, 0, turn)
-    bpy.context.scene.collection.objects.link(made)
-    return made

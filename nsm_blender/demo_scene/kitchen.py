@@ -17,6 +17,7 @@ from nsm_core.world.scene.small_things import SmallThing
 from ..goals.container_points import axis_frame
 from ..goals.furniture_parts import OPENS
 from .room import DemoRoom, floor, palette
+from .solids import link
 
 _BEFORE = 3.2  # metres of floor before the row
 _BEVEL = 0.003
@@ -100,9 +101,7 @@ def _object(name: str, vertices: Array, triangles: Array, tone: str) -> bpy.type
     mesh.from_pydata(np.asarray(vertices).tolist(), [], np.asarray(triangles).tolist())
     mesh.materials.append(palette()[tone])
     mesh.update()
-    made = bpy.data.objects.new(name, mesh)
-    bpy.context.scene.collection.objects.link(made)
-    return made
+    return link(bpy.data.objects.new(name, mesh))
 
 
 def _soften(made: bpy.types.Object) -> None:

@@ -13,6 +13,7 @@ from nsm_core.world.scene.furniture import Furniture
 
 from ..rigs.mannequin.build import material
 from . import room_props
+from .solids import boxes, link
 
 # Linear RGB and roughness.
 PALETTE = {
@@ -103,7 +104,7 @@ def place(
     radians.
     """
     mesh = bpy.data.meshes.new(name)
-    vertices, faces = _boxes(piece.mins, piece.maxs)
+    vertices, faces = boxes(piece.mins, piece.maxs)
     mesh.from_pydata(vertices.tolist(), [], faces)
     materials = palette()
     mesh.materials.append(materials[wood])
@@ -111,7 +112,7 @@ def place(
     upholstered = [_is_soft(piece, low, high) for low, high in zip(piece.mins, piece.maxs, strict=True)]
     mesh.polygons.foreach_set("material_index", np.repeat(upholstered, 6).astype(np.intc))
     mesh.update()
-    made = _link(bpy.data.objects.new(name, mesh))
+    made = link(bpy.data.objects.new(name, mesh))
     made.location = (*position, 0)
     made.rotation_euler = (0, 0, heading)
     modifier = made.modifiers.new("Rounded Edges", "BEVEL")
@@ -140,13 +141,6 @@ def _is_soft(piece: Furniture, low: Array, high: Array) -> bool:
     seat = abs(high[2] - piece.seat.height) < 0.01 and size[0] * size[1] > 0.05
     back = low[2] > piece.seat.height - 0.02 and size[0] > 0.3 and size[1] < 0.3
     return bool(seat or back)
-
-
-def _boxes(mins: Array, maxs: Array) -> tuple[Array, list[tuple[int, ...]]]:
-    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-    vertices = np.where(corners[None] == 1, maxs[:, None], mins[:, None]).reshape(-1, 3)
-    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-    return vertices, [tuple(8 * k + i for i in quad) for k in range(len(mins)) for quad in quads]
 
 
 def ladder_chair(rng: np.random.Generator) -> furniture.Furniture:
@@ -186,7 +180,7 @@ def floor(rng: np.random.Generator, low: tuple[float, float], high: tuple[float,
         mesh.materials.append(palette()[name])
     mesh.polygons.foreach_set("material_index", np.array(tones, np.intc))
     mesh.update()
-    made = _link(bpy.data.objects.new("Floor", mesh))
+    made = link(bpy.data.objects.new("Floor", mesh))
     made["nsm_collider"] = False  # one walks on it
     return made
 
@@ -202,8 +196,3 @@ def _walls() -> list[bpy.types.Object]:
         room_props.box("Skirting Back", (-w, d - 0.015, 0), (w, d, 0.09), skirting),
         room_props.box("Skirting Side", (-w, -d, 0), (-w + 0.015, d - 0.015, 0.09), skirting),
     ]
-
-
-def _link(made: bpy.types.Object) -> bpy.types.Object:
-    bpy.context.scene.collection.objects.link(made)
-    return made

@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 
 from ..rigs.mannequin.loft import LoftPart, ball, loft
+from .solids import add_parts, boxes, link
 
 Materials = dict[str, bpy.types.Material]
 
@@ -63,41 +64,15 @@ def box(
     """Add a box between two corners, metres; its origin lies at the centre of its base."""
     low, high = np.asarray(low, float), np.asarray(high, float)
     base = np.array(((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]))
-    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-    vertices = np.where(corners == 1, high, low) - base
-    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    vertices, faces = boxes(low, high)
     mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(vertices.tolist(), [], faces)
+    mesh.from_pydata((vertices - base).tolist(), [], faces)
     mesh.materials.append(tone)
-    made = bpy.data.objects.new(name, mesh)
+    made = link(bpy.data.objects.new(name, mesh))
     made.location = base
-    bpy.context.scene.collection.objects.link(made)
     if bevel:
         modifier = made.modifiers.new("Rounded Edges", "BEVEL")
         modifier.width, modifier.segments = bevel, 2
-    return made
-
-
-def _object(
-    name: str, parts: list[LoftPart], tones: list[bpy.types.Material], location: tuple[float, float, float]
-) -> bpy.types.Object:
-    starts = np.cumsum([0] + [len(p.vertices) for p in parts])
-    mesh = bpy.data.meshes.new(name)
-    faces = [
-        tuple(int(s) + i for i in face) for part, s in zip(parts, starts, strict=False) for face in part.faces
-    ]
-    mesh.from_pydata(np.concatenate([p.vertices for p in parts]).tolist(), [], faces)
-    mesh.polygons.foreach_set("use_smooth", np.ones(len(faces), dtype=bool))
-    mesh.polygons.foreach_set(
-        "material_index",
-        np.repeat([p.material for p in parts], [len(p.faces) for p in parts]).astype(np.intc),
-    )
-    for tone in tones:
-        mesh.materials.append(tone)
-    mesh.update()
-    made = bpy.data.objects.new(name, mesh)
-    made.location = location
-    bpy.context.scene.collection.objects.link(made)
     return made
 
 
@@ -124,7 +99,7 @@ def rug(materials: Materials, centre: tuple[float, float], half: tuple[float, fl
             ring=64,
         )
 
-    return _object(
+    return add_parts(
         "Rug",
         [oval(1, 0.004, 0), oval(0.94, 0.005, 1)],
         [materials["Rug Border"], materials["Rug"]],
@@ -142,7 +117,7 @@ def plant(materials: Materials, rng: np.random.Generator, place: tuple[float, fl
         turn = k * 2.399 + rng.uniform(-0.2, 0.2)  # the golden angle spreads the leaves
         rise = rng.uniform(0.45, 0.95) * (1 - 0.4 * (k % 4) / 4) + 0.15
         parts.append(_leaf(turn, reach=rng.uniform(0.22, 0.36), rise=rise, width=rng.uniform(0.045, 0.07)))
-    return _object(
+    return add_parts(
         "Plant", parts, [materials["Terracotta"], materials["Leaf"], materials["Walnut"]], (*place, 0)
     )
 
@@ -174,7 +149,7 @@ def lamp(materials: Materials, place: tuple[float, float]) -> bpy.types.Object:
         _round([(0.02, 0.012), (1.35, 0.012)], ring=12),
         _round([(1.28, 0.20), (1.58, 0.135)], 1, ring=40, caps=(0.002, 0.002)),
     ]
-    return _object("Lamp", parts, [materials["Metal"], materials["Lamp Shade"]], (*place, 0))
+    return add_parts("Lamp", parts, [materials["Metal"], materials["Lamp Shade"]], (*place, 0))
 
 
 def vase(
@@ -189,7 +164,7 @@ def vase(
             [(0.16, 0, 0, 0.003, 0.003, 0.003), (tip[2], tip[0], tip[1], 0.002, 0.002, 0.002)], 1, ring=6
         )
         parts += [stem, ball(tip, (0.024, 0.024, 0.020), 2, ring=12)]
-    return _object("Vase", parts, [materials["China"], materials["Leaf"], materials["Brick Red"]], place)
+    return add_parts("Vase", parts, [materials["China"], materials["Leaf"], materials["Brick Red"]], place)
 
 
 def bowl(materials: Materials, place: tuple[float, float, float]) -> bpy.types.Object:
@@ -198,7 +173,7 @@ def bowl(materials: Materials, place: tuple[float, float, float]) -> bpy.types.O
     parts += [
         ball((x, y, 0.062), 0.034, 1, ring=16) for x, y in ((0.035, 0.02), (-0.035, 0.025), (0.002, -0.042))
     ]
-    return _object("Bowl", parts, [materials["China"], materials["Mustard"]], place)
+    return add_parts("Bowl", parts, [materials["China"], materials["Mustard"]], place)
 
 
 def books(

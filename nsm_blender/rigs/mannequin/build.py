@@ -8,6 +8,7 @@ import numpy as np
 from nsm_core.body.skeleton import JOINTS
 
 from .loft import LoftPart
+from .loft_mesh import loft_mesh
 from .parts import mannequin_parts
 
 # Name, viewport and base colour (linear RGB), roughness; in the order of the parts' material numbers.
@@ -37,35 +38,21 @@ def material(name: str, colour: tuple[float, float, float], roughness: float) ->
 def build_mannequin(armature: bpy.types.Object, name: str = "Mannequin") -> bpy.types.Object:
     """Add the mannequin as a child of ``armature``, skinned by weights that sum to one at every vertex."""
     parts = mannequin_parts()
-    mesh = bpy.data.meshes.new(name)
-    starts = np.cumsum([0] + [len(p.vertices) for p in parts])
-    vertices = np.concatenate([p.vertices for p in parts])
-    faces = [
-        tuple(int(start) + i for i in face)
-        for part, start in zip(parts, starts, strict=False)
-        for face in part.faces
-    ]
-    mesh.from_pydata(vertices.tolist(), [], faces)
-    mesh.polygons.foreach_set("use_smooth", np.ones(len(faces), dtype=bool))
-    mesh.polygons.foreach_set(
-        "material_index",
-        np.repeat([p.material for p in parts], [len(p.faces) for p in parts]).astype(np.intc),
-    )
-    for entry in MATERIALS:
-        mesh.materials.append(material(*entry))
+    mesh = loft_mesh(name, parts, [material(*entry) for entry in MATERIALS], smooth=True)
     mesh.validate()
     mesh.update()
     body = bpy.data.objects.new(name, mesh)
     for collection in armature.users_collection:
         collection.objects.link(body)
     body.parent = armature
-    _weigh(body, parts, starts)
+    _weigh(body, parts)
     modifier = body.modifiers.new("Armature", "ARMATURE")
     modifier.object = armature
     return body
 
 
-def _weigh(body: bpy.types.Object, parts: list[LoftPart], starts: np.ndarray) -> None:
+def _weigh(body: bpy.types.Object, parts: list[LoftPart]) -> None:
+    starts = np.cumsum([0] + [len(p.vertices) for p in parts])
     groups = {joint: body.vertex_groups.new(name=joint) for joint in JOINTS}
     for part, start in zip(parts, starts, strict=False):
         for joint, weights in part.weights.items():
