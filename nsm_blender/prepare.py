@@ -250,16 +250,10 @@ def surroundings_of(
         _go_to(scene, spec.start_frame)  # whatever the window has done between two slices
         return bpy.context.evaluated_depsgraph_get()
 
-    steps = Snapshot.take(evaluated)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as stop:
-            around = Surroundings(scene, frame, spec.character, moving, stop.value)
-            if company is not None:
-                around.leave_out(company.characters, company.moving)
-            break
-        yield Progress("Reading the scene", 0.0)
+    seen = yield from staged("Reading the scene", Snapshot.take(evaluated))
+    around = Surroundings(scene, frame, spec.character, moving, seen)
+    if company is not None:
+        around.leave_out(company.characters, company.moving)
     goals = [o for g in spec.goals for o in (g.object, g.to) if o is not None and holds(scene, o)]
     yield from waited("Reading the scene", around.reading(*goals))
     _go_to(scene, spec.start_frame)

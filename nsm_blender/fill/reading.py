@@ -130,14 +130,7 @@ def reading(
         go_to(scene, asked.stretches[0].start)
         return bpy.context.evaluated_depsgraph_get()
 
-    steps = Snapshot.take(evaluated)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as stop:
-            snapshot = stop.value
-            break
-        yield Progress("Reading the ground", 0.0)
+    snapshot = yield from staged("Reading the ground", Snapshot.take(evaluated))
     figure = yield from figure_of(character)
     way = np.stack([hips for hips, _ in rows])
     seen = solid_seen(snapshot, scene, _bodies(scene))

@@ -65,6 +65,13 @@ def frame(value: Any, what: str) -> float:
     return read(value, what, JobError, FIRST_FRAME, LAST_START)
 
 
+def read_actor(take: JobTake, entry: dict[str, Any], where: str, folder: Path) -> None:
+    """Read into ``take`` who acts: character, bone map and seed."""
+    take.character = require_words(entry.get("character", take.character), f"'character' in {where}")
+    take.rig = rig(entry, where, folder)
+    take.seed = validate.whole(entry.get("seed", take.seed), f"'seed' in {where}", JobError, 0, LARGEST_SEED)
+
+
 def begun(
     take: JobTake, entry: Any, what: str, outputs: tuple[str, ...], folder: Path
 ) -> tuple[str, JobError | None]:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from nsm_core import validate
-from nsm_core.errors import JobError, NsmError
+from nsm_core.errors import NsmError
 
 from ..fill.spec import METHODS
-from .entries import LARGEST_SEED, begun, flag, frame, known, needed, one_of, rig
+from .entries import begun, flag, frame, known, needed, one_of, read_actor
 from .job import JobFill, JobTake
 from .paths import require_words
 
@@ -29,11 +28,7 @@ def read_fill(entry: Any, number: int, folder: Path) -> JobTake:
             take.name = require_words(entry["name"], f"'name' in {where}")
         if wrong:
             raise wrong
-        take.character = require_words(entry.get("character", take.character), f"'character' in {where}")
-        take.rig = rig(entry, where, folder)
-        take.seed = validate.whole(
-            entry.get("seed", take.seed), f"'seed' in {where}", JobError, 0, LARGEST_SEED
-        )
+        read_actor(take, entry, where, folder)
         start, end = (frame(needed(entry, key, where), f"'{key}' in {where}") for key in ("from", "to"))
         replace = flag(entry, "replace", where, False)
         take.fill = JobFill(start, end, replace, one_of(entry, "method", where, METHODS))

@@ -23,7 +23,7 @@ from .entries import (
     known,
     needed,
     one_of,
-    rig,
+    read_actor,
 )
 from .fills import read_fill
 from .job import Job, JobGoal, JobTake
@@ -82,11 +82,7 @@ def _take(entry: Any, number: int, folder: Path) -> JobTake:
         take.name = require_words(needed(entry, "name", where), f"'name' in {where}")
         if wrong:
             raise wrong
-        take.character = require_words(entry.get("character", take.character), f"'character' in {where}")
-        take.rig = rig(entry, where, folder)
-        take.seed = validate.whole(
-            entry.get("seed", take.seed), f"'seed' in {where}", JobError, 0, LARGEST_SEED
-        )
+        read_actor(take, entry, where, folder)
         validate.whole(entry.get("variations", 1), f"'variations' in {where}", JobError, 1, _MOST_VARIATIONS)
         take.start = one_of(entry, "start", where, BEGINNINGS)
         take.root_motion = one_of(entry, "root_motion", where, KINDS)

@@ -8,6 +8,8 @@ from typing import Any
 
 import bpy
 
+from . import running
+
 _PIXELS_A_LETTER = 6.5  # at a resolution scale of 1, a little more than the average letter takes
 _AROUND_TEXT = 72  # pixels of the region that icon, margins and tabs take
 _BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:s|ms|m|cm)\b)")
@@ -19,6 +21,14 @@ class Sidebar:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "NSM"
+
+
+def settings_column(layout: Any) -> Any:
+    """A column of settings, their names on the left; off while a take is under way."""
+    column = layout.column(align=True)
+    column.enabled = running.current() is None
+    column.use_property_split, column.use_property_decorate = True, False
+    return column
 
 
 def sentence(context: bpy.types.Context, layout: Any, text: str, icon: str) -> None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import running
-from .drawing import Sidebar, sentence
+from .drawing import Sidebar, sentence, settings_column
 from .operators.fill import character_of, filled_before, has_strips, reason_not
 from .properties import settings_of
 
@@ -18,9 +17,7 @@ class NSM_PT_fill(Sidebar, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, options = self.layout, settings_of(context.scene).fill
-        column = layout.column(align=True)
-        column.enabled = running.current() is None
-        column.use_property_split, column.use_property_decorate = True, False
+        column = settings_column(layout)
         column.prop(options, "where")
         if options.where == "SEAM":
             column.prop(options, "seam")

@@ -7,7 +7,7 @@ import bpy
 from nsm_core.world.actions import BY_KEY
 
 from . import running
-from .drawing import Sidebar, sentence
+from .drawing import Sidebar, sentence, settings_column
 from .properties import settings_of
 from .queue import cast_of, queue_of
 from .reviews import takes_of
@@ -20,9 +20,7 @@ class NSM_PT_generate(Sidebar, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, settings_of(context.scene)
-        column = layout.column(align=True)
-        column.enabled = running.current() is None
-        column.use_property_split, column.use_property_decorate = True, False
+        column = settings_column(layout)
         column.prop(settings, "start_frame")
         column.prop(settings, "begin")
         column.prop(settings, "seed")

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import running
-from .drawing import Sidebar
+from .drawing import Sidebar, settings_column
 from .properties import settings_of
 
 
@@ -17,9 +16,7 @@ class NSM_PT_keys(Sidebar, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, options = self.layout, settings_of(context.scene).keys
-        column = layout.column(align=True)
-        column.enabled = running.current() is None
-        column.use_property_split, column.use_property_decorate = True, False
+        column = settings_column(layout)
         column.prop(options, "root_motion")
         column.prop(options, "keep_edits")
         column.prop(options, "reduce")

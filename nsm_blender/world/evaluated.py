@@ -144,9 +144,9 @@ class Snapshot:
         self._begun = -1  # the instance whose mesh Blender had to make first, which took a slice of its own
 
     @classmethod
-    def take(cls, evaluated: Callable[[], bpy.types.Depsgraph]) -> Generator[None, None, Snapshot]:
+    def take(cls, evaluated: Callable[[], bpy.types.Depsgraph]) -> Generator[float, None, Snapshot]:
         """Copy the meshes in slices; ``evaluated`` gives the scene's depsgraph as of the moment, and is asked
-        anew in each.
+        anew in each.  Yields 0 after every slice: nobody knows how many there will be.
 
         Instances of collections, vertices, particles and geometry nodes come once each, with the object that
         makes them as owner; so do hidden meshes that are marked as colliders.
@@ -154,7 +154,7 @@ class Snapshot:
         made, known, done = cls(), {}, 0
         while done is not None:
             done = made._slice(evaluated(), known, done)
-            yield
+            yield 0.0
         return made
 
     @classmethod

@@ -6,6 +6,7 @@ Needs matplotlib, which only development and training install; nothing here runs
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -254,17 +255,7 @@ def path_sheet(
     ax.add_collection(shade)
     pick = np.arange(0, len(points), max(1, every))
     d = heading_to_direction(headings[pick]) * 0.16
-    ax.quiver(
-        *points[pick].T,
-        *d.T,
-        angles="xy",
-        scale_units="xy",
-        scale=1,
-        width=2.0,
-        units="dots",
-        color="#222",
-        zorder=6,
-    )
+    _arrows(ax, points[pick], d, width=2.0, color="#222", zorder=6)
     for f in pick[:: max(1, len(pick) // 12)]:
         ax.annotate(str(f), points[f], xytext=(7, 5), textcoords="offset points", fontsize=8, zorder=7)
     ax.plot(*points[0], "o", ms=9, mfc="#2c9c4b", mec="white", zorder=7)
@@ -272,18 +263,13 @@ def path_sheet(
     for goal in np.atleast_2d(goals) if goals is not None else ():
         ax.plot(*goal[:2], "*", ms=16, mfc="#f4b400", mec="#6b4e00", zorder=8)
         g = heading_to_direction(np.asarray(goal[2])) * 0.3
-        ax.quiver(
-            *goal[:2],
-            *g,
-            angles="xy",
-            scale_units="xy",
-            scale=1,
-            width=3.5,
-            units="dots",
-            color="#b98500",
-            zorder=8,
-        )
+        _arrows(ax, np.asarray(goal[:2]), g, width=3.5, color="#b98500", zorder=8)
     return save(plt, fig, path)
+
+
+def _arrows(ax: Any, at: Array, way: Array, **look: Any) -> None:
+    """Arrows from places ``at`` (..., 2) by ``way`` (..., 2), metres, as long as they are."""
+    ax.quiver(*at.T, *way.T, angles="xy", scale_units="xy", scale=1, units="dots", **look)
 
 
 __all__ = ["VIEWS", "box_corners", "figure_sheet", "path_sheet"]
