@@ -12,7 +12,7 @@ import nsm_core
 
 ROOT = Path(__file__).resolve().parents[1]
 PRODUCT = sorted(path for folder in ("nsm_core", "nsm_blender") for path in (ROOT / folder).rglob("*.py"))
-USERS = [*PRODUCT, ROOT / "dev.py", ROOT / "docs" / "take.py"]
+USERS = [*PRODUCT, ROOT / "dev.py", ROOT / "dev_environments.py", ROOT / "docs" / "take.py"]
 # Called or read by Blender, by Python or by a file format, each by its name.
 CALLED_FROM_OUTSIDE = {
     "register",

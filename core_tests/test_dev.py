@@ -1,10 +1,9 @@
-"""dev.py: verbs, pins that agree with one another, environments that are reused, the staged extension."""
+"""dev.py: its verbs, what they run, how they fail, and the extension that is staged."""
 
 from __future__ import annotations
 
 import ast
 import importlib.util
-import json
 import subprocess
 import sys
 import tomllib
@@ -17,6 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import dev
+import dev_environments
 import nsm_core
 
 
@@ -26,12 +26,13 @@ def cli(*arguments):
 
 def test_standard_library_only():
     names = set()
-    for node in ast.walk(ast.parse((ROOT / "dev.py").read_text(encoding="utf-8"))):
+    own = [ast.parse((ROOT / file).read_text(encoding="utf-8")) for file in ("dev.py", "dev_environments.py")]
+    for node in (node for tree in own for node in ast.walk(tree)):
         if isinstance(node, ast.Import):
             names |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             names.add(node.module.split(".")[0])
-    assert names <= sys.stdlib_module_names
+    assert names - {"dev_environments"} <= sys.stdlib_module_names
 
 
 def test_help_names_every_verb():
@@ -47,41 +48,18 @@ def test_unknown_verb_lists_the_known():
 
 
 def test_failures_are_one_sentence(monkeypatch, capsys):
-    monkeypatch.setattr(dev, "version_of", lambda python: None)  # a machine without a Python that fits
+    # A machine without a Python that fits.
+    monkeypatch.setattr(dev_environments, "version_of", lambda python: None)
     assert dev.main(["demo"]) == 1
     error = capsys.readouterr().err
     assert error.startswith("dev.py: ") and "3.11" in error and "3.13" in error and error.count("\n") == 1
-
-
-def test_everything_is_pinned():
-    extras = dev.project()["project"]["optional-dependencies"]
-    pins = [pin for group in extras.values() for pin in group]
-    assert pins and all("==" in pin.partition(";")[0] for pin in pins)
-    names = {}
-    for pin in pins:
-        name, _, version = pin.partition(";")[0].strip().partition("==")
-        names.setdefault(name, set()).add(version)
-    assert all(len(versions) == 1 for name, versions in names.items() if name != "numpy")
-
-
-def test_no_module_of_ours_is_let_off_its_types():
-    entries = dev.project()["tool"]["mypy"]["overrides"]
-    assert not [m for entry in entries for m in entry["module"] if m.startswith("nsm")]
-
-
-def test_running_needs_no_torch():
-    assert not any(
-        "torch" in pin for pin in dev.requirements((), "4.5.15") + dev.requirements(("test",), "4.5.15")
-    )
-    assert any("torch==" in pin for pin in dev.requirements(("train",), None))
-    assert "bpy==4.5.15" in dev.requirements((), "4.5.15")
 
 
 def test_versions_agree():
     manifest = tomllib.loads((ROOT / "manifest.toml").read_text(encoding="utf-8"))
     assert manifest["version"] == nsm_core.__version__
     assert manifest["wheels"] == [f"./wheels/nsm_core-{nsm_core.__version__}-py3-none-any.whl"]
-    assert min(tuple(map(int, v.split("."))) for v in dev.wheels()) >= tuple(
+    assert min(tuple(map(int, v.split("."))) for v in dev_environments.wheels()) >= tuple(
         map(int, manifest["blender_version_min"].split("."))
     )
 
@@ -92,13 +70,6 @@ def test_manifest_obeys_the_store():
     assert "blender" not in manifest["name"].lower()
     assert manifest["license"] == ["SPDX:GPL-3.0-or-later"]
     assert all(len(reason) <= 64 and not reason.endswith(".") for reason in manifest["permissions"].values())
-
-
-def test_this_python_is_preferred_and_found():
-    short = f"{sys.version_info[0]}.{sys.version_info[1]}"
-    assert dev.find_python(short) == getattr(sys, "_base_executable", sys.executable)
-    assert dev.find_python("2.0") is None
-    assert dev.version_of(str(ROOT / "no-such-python")) is None
 
 
 @pytest.mark.parametrize(
@@ -130,48 +101,8 @@ def test_a_failing_suite_fails_the_command(tmp_path, monkeypatch, capsys):
     assert outcome("-n0", "-k", "nothing").startswith("skipped")
 
 
-def tiny_wheel(folder: Path, version: str) -> str:
-    """A package of one line as a wheel; returns its requirement."""
-    path = folder / f"tiny-{version}-py3-none-any.whl"
-    info = f"tiny-{version}.dist-info"
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("tiny.py", f"VERSION = {version!r}\n")
-        archive.writestr(f"{info}/METADATA", f"Metadata-Version: 2.1\nName: tiny\nVersion: {version}\n")
-        archive.writestr(
-            f"{info}/WHEEL", "Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
-        )
-        archive.writestr(f"{info}/RECORD", "")
-    return f"tiny @ {path.as_uri()}"
-
-
-@pytest.mark.slow
-def test_environments_are_made_reused_and_refreshed(tmp_path, capsys):
-    folder = tmp_path / "env"
-    first, second = tiny_wheel(tmp_path, "1.0"), tiny_wheel(tmp_path, "2.0")
-
-    def version(python):
-        return subprocess.run(
-            [python, "-c", "import tiny; print(tiny.VERSION)"], capture_output=True, text=True
-        ).stdout.strip()
-
-    python = dev.ensure(folder, sys.executable, [first])
-    assert version(python) == "1.0"
-    assert dev.ensure(folder, sys.executable, [first]) == python
-    assert capsys.readouterr().out.count("Installing") == 1  # the second time nothing was done
-    dev.ensure(folder, sys.executable, [second])
-    assert version(python) == "2.0"
-    stamp = folder / "nsm-stamp.json"
-    assert json.loads(stamp.read_text())["pins"] == [second]
-    python.unlink()  # its Python is gone: all is made anew
-    dev.ensure(folder, sys.executable, [first])
-    assert version(python) == "1.0"
-    with pytest.raises(dev.Failure, match="could not install"):
-        dev.ensure(folder, sys.executable, [f"tiny @ {(tmp_path / 'gone-1.0-py3-none-any.whl').as_uri()}"])
-    assert not stamp.exists()  # a half-made environment is not taken for a whole one
-
-
 def test_a_pythonless_matrix_row_says_so(monkeypatch):
-    monkeypatch.setattr(dev, "version_of", lambda python: None)
+    monkeypatch.setattr(dev_environments, "version_of", lambda python: None)
     [(where, outcome)] = dev.matrix_row("5.2.3", "3.13", "3.11", [])
     assert "5.2.3" in where and outcome == "skipped, this machine has no Python 3.13"
 
