@@ -11,7 +11,6 @@ from bpy.props import (
     FloatVectorProperty,
     IntProperty,
     PointerProperty,
-    StringProperty,
 )
 
 from nsm_core.errors import GoalError
@@ -23,7 +22,9 @@ from ..goals.spec import GoalSpec
 from .options import NsmFillOptions, NsmKeyOptions
 from .queue import hand_over
 from .queue import queue_of as queue_of
+from .rig_properties import NsmBone, NsmRig
 from .running import unknown_action
+from .take_properties import NsmKeyed, NsmResult, NsmTake
 
 # What can evaluate to a mesh, and empties: markers, collection instances and parents of parts.
 GOAL_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "EMPTY"}
@@ -214,88 +215,6 @@ class NsmQueue(bpy.types.PropertyGroup):
 
     goals: CollectionProperty(type=NsmGoal, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"})
     active_goal: IntProperty(name="Goal", default=0, min=0, override=OVERRIDABLE, update=_goal_picked)
-
-
-class NsmResult(bpy.types.PropertyGroup):
-    """One line about the last take."""
-
-    text: StringProperty()
-    good: BoolProperty(default=True)
-
-
-class NsmKeyed(bpy.types.PropertyGroup):
-    """An action that a take made for one object, and what the object had before."""
-
-    object: PointerProperty(type=bpy.types.Object)
-    action: PointerProperty(type=bpy.types.Action)
-    slot: IntProperty()
-    previous_action: PointerProperty(type=bpy.types.Action)
-    previous_slot: IntProperty()
-    previous_fake_user: BoolProperty()
-    previous_values: StringProperty(description="Pose or transform before the take, JSON")
-
-
-class NsmTake(bpy.types.PropertyGroup):
-    """A take of the list; kept in the scene, so that it is saved and undone with it.
-
-    ``group`` is the same number for the takes of several characters that were made together, 0 for others.
-    """
-
-    character: PointerProperty(type=NsmKeyed)
-    things: CollectionProperty(type=NsmKeyed)
-    frame_start: IntProperty()
-    frame_end: IntProperty()
-    fps: FloatProperty()
-    keys: StringProperty(description="Checksum of the keys as they were made")
-    seed: IntProperty()
-    accepted: BoolProperty()
-    group: IntProperty()
-
-
-def _edited(row: NsmBone, _context: bpy.types.Context) -> None:
-    """Judge a list of bones anew when a bone was exchanged."""
-    from ..rigs.bone_map import stored_map
-    from ..rigs.detect import judged_on
-
-    data = row.id_data
-    bone_map = stored_map(data)
-    if bone_map is not None:
-        judge = judged_on(data, bone_map)
-        data.nsm_rig.score, data.nsm_rig.remarks = judge.score, "\n".join(judge.remarks)
-
-
-class NsmBone(bpy.types.PropertyGroup):
-    """One joint of the body, by its name, and the bone that stands for it."""
-
-    bone: StringProperty(
-        name="Bone",
-        description="The bone that moves this part of the body; empty where the rig has none",
-        update=_edited,
-    )
-
-
-class NsmRig(bpy.types.PropertyGroup):
-    """The list of an armature's bones; empty where they are found anew for every take."""
-
-    joints: CollectionProperty(type=NsmBone)
-    family: StringProperty(description="What the list was made from")
-    score: FloatProperty(description="How well the bones fit a body, 0 to 1")
-    remarks: StringProperty(description="What is odd about the list, a line each")
-    extras: StringProperty(description="Bones that show the result, switches and IK controls, JSON")
-    limbs: EnumProperty(
-        name="Arms and Legs",
-        description="Which controls of arms and legs get the keys of a take",
-        items=(
-            ("FK", "FK", "Keys turn upper arms, forearms, hands, thighs, shins and feet"),
-            ("IK", "IK", "Keys place hands and feet, and poles say where elbows and knees point"),
-        ),
-    )
-    fingers: BoolProperty(
-        name="Fingers",
-        description="Relax the fingers, and close them on what the hands hold, by a few keys; off, they stay "
-        "as they are",
-        default=True,
-    )
 
 
 class NsmSettings(bpy.types.PropertyGroup):

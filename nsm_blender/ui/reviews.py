@@ -15,8 +15,9 @@ import bpy
 
 from .ghosts import remove_ghosts
 from .kept_takes import KeptTakes
-from .properties import NsmKeyed, NsmTake, settings_of
+from .properties import settings_of
 from .shared_things import hand_over
+from .take_properties import NsmKeyed, NsmTake
 from .take_records import checksum, is_pushed, is_shown, keyed, note, note_before, playing, rows_of, slot_of
 
 if TYPE_CHECKING:

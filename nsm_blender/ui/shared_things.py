@@ -10,7 +10,8 @@ from collections.abc import Collection
 
 import bpy
 
-from .properties import NsmTake, settings_of
+from .properties import settings_of
+from .take_properties import NsmTake
 from .take_records import checksum, is_shown, keyed, rows_of
 
 

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .properties import NsmKeyed, NsmTake
+from .take_properties import NsmKeyed, NsmTake
 
 if TYPE_CHECKING:
     from ..keys.keyed import KeyedTake

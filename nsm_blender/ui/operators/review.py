@@ -5,8 +5,9 @@ from __future__ import annotations
 import bpy
 
 from .. import reviews
-from ..properties import NsmTake, settings_of
+from ..properties import settings_of
 from ..reviews import pending, remember
+from ..take_properties import NsmTake
 from .reporting import WhileIdle, sentences
 
 __all__ = ["CLASSES", "pending", "remember"]

@@ -6,7 +6,8 @@ import bpy
 
 from .. import reviews
 from ..ghosts import action_of, ghost_at, ghosts_of, remove_ghosts
-from ..properties import NsmTake, settings_of
+from ..properties import settings_of
+from ..take_properties import NsmTake
 from .reporting import WhileIdle, sentences
 
 
