@@ -5,18 +5,17 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
-from nsm_core.model.features.layout import layout_description
+from random_weights import LAYOUT, random_arrays
+
 from nsm_core.model.inference.weights_file import save_weights
 from nsm_core.model.networks.nsm_config import NsmConfig
 
-LAYOUT = layout_description()
 # Files that take longest are begun first, so that no core waits for another one at the end.
 LONG = (
     "test_composer", "test_codec", "test_report", "test_fresh_takes", "test_swap_objects", "test_training",
@@ -30,24 +29,6 @@ def pytest_collection_modifyitems(config, items) -> None:
     """On several cores the longest files begin first."""
     if config.pluginmanager.hasplugin("xdist"):
         items.sort(key=lambda item: LONG.index(item.path.stem) if item.path.stem in LONG else len(LONG))
-
-
-def random_arrays(config: NsmConfig, seed: int = 0) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Parameters and statistics of a network whose signals neither vanish nor explode."""
-    rng = np.random.default_rng(seed)
-    parameters, statistics = {}, {}
-    for name, shape in config.shapes().items():
-        if name.endswith("_std"):
-            statistics[name] = rng.uniform(0.1, 2, shape).astype(np.float32)
-        elif name.endswith("_mean"):
-            statistics[name] = rng.normal(size=shape).astype(np.float32)
-        elif name.endswith("weight"):
-            parameters[name] = rng.normal(size=shape).astype(np.float32) * np.float32(
-                1.4 / np.sqrt(shape[-1])
-            )
-        else:
-            parameters[name] = rng.normal(size=shape).astype(np.float32) * np.float32(0.1)
-    return parameters, statistics
 
 
 @pytest.fixture(scope="session")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from nsm_core.body.clip import Clip
 from nsm_core.body.skeleton import END_SITES, INDEX, JOINTS, PARENTS, J, forward_kinematics
 from nsm_core.rotations import quat_conjugate, quat_mul, quat_rotate, quat_to_matrix
 
@@ -93,3 +94,11 @@ def foreign(
         "\n".join([*lines, "MOTION", f"Frames: {len(rows)}", "Frame Time: 0.0333333", *rows]) + "\n"
     )
     return path
+
+
+def same(clip: Clip, other: Clip, frames: int | None = None) -> None:
+    """That a clip is the other, or its first ``frames``, but for the digits of a file."""
+    np.testing.assert_allclose(clip.hips_position, other.hips_position[:frames], atol=2e-3)
+    np.testing.assert_allclose(
+        np.abs((clip.local_rotations * other.local_rotations[:frames]).sum(-1)), 1, atol=1e-3
+    )

@@ -8,8 +8,8 @@ import json
 
 import numpy as np
 import pytest
-from conftest import LAYOUT, random_arrays
 from fuzzing import one_sentence
+from random_weights import LAYOUT, random_arrays
 
 from nsm_core import distances
 from nsm_core.body import skeleton

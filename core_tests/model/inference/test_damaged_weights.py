@@ -12,8 +12,8 @@ import zipfile
 
 import numpy as np
 import pytest
-from conftest import random_arrays
 from fuzzing import one_sentence
+from random_weights import random_arrays
 
 from nsm_core.errors import WeightsError
 from nsm_core.model.features.layout import layout_description

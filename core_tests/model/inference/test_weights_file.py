@@ -9,8 +9,8 @@ import zipfile
 
 import numpy as np
 import pytest
-from conftest import LAYOUT, random_arrays
 from fuzzing import one_sentence
+from random_weights import LAYOUT, random_arrays
 
 from nsm_core.errors import OutputError, WeightsError
 from nsm_core.model.inference.model import load_model

@@ -8,8 +8,8 @@ import json
 
 import numpy as np
 import pytest
-from conftest import LAYOUT, random_arrays
 from fuzzing import one_sentence
+from random_weights import LAYOUT, random_arrays
 from recurrent import ELMAN, ElmanConfig
 
 from nsm_core.control.goals import Goal

@@ -7,7 +7,7 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from conftest import random_arrays
+from random_weights import random_arrays
 
 torch = pytest.importorskip("torch")
 
