@@ -15,6 +15,19 @@ ROOM = (np.array((-9.0, -9.0)), np.array((9.0, 9.0)))
 EMPTY = FloorPlan(Cuboids(), ROOM)
 
 
+def cell() -> Cuboids:
+    """Four walls about (0, -5.5) that nobody comes through."""
+    sides = (
+        ((0, -4), (1.5, 0.1)),
+        ((0, -7), (1.5, 0.1)),
+        ((-1.5, -5.5), (0.1, 1.6)),
+        ((1.5, -5.5), (0.1, 1.6)),
+    )
+    return Cuboids(
+        [(np.array(at), 0.0, np.array([(-x, -y, 0.0)]), np.array([(x, y, 2.5)])) for at, (x, y) in sides]
+    )
+
+
 class Puppet:
     """Goes where the goal series says at 1.2 m/s at most, and sits where it is told to, close enough."""
 

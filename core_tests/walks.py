@@ -11,14 +11,19 @@ from nsm_core.rotations import heading_quat, heading_to_direction, quat_from_rot
 LEGS = (FEET[0][:3], FEET[1][:3])
 
 
-def seated_pose() -> tuple[np.ndarray, np.ndarray]:
-    hips = np.array((0.0, 0.0, 0.45 + HIP_OVER_SEAT))
+def seated_rotations() -> np.ndarray:
+    """Local rotations (J, 4) of who sits upright with arms as in the T-pose."""
     local = np.zeros((J, 4))
     local[:, 0] = 1
     for name in ("RightHip", "LeftHip"):
         local[INDEX[name]] = quat_from_rotvec(np.array((-1.4, 0, 0)))
     for name in ("RightKnee", "LeftKnee"):
         local[INDEX[name]] = quat_from_rotvec(np.array((1.4, 0, 0)))
+    return local
+
+
+def seated_pose() -> tuple[np.ndarray, np.ndarray]:
+    hips, local = np.array((0.0, 0.0, 0.45 + HIP_OVER_SEAT)), seated_rotations()
     feet = np.array(((-0.12, -0.42, 0.085), (0.12, -0.42, 0.085)))
     return hips, place_limbs(hips, local, LEGS, feet)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from puppets import cell
 
 from nsm_core.body.skeleton import HIPS, forward_kinematics, root_of
 from nsm_core.control.goals import Goal
@@ -259,15 +260,8 @@ def test_a_start_that_is_no_number_is_refused_in_a_sentence(model, start, headin
 
 
 def test_a_walled_in_goal_is_refused_in_a_sentence(model):
-    sides = (
-        ((0, -4), (1.5, 0.1)),
-        ((0, -7), (1.5, 0.1)),
-        ((-1.5, -5.5), (0.1, 1.6)),
-        ((1.5, -5.5), (0.1, 1.6)),
-    )
-    walls = [(np.array(at), 0.0, np.array([(-x, -y, 0.0)]), np.array([(x, y, 2.5)])) for at, (x, y) in sides]
     with pytest.raises(GoalError, match=r"no free way .*\.$"):
-        run(model, TakeRequest(np.zeros(2), 0.0, [Goal("walk", "cell", (0, -5.5, 0), 0.0)], Cuboids(walls)))
+        run(model, TakeRequest(np.zeros(2), 0.0, [Goal("walk", "cell", (0, -5.5, 0), 0.0)], cell()))
 
 
 def test_trials_are_fixed_and_start_off_the_seat():

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from walks import synthetic_walk
+from walks import seated_rotations, synthetic_walk
 
 from nsm_core.body.capsules import Body
 from nsm_core.body.ik.two_bone import place_limbs
@@ -119,13 +119,7 @@ def test_actions_are_counted():
 
 def test_sitting_as_told_touches_but_does_not_penetrate():
     top = 0.45
-    hips = np.array((0.0, 0, top + HIP_OVER_SEAT))
-    local = np.zeros((J, 4))
-    local[:, 0] = 1
-    for name in ("RightHip", "LeftHip"):
-        local[INDEX[name]] = quat_from_rotvec(np.array((-1.4, 0, 0)))
-    for name in ("RightKnee", "LeftKnee"):
-        local[INDEX[name]] = quat_from_rotvec(np.array((1.4, 0, 0)))
+    hips, local = np.array((0.0, 0, top + HIP_OVER_SEAT)), seated_rotations()
     # Hands down beside the body, over the seat.
     for name, turn in (("RightShoulder", -1.2), ("LeftShoulder", 1.2)):
         local[INDEX[name]] = quat_from_rotvec(np.array((0, turn / 3, 0)))

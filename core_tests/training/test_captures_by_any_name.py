@@ -14,14 +14,14 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="training needs PyTorch")
 
+from small_nsm import CONFIG, prepared
+
 from nsm_core.data.captures import sidecar
 from nsm_core.data.export import take_arrays
 from nsm_core.data.scenarios.composer import Composer, load
 from nsm_core.data.scenarios.take import ComposedTake
 from nsm_core.data.storage import Dataset
 from nsm_core.model.features.state import WINDOW
-from nsm_core.model.networks.nsm_config import NsmConfig
-from nsm_core.training.batches import statistics
 from nsm_core.training.trainer import Trainer, TrainingSettings
 
 # A name that labels are brought for, and another for the copy; both in one order, which draws depend on.
@@ -37,15 +37,6 @@ NAMES = {
     "opencap/opencap_sts1": "g.bvh",
 }
 SEEDS = {"carry": 3, "sit": 3, "walk": 2, "run": 3}  # of takes that are soon composed
-CONFIG = NsmConfig(
-    encoder_frame=24,
-    encoder_goal=8,
-    encoder_environment=8,
-    encoder_interaction=8,
-    gating_hidden=8,
-    hidden=24,
-    experts=2,
-)
 SETTINGS = TrainingSettings(steps=6, data_batch=16, pool=16, learning_rate=1e-2, data_minutes=0.5, seed=2)
 
 
@@ -89,7 +80,7 @@ def trained(takes: list[ComposedTake]) -> tuple[list[float], list[np.ndarray]]:
     arrays = {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
     inside = [np.arange(a, b - WINDOW - 1) for a, b in pairwise(frames)]
     trainer = Trainer(Dataset(arrays, np.concatenate(inside)), SETTINGS, CONFIG)
-    trainer.net.set_statistics(floor=1e-4, **statistics(trainer.batches, 1000))
+    prepared(trainer)
     losses = [trainer.train_step() for _ in range(SETTINGS.steps)]
     return losses, [p.detach().numpy() for p in trainer.net.parameters()]
 

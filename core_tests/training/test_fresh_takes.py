@@ -13,24 +13,15 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="training needs PyTorch")
 
+from small_nsm import CONFIG, prepared
+
 from nsm_core.data.export import take_arrays
 from nsm_core.data.scenarios.composer import Composer
 from nsm_core.data.storage import OBJECT_FIELDS
 from nsm_core.errors import CaptureError
-from nsm_core.model.networks.nsm_config import NsmConfig
-from nsm_core.training.batches import Batches, RolloutSettings, statistics
+from nsm_core.training.batches import Batches, RolloutSettings
 from nsm_core.training.fresh_takes import LONGEST, THINGS, FreshSettings, FreshTakes, Ring, both
 from nsm_core.training.trainer import Trainer, TrainingSettings
-
-CONFIG = NsmConfig(
-    encoder_frame=32,
-    encoder_goal=16,
-    encoder_environment=16,
-    encoder_interaction=16,
-    gating_hidden=16,
-    hidden=32,
-    experts=2,
-)
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +101,7 @@ def test_a_process_composes_the_takes_of_its_seeds_and_training_draws_from_them(
         trainer = Trainer(
             captures.dataset(captures.data_folder(tmp_path_factory)), settings, CONFIG, fresh=fresh
         )
-        trainer.net.set_statistics(floor=1e-4, **statistics(trainer.batches, 1000))
+        prepared(trainer)
         assert [(len(b.pool_frames), count) for b, count in trainer.sources] == [(12, 12), (4, 4)]
         before = fresh.ring.written
         for _ in range(1500):

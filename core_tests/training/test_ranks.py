@@ -14,23 +14,14 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="training needs PyTorch")
 
+from small_nsm import CONFIG, prepared
+
 from nsm_core.data.storage import Dataset
 from nsm_core.errors import WeightsError
-from nsm_core.model.networks.nsm_config import NsmConfig
-from nsm_core.training.batches import statistics
 from nsm_core.training.ranks import ALONE, Ranks
 from nsm_core.training.trainer import Trainer, TrainingSettings
 
 ROOT = Path(__file__).resolve().parents[2]
-CONFIG = NsmConfig(
-    encoder_frame=48,
-    encoder_goal=16,
-    encoder_environment=24,
-    encoder_interaction=16,
-    gating_hidden=16,
-    hidden=48,
-    experts=3,
-)
 STEPS = 60
 SETTINGS = TrainingSettings(steps=STEPS, data_batch=48, pool=48, learning_rate=1e-2, averaging=0.5, seed=4)
 
@@ -39,8 +30,7 @@ def train(data: Dataset, ranks: Ranks) -> tuple[list[tuple[float, float]], Train
     """The losses of the steps of one process, and its trainer."""
     torch.set_num_threads(1)
     trainer = Trainer(data, SETTINGS, CONFIG, ranks=ranks)
-    trainer.net.set_statistics(floor=1e-4, **statistics(trainer.batches, 2000))
-    trainer.average.refresh(trainer.net)
+    prepared(trainer, 2000)
     ranks.alike(trainer.net, trainer.average)
     return [trainer.train_step() for _ in range(STEPS)], trainer
 

@@ -11,6 +11,8 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="training needs PyTorch")
 
+from small_nsm import prepared
+
 from nsm_core.data.storage import Dataset
 from nsm_core.model.features.codec import build_targets, read_outputs
 from nsm_core.model.features.layout import INPUT, Inputs
@@ -18,7 +20,7 @@ from nsm_core.model.features.rollout_step import BLENDINGS, advance
 from nsm_core.model.inference.model import load_model
 from nsm_core.model.networks.lstm_config import AutoLstmConfig, LstmConfig
 from nsm_core.model.networks.mlp_config import MlpConfig
-from nsm_core.training.batches import Batches, RolloutSettings, statistics
+from nsm_core.training.batches import Batches, RolloutSettings
 from nsm_core.training.log import Log
 from nsm_core.training.loop import run_training
 from nsm_core.training.measured_phase import with_measured_phase
@@ -37,10 +39,7 @@ def data(tmp_path_factory) -> Dataset:
 
 
 def trainer_of(data: Dataset, config, **settings) -> Trainer:
-    trainer = Trainer(data, replace(SETTINGS, **settings), config)
-    trainer.net.set_statistics(floor=1e-4, **statistics(trainer.batches, 1000))
-    trainer.average.refresh(trainer.net)
-    return trainer
+    return prepared(Trainer(data, replace(SETTINGS, **settings), config))
 
 
 def batches_of(data, pool: int = 32, **settings) -> Batches:

@@ -13,6 +13,8 @@ from recurrent import ELMAN, ElmanConfig
 
 torch = pytest.importorskip("torch", reason="training needs PyTorch")
 
+from small_nsm import CONFIG, prepared
+
 from nsm_core.body.skeleton import FEET, INDEX
 from nsm_core.conventions import STYLES
 from nsm_core.data.scenarios.registry import drawn
@@ -24,22 +26,12 @@ from nsm_core.model.features.meaning import meaning
 from nsm_core.model.features.rollout_step import advance
 from nsm_core.model.features.state import State
 from nsm_core.model.inference.model import load_model
-from nsm_core.model.networks.nsm_config import NsmConfig
 from nsm_core.model.networks.registry import KINDS
 from nsm_core.rotations import rotate_planar, wrap_angle
 from nsm_core.training.batches import Batches, RolloutSettings, loss_weights, statistics
 from nsm_core.training.schedule import FLOOR, WARM_UP, cosine_restarts
 from nsm_core.training.trainer import Trainer, TrainingSettings, device_of
 
-CONFIG = NsmConfig(
-    encoder_frame=48,
-    encoder_goal=16,
-    encoder_environment=24,
-    encoder_interaction=16,
-    gating_hidden=16,
-    hidden=48,
-    experts=3,
-)
 SETTINGS = TrainingSettings(
     steps=90, data_batch=24, pool=24, learning_rate=1e-2, averaging=0.5, data_minutes=1.5, seed=4
 )
@@ -54,8 +46,7 @@ def data(tmp_path_factory):
 def trainer_of(data, seed_offset: int = 0) -> Trainer:
     trainer = Trainer(data, SETTINGS, CONFIG, seed_offset)
     # Statistics over fewer frames than a real run takes.
-    trainer.net.set_statistics(floor=1e-4, **statistics(trainer.batches, 2000))
-    trainer.average.refresh(trainer.net)
+    prepared(trainer, 2000)
     return trainer
 
 
@@ -153,8 +144,7 @@ def test_a_network_with_memory_trains_and_remembers_each_roll_out(data, tmp_path
     settings = replace(SETTINGS, device=device, window=4, rollout=RolloutSettings(length=6))
     trainer = Trainer(data, settings, ElmanConfig())
     assert {p.device.type for p in trainer.net.parameters()} == {trainer.weights.device.type} == {device}
-    trainer.net.set_statistics(floor=1e-4, **statistics(trainer.batches, 1000))
-    trainer.average.refresh(trainer.net)
+    prepared(trainer)
     rows, ages = settings.data_batch // 4, []
     for step in range(12):
         losses, age = trainer.train_step(), trainer.batches.pool_age
@@ -190,8 +180,7 @@ def test_what_only_memory_can_know_is_learnt_through_the_window(data, monkeypatc
             SETTINGS, data_batch=64, pool=16, window=window, noise=0.0, learning_rate=5e-3, steps=150
         )
         trainer = Trainer(delayed(data, 1), settings, ElmanConfig(recall=0.0))
-        trainer.net.set_statistics(floor=1e-4, **statistics(trainer.batches, 1000))
-        trainer.average.refresh(trainer.net)
+        prepared(trainer)
         at = OUTPUT.slices["contact"].start
         trainer.weights = torch.zeros(OUTPUT.size)
         trainer.weights[at] = OUTPUT.size  # the loss is that of this one output: 1 for who does not know it

@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from actors import Actor, drive
+from puppets import cell
 
 from nsm_core.body.skeleton import INDEX, J
 from nsm_core.control.actions.box_grasp import Carrying
@@ -284,14 +285,7 @@ def test_the_side_with_room_that_is_near_is_chosen():
 def test_a_box_behind_walls_is_refused_in_a_sentence():
     from nsm_core.control.actions.registry import check_reachable
 
-    sides = (
-        ((0, -4), (1.5, 0.1)),
-        ((0, -7), (1.5, 0.1)),
-        ((-1.5, -5.5), (0.1, 1.6)),
-        ((1.5, -5.5), (0.1, 1.6)),
-    )
-    walls = [(np.array(at), 0.0, np.array([(-x, -y, 0.0)]), np.array([(x, y, 2.5)])) for at, (x, y) in sides]
-    plan = FloorPlan(Cuboids(walls), (np.array((-2.5, -7.5)), np.array((2.5, 1.0))))
+    plan = FloorPlan(cell(), (np.array((-2.5, -7.5)), np.array((2.5, 1.0))))
     with pytest.raises(GoalError, match=r"'Box' cannot be reached.*no free way .*\.$"):
         check_reachable([to_table(on_floor(0.0, -5.5))], plan, np.zeros(2))
     with pytest.raises(GoalError, match=r"'Box' cannot be reached.*\.$"):
