@@ -43,6 +43,31 @@ def pytest_unconfigure(config) -> None:
         leave(int(status))
 
 
+@pytest.fixture
+def registered(empty_scene):
+    """The add-on at work in the empty scene; a take under way is ended with the test."""
+    import nsm_blender
+    from nsm_blender.ui import running
+
+    nsm_blender.register()
+    yield bpy.context.scene
+    running.end_take()
+    nsm_blender.unregister()
+
+
+@pytest.fixture
+def rigify():
+    """Blender's own generator of rigs at work, where this Blender has it."""
+    try:
+        enabled = bpy.ops.preferences.addon_enable(module="rigify") == {"FINISHED"}
+    except RuntimeError:
+        enabled = False
+    if not enabled:
+        pytest.skip("this Blender has no Rigify")
+    yield
+    bpy.ops.preferences.addon_disable(module="rigify")
+
+
 @pytest.fixture(autouse=True)
 def empty_scene():
     """Start from an empty file with factory settings."""

@@ -127,3 +127,11 @@ def add_deform_bones(rig: bpy.types.Object, deform: Mapping[str, str], switch: s
         variable.type = "SINGLE_PROP"
         variable.targets[0].id, variable.targets[0].data_path = rig, f'pose.bones["root"]["{switch}"]'
         curve.driver.type = "AVERAGE"
+
+
+def rigify_rig() -> tuple[bpy.types.Object, bpy.types.Object]:
+    """A metarig of Rigify's and the rig that it generates from it."""
+    bpy.ops.object.armature_basic_human_metarig_add()
+    metarig = bpy.context.object
+    bpy.ops.pose.rigify_generate()
+    return metarig, next(o for o in bpy.data.objects if o.type == "ARMATURE" and o != metarig)

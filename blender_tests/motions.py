@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import addon_utils
 import bpy
 import numpy as np
 
@@ -31,3 +34,12 @@ def blender_heads(armature: bpy.types.Object, frames: range) -> np.ndarray:
         bpy.context.scene.frame_set(frame)
         heads.append([list(armature.matrix_world @ armature.pose.bones[n].head) for n in JOINTS])
     return np.array(heads)
+
+
+def imported_bvh(path: Path) -> bpy.types.Object:
+    """The armature that Blender's own importer makes of a BVH file of ours."""
+    addon_utils.enable("io_anim_bvh")
+    bpy.ops.import_anim.bvh(
+        filepath=str(path), axis_forward="-Z", axis_up="Y", global_scale=0.01, rotate_mode="NATIVE"
+    )
+    return bpy.context.object

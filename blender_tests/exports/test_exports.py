@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import addon_utils
 import bpy
 import numpy as np
 import pytest
 from foreign_rigs import MIXAMO, foreign_rig
+from motions import imported_bvh
 from scenes import box
 
 import nsm_blender
@@ -110,15 +110,7 @@ def test_a_bvh_has_the_joints_where_the_scene_shows_them(scene, tmp_path):
     assert state(scene) == before
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.context.scene.render.fps = RATE
-    addon_utils.enable("io_anim_bvh")
-    bpy.ops.import_anim.bvh(
-        filepath=str(tmp_path / "take.bvh"),
-        axis_forward="-Z",
-        axis_up="Y",
-        global_scale=0.01,
-        rotate_mode="NATIVE",
-    )
-    read = bpy.context.object
+    read = imported_bvh(tmp_path / "take.bvh")
     for frame, joints in zip(frames, expected, strict=True):
         bpy.context.scene.frame_set(frame - FIRST + 1)  # the importer begins at one
         heads = [read.matrix_world @ read.pose.bones[name].head for name in JOINTS]

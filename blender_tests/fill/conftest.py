@@ -21,3 +21,19 @@ def addon():
     nsm_blender.register()
     yield
     nsm_blender.unregister()
+
+
+@pytest.fixture
+def hero(addon):
+    """A character whose walk lacks some frames, with the playhead in the gap and a pose that is not keyed."""
+    import bpy
+    from gaps import END, START, cut, walking
+
+    from nsm_blender.rigs.character import add_character
+
+    character = add_character((0.0, 0.0, 0.0))
+    walking(character, 30)
+    cut(character, START, END)
+    bpy.context.scene.frame_set(50)
+    bpy.context.view_layer.update()
+    return character

@@ -17,6 +17,8 @@ from nsm_blender.rigs.armature import Placement
 from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import finish, generate
 
+START, END = 40, 66  # of the gap in ``hero``'s walk
+
 
 @lru_cache(maxsize=1)
 def walk() -> tuple[np.ndarray, np.ndarray]:

@@ -6,30 +6,15 @@ import bpy
 import pytest
 from everything import difference, digest
 from foreign_rigs import remove_bones
-from gaps import cut, playing, walking
+from gaps import END, START, cut, playing
 
 from nsm_blender.fill import fill as fill_room
 from nsm_blender.fill.fill import fill_gap
 from nsm_blender.fill.spec import INTERPOLATE, FillSpec
-from nsm_blender.rigs.character import add_character
 from nsm_blender.takes import finish
 from nsm_core.errors import GapError, NsmError, SkeletonError, WeightsError
 
-START, END = 40, 66
-
-
 pytestmark = pytest.mark.usefixtures("addon")
-
-
-@pytest.fixture
-def hero():
-    """A character whose walk lacks some frames, with the playhead in the gap and a pose that is not keyed."""
-    character = add_character((0.0, 0.0, 0.0))
-    walking(character, 30)
-    cut(character, START, END)
-    bpy.context.scene.frame_set(50)
-    bpy.context.view_layer.update()
-    return character
 
 
 def refused(character, error: type[NsmError], words: str, **more) -> str:

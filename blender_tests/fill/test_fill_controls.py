@@ -5,10 +5,10 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
+from foreign_rigs import rigify_rig
 from gaps import cut, outside, playing, walk, walking
 from test_fill_gap import filled
 
-import nsm_blender
 from nsm_blender.keys.switches import switches_of
 from nsm_blender.rigs.armature import read_world_pose
 
@@ -22,22 +22,9 @@ def motion():
 
 
 @pytest.fixture
-def generated():
+def generated(rigify, registered):
     """A rig as Rigify generates it."""
-    try:
-        enabled = bpy.ops.preferences.addon_enable(module="rigify") == {"FINISHED"}
-    except RuntimeError:
-        enabled = False
-    if not enabled:
-        pytest.skip("this Blender has no Rigify")
-    nsm_blender.register()
-    bpy.ops.object.armature_basic_human_metarig_add()
-    metarig = bpy.context.object
-    bpy.ops.pose.rigify_generate()
-    rig = next(o for o in bpy.data.objects if o.type == "ARMATURE" and o != metarig)
-    yield rig
-    nsm_blender.unregister()
-    bpy.ops.preferences.addon_disable(module="rigify")
+    return rigify_rig()[1]
 
 
 def shown(rig, frames) -> np.ndarray:

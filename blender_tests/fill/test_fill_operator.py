@@ -5,31 +5,23 @@ from __future__ import annotations
 import bpy
 import pytest
 from everything import difference, digest
-from gaps import cut, outside, playing, walking
+from gaps import END, START, cut, outside, playing, walking
 from modal import Modal, Window
 
-from nsm_blender.rigs.character import add_character
 from nsm_blender.ui import running
 from nsm_blender.ui.operators import modal as stepping
 from nsm_blender.ui.operators.fill import NSM_OT_fill
 from nsm_blender.ui.reviews import pending
 
-START, END = 40, 66
-
-
 pytestmark = pytest.mark.usefixtures("addon")
 
 
 @pytest.fixture
-def hero():
-    """A character whose walk lacks some frames, with the playhead in the gap."""
-    character = add_character((0.0, 0.0, 0.0))
-    walking(character, 30)
-    cut(character, START, END)
+def hero(hero):
+    """The character of the sidebar, filled by interpolation."""
     scene = bpy.context.scene
-    scene.nsm.character, scene.nsm.fill.method = character, "interpolate"
-    scene.frame_set(50)
-    return character
+    scene.nsm.character, scene.nsm.fill.method = hero, "interpolate"
+    return hero
 
 
 def test_a_fill_is_accepted_or_rejected_and_varied(hero):

@@ -27,10 +27,8 @@ BY_KEY = {layer.key: layer for layer in LAYERS}
 
 
 @pytest.fixture
-def settings():
-    nsm_blender.register()
-    yield bpy.context.scene.nsm
-    nsm_blender.unregister()
+def settings(registered):
+    return registered.nsm
 
 
 def room(scale: float = 1.0):

@@ -48,13 +48,6 @@ SMALL = sided(  # two spine bones, no neck, no collars, no toes
 )  # fmt: skip
 
 
-@pytest.fixture
-def registered():
-    nsm_blender.register()
-    yield
-    nsm_blender.unregister()
-
-
 @pytest.mark.parametrize(
     "names",
     [MIXAMO, {k: f"mixamorig:{v}" for k, v in MIXAMO.items()}, UNREAL, VRM, SMALL],

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import addon_utils
 import bpy
 import numpy as np
+from motions import imported_bvh
 
 from nsm_core.body.skeleton import JOINTS, forward_kinematics
 from nsm_core.data.captures import bvh_writer
@@ -19,15 +19,7 @@ def test_blender_reads_the_joints_where_they_were(tmp_path):
     steps = np.cumsum(rng.normal(size=(24, len(JOINTS), 4)) * 0.25, axis=0) + np.array((1.0, 0, 0, 0))
     hips, local = np.cumsum(rng.normal(size=(24, 3)) * 0.05, axis=0), quat_normalize(steps)
     bvh_writer.write_bvh(tmp_path / "take.bvh", hips, local)
-    addon_utils.enable("io_anim_bvh")
-    bpy.ops.import_anim.bvh(
-        filepath=str(tmp_path / "take.bvh"),
-        axis_forward="-Z",
-        axis_up="Y",
-        global_scale=0.01,
-        rotate_mode="NATIVE",
-    )
-    rig, (positions, _) = bpy.context.object, forward_kinematics(hips, local)
+    rig, (positions, _) = imported_bvh(tmp_path / "take.bvh"), forward_kinematics(hips, local)
     for frame in range(0, 24, 6):
         bpy.context.scene.frame_set(frame + 1)
         heads = [rig.matrix_world @ rig.pose.bones[name].head for name in JOINTS]

@@ -7,7 +7,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
-from foreign_rigs import MIXAMO, add_deform_bones, foreign_rig
+from foreign_rigs import MIXAMO, add_deform_bones, foreign_rig, rigify_rig
 from motions import wandering_take
 from test_rig_skeleton import worst_angle
 
@@ -81,23 +81,8 @@ def test_a_take_that_fails_gives_the_switch_back(rig, monkeypatch):
     assert switch(rig) == 0 and not bpy.data.actions
 
 
-@pytest.fixture
-def rigify():
-    try:
-        enabled = bpy.ops.preferences.addon_enable(module="rigify") == {"FINISHED"}
-    except RuntimeError:
-        enabled = False
-    if not enabled:
-        pytest.skip("this Blender has no Rigify")
-    yield
-    bpy.ops.preferences.addon_disable(module="rigify")
-
-
 def test_a_metarig_and_the_rig_that_rigify_generates_from_it(rigify):
-    bpy.ops.object.armature_basic_human_metarig_add()
-    metarig = bpy.context.object
-    bpy.ops.pose.rigify_generate()
-    generated = next(o for o in bpy.data.objects if o.type == "ARMATURE" and o != metarig)
+    metarig, generated = rigify_rig()
     bpy.context.scene.render.fps = 30
     hips, local = wandering_take(4)
     for made, family in ((metarig, "rigify"), (generated, "preset rigify_generated")):
@@ -137,10 +122,7 @@ def fewer_keys_of_controls_keep_hands_and_feet(rig):
 def test_hands_and_feet_of_a_generated_rig_are_placed_by_their_ik_controls(rigify):
     nsm_blender.register()
     try:
-        bpy.ops.object.armature_basic_human_metarig_add()
-        metarig = bpy.context.object
-        bpy.ops.pose.rigify_generate()
-        rig = next(o for o in bpy.data.objects if o.type == "ARMATURE" and o != metarig)
+        _, rig = rigify_rig()
         bpy.context.scene.render.fps = 30
         rig.data.nsm_rig.limbs = "IK"
         before = switches_of(rig)

@@ -6,8 +6,8 @@ import types
 
 import bpy
 import pytest
+from drawn import Layout
 from foreign_rigs import MIXAMO, foreign_rig, remove_bones
-from test_panel import Layout
 
 import nsm_blender
 from nsm_blender.ui.bones_panel import NSM_PT_bones

@@ -7,7 +7,6 @@ import pytest
 from mathutils import Vector
 from scenes import box
 
-import nsm_blender
 from nsm_blender.rigs.character import add_character
 from nsm_blender.ui.operators.pick import picked
 from nsm_blender.ui.properties import queue_of, settings_of
@@ -16,10 +15,8 @@ DOWN, ALONG = Vector((0, 0, -1)), Vector((0, 1, -0.2))
 
 
 @pytest.fixture
-def scene():
-    nsm_blender.register()
-    yield bpy.context.scene
-    nsm_blender.unregister()
+def scene(registered):
+    return registered
 
 
 def at(scene, x: float, y: float, direction=DOWN, z: float = 4.0):

@@ -6,19 +6,12 @@ import bpy
 import pytest
 from scenes import box, empty
 
-import nsm_blender
 from nsm_blender.rigs.character import add_character
 from nsm_blender.ui import running
 from nsm_blender.ui.operators.generate import spec_of
 from nsm_blender.ui.properties import queue_of
 
-
-@pytest.fixture(autouse=True)
-def settings():
-    nsm_blender.register()
-    yield bpy.context.scene.nsm
-    running.end_take()
-    nsm_blender.unregister()
+pytestmark = pytest.mark.usefixtures("settings")
 
 
 def shown() -> list[str]:

@@ -6,8 +6,8 @@ import types
 
 import bpy
 import pytest
+from drawn import Layout
 from scenes import box, empty
-from test_panel import Layout
 
 import nsm_blender
 from nsm_blender import user_folder

@@ -17,13 +17,6 @@ ROOT = Path(__file__).resolve().parents[2]
 CLASSES = (*properties.CLASSES, *operators.CLASSES, *panels.CLASSES)
 
 
-@pytest.fixture
-def registered():
-    nsm_blender.register()
-    yield
-    nsm_blender.unregister()
-
-
 def test_registering_twice_and_unregistering_twice_is_harmless():
     nsm_blender.register()
     nsm_blender.register()

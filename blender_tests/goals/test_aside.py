@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
-
 import bpy
 import numpy as np
 import pytest
+from placings import performed, small_thing
 from scenes import box, mesh_of_boxes
 
-from nsm_blender.batch import main
 from nsm_blender.goals.resolve import resolve
 from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.prepare import start_of
@@ -31,8 +29,7 @@ def furnish():
     ]
     mesh_of_boxes("Niche", niche)
     box("Table", (0.9, -1.6, 0.0), (1.9, -0.9, 0.75))
-    jar = mesh_of_boxes("Jar", [((-0.02, -0.02, 0.0), (0.02, 0.02, 0.1))], BEHIND)
-    tin = mesh_of_boxes("Tin", [((-0.04, -0.04, 0.0), (0.04, 0.04, 0.12))], BEFORE)
+    jar, tin = small_thing("Jar", BEHIND, 0.02, 0.1), small_thing("Tin", BEFORE, 0.04)
     character = add_character((0.0, -1.6, 0.0))
     bpy.context.view_layer.update()
     return jar, tin, character
@@ -60,25 +57,10 @@ def test_what_stands_before_a_thing_is_put_aside_first_unless_it_may_not_be_move
 
 def test_a_take_keys_what_it_puts_aside_and_says_so(tmp_path):
     _, _, character = furnish()
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "room.blend"))
-    (tmp_path / "job.toml").write_text(
-        f"""scene = "room.blend"
-[[take]]
-name = "place"
-character = "{character.name}"
-seed = 2
-goals = [ {{ object = "Jar", action = "place", to = "Table", hold = 0.2 }} ]
-out = "out.blend"
-report = "out.json"
-""",
-        encoding="utf-8",
-    )
-    assert main([str(tmp_path / "job.toml")]) == 0
-    report = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    report = performed(tmp_path, character.name, "Jar")
     (goal,) = report["goals"]
     assert goal["reached"] and goal["position_error_cm"] < 1.0
     assert any("Tin stood in the way" in remark for remark in goal["remarks"])
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out.blend"))
     scene, tin, jar = bpy.context.scene, bpy.data.objects["Tin"], bpy.data.objects["Jar"]
     scene.frame_set(1)
     np.testing.assert_allclose(tin.matrix_world.translation, BEFORE, atol=1e-4)

@@ -2,55 +2,24 @@
 
 from __future__ import annotations
 
-import json
-
 import bpy
 import numpy as np
-from scenes import box, mesh_of_boxes
+from placings import performed, shelf_and_table, small_thing
 
-from nsm_blender.batch import main
 from nsm_blender.rigs.character import add_character
 
 STANDS = {"Jar": (0.05, 0.1, 0.98), "Tin": (-0.2, 0.1, 0.98)}
 
 
-def furnish(path):
+def furnish():
     """A shelf with a jar and a tin, a table, and a character."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    shelf = [
-        ((-0.4, 0.0, 0.95), (0.4, 0.3, 0.98)),
-        ((-0.4, 0.0, 1.35), (0.4, 0.3, 1.38)),
-        ((-0.4, 0.3, 0.0), (0.4, 0.32, 1.8)),
-    ]
-    mesh_of_boxes("Shelf", shelf)
-    box("Table", (1.0, -1.6, 0.0), (2.0, -0.9, 0.75))
+    shelf_and_table()
     for name, foot in STANDS.items():
-        mesh_of_boxes(name, [((-0.035, -0.035, 0.0), (0.035, 0.035, 0.12))], foot)
+        small_thing(name, foot)
     character = add_character((0.0, -1.6, 0.0))
     bpy.context.view_layer.update()
-    bpy.ops.wm.save_as_mainfile(filepath=str(path))
     return character.name
-
-
-def performed(tmp_path, character):
-    (tmp_path / "job.toml").write_text(
-        f"""scene = "room.blend"
-[[take]]
-name = "bring"
-character = "{character}"
-seed = 2
-goals = [
-    {{ object = "Jar", action = "place", to = "Table", hold = 0.2 }},
-    {{ object = "Tin", action = "place", to = "Table", hold = 0.2 }},
-]
-out = "out.blend"
-report = "out.json"
-""",
-        encoding="utf-8",
-    )
-    assert main([str(tmp_path / "job.toml")]) == 0
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out.blend"))
-    return json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
 
 
 def seen(character, frames):
@@ -67,8 +36,8 @@ def seen(character, frames):
 
 
 def test_two_things_are_carried_at_once_and_each_is_told(tmp_path):
-    character = furnish(tmp_path / "room.blend")
-    report = performed(tmp_path, character)
+    character = furnish()
+    report = performed(tmp_path, character, *STANDS)
     assert [goal["object"] for goal in report["goals"]] == ["Jar", "Tin"]
     for goal in report["goals"]:
         assert goal["reached"] and goal["position_error_cm"] < 1.0 and goal["hand_error_cm"] < 1.0

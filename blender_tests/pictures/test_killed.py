@@ -22,7 +22,7 @@ from nsm_blender.pictures.render import read_png
 from nsm_core.data.captures import reader
 from nsm_core.data.captures.folder import CaptureFolder
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 CORE = """
 import numpy as np
 from nsm_core.data.captures import bvh_writer

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
-
 import bpy
 import numpy as np
 import pytest
-from scenes import box, empty, mesh_of_boxes
+from placings import performed, shelf_and_table, small_thing
+from scenes import empty
 
-from nsm_blender.batch import main
 from nsm_blender.goals.resolve import resolve
 from nsm_blender.goals.spec import GoalSpec
 from nsm_blender.prepare import start_of
@@ -21,14 +19,8 @@ FOOT = (0.05, 0.1, 0.98)
 
 def furnish():
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    shelf = [
-        ((-0.4, 0.0, 0.95), (0.4, 0.3, 0.98)),
-        ((-0.4, 0.0, 1.35), (0.4, 0.3, 1.38)),
-        ((-0.4, 0.3, 0.0), (0.4, 0.32, 1.8)),
-    ]
-    mesh_of_boxes("Shelf", shelf)
-    box("Table", (1.0, -1.6, 0.0), (2.0, -0.9, 0.75))
-    jar = mesh_of_boxes("Jar", [((-0.035, -0.035, 0.0), (0.035, 0.035, 0.12))], FOOT)
+    shelf_and_table()
+    jar = small_thing("Jar", FOOT)
     character = add_character((0.0, -1.6, 0.0))
     bpy.context.view_layer.update()
     return jar, character
@@ -73,26 +65,11 @@ def test_what_cannot_be_is_told_in_one_sentence(to, more, told):
 
 
 def test_a_job_picks_a_jar_and_puts_it_on_a_table(tmp_path):
-    jar, character = furnish()
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "room.blend"))
-    (tmp_path / "job.toml").write_text(
-        f"""scene = "room.blend"
-[[take]]
-name = "place"
-character = "{character.name}"
-seed = 2
-goals = [ {{ object = "Jar", action = "place", to = "Table", hold = 0.2 }} ]
-out = "out.blend"
-report = "out.json"
-""",
-        encoding="utf-8",
-    )
-    assert main([str(tmp_path / "job.toml")]) == 0
-    report = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    _, character = furnish()
+    report = performed(tmp_path, character.name, "Jar")
     (goal,) = report["goals"]
     assert goal["reached"] and goal["position_error_cm"] < 1.0 and goal["hand_error_cm"] < 1.0
     assert report["penetration_cm"] < 2.0
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out.blend"))
     scene, jar = bpy.context.scene, bpy.data.objects["Jar"]
     scene.frame_set(1)
     np.testing.assert_allclose(jar.matrix_world.translation, FOOT, atol=1e-4)

@@ -17,7 +17,7 @@ from nsm_blender.rigs.character import add_character
 from nsm_core.data.captures import reader
 from nsm_core.errors import JobError
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 KEYS = {
     "name", "frames", "fps", "goals", "foot_sliding_cm_s", "planted_share", "top_speed_m_s", "penetration_cm",
     "ms_per_frame",
