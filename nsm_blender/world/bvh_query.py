@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from nsm_core.rotations import Array
+from nsm_core.world.geometry.dilation import grown
 from nsm_core.world.geometry.mesh_reading import Reading
 from nsm_core.world.scene.terrain import FLOOR_TOP
 from nsm_core.world.sensors.environment import SPHERE_RADIUS
@@ -114,14 +115,7 @@ class BVHQuery:
                 if wide:
                     places = places[places[:, 2] > FLOOR_TOP]
                 near[tuple(((places - self._near_low) / cell).astype(np.int64).T)] = True
-        for axis in range(3):
-            line = np.moveaxis(near, axis, 0)
-            spread = line.copy()
-            for step in range(1, margin + 1):
-                spread[step:] |= line[:-step]
-                spread[:-step] |= line[step:]
-            near = np.moveaxis(spread, 0, axis)
-        self._near = np.ascontiguousarray(near)
+        self._near = np.ascontiguousarray(grown(near, margin))
 
     def signed_distance(self, points: Array, max_distance: float) -> Array:
         """Distances (N,) float32 in metres of ``points`` (N, 3): negative inside, never over

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsm_core.rotations import Array, rotate_planar
+from nsm_core.world.geometry.dilation import grown
 from nsm_core.world.geometry.triangles import cut_triangles
 
 from .beside import freely
@@ -87,7 +88,7 @@ def find_levels(vertices: Array, triangles: Array, near: Array) -> list[Level]:
         mask = left & (np.abs(heights - height) < _EVEN)
         if mask.sum() * CELL**2 < _LEAST_AREA:
             break
-        closed = _shrink(_grow(np.pad(mask, _SLOT), _SLOT), _SLOT)[_SLOT:-_SLOT, _SLOT:-_SLOT]
+        closed = _shrink(grown(np.pad(mask, _SLOT), _SLOT), _SLOT)[_SLOT:-_SLOT, _SLOT:-_SLOT]
         top = closed & ((heights < height + _EVEN) | mask)
         levels.append(Level(height, top, top.copy(), corner))
         left &= ~mask
@@ -205,20 +206,9 @@ def _cut(corners: Array, low: Array, high: Array) -> Array:
     return cut_triangles(corners, 0.85 * CELL).reshape(-1, 3)
 
 
-def _grow(mask: Array, n: int) -> Array:
-    for axis in (0, 1):
-        line = np.moveaxis(mask, axis, 0)
-        spread = line.copy()
-        for step in range(1, n + 1):
-            spread[step:] |= line[:-step]
-            spread[:-step] |= line[step:]
-        mask = np.moveaxis(spread, 0, axis)
-    return mask
-
-
 def _shrink(mask: Array, n: int) -> Array:
     """Cells whose square neighbourhood of ``n`` cells is set; what lies outside the map is not."""
-    return ~_grow(np.pad(~mask, n, constant_values=True), n)[n:-n, n:-n] if n else mask
+    return ~grown(np.pad(~mask, n, constant_values=True), n)[n:-n, n:-n] if n else mask
 
 
 def crossings(vertices: Array, triangles: Array, place: Array) -> Array:

@@ -11,8 +11,7 @@ import numpy as np
 
 from nsm_core.data.reaches.ways import HandTask, quickest, tasks_to
 from nsm_core.rotations import Array
-from nsm_core.world.assets.kitchen import Kitchen, Standing, make_kitchen
-from nsm_core.world.assets.kitchen_filling import Filling, fill_board
+from nsm_core.world.assets.kitchen import Kitchen, make_kitchen
 from nsm_core.world.geometry.distance import Cuboids
 from nsm_core.world.scene.containers import Container, MovingPart, Shelf, moving_part
 from nsm_core.world.scene.furniture import build
@@ -59,11 +58,7 @@ def _made(seed: int, rng: np.random.Generator, number: int) -> Kitchen:
         kitchen.containers = {piece.name: piece.put((0.0, -1.5, 0.0, 0.0))}
     else:
         kitchen.containers = {name: scaled(piece, scale) for name, piece in kitchen.containers.items()}
-    filling = Filling(rng, _FILL, _BLOCKED)
-    for name, container in kitchen.containers.items():
-        for board_number, board in enumerate(container.boards):
-            for thing, blockers in fill_board(filling, container, board):
-                kitchen.things[thing.name] = Standing(thing, name, board_number, blockers)
+    kitchen.furnish(rng, _FILL, _BLOCKED)
     return kitchen
 
 

@@ -84,6 +84,14 @@ class Kitchen:
             ]
         return found
 
+    def furnish(self, rng: np.random.Generator, fill: float, blocked: float) -> None:
+        """Stand things on all boards, as ``make_kitchen`` says."""
+        filling = Filling(rng, fill, blocked)
+        for name, container in self.containers.items():
+            for number, board in enumerate(container.boards):
+                for thing, blockers in fill_board(filling, container, board):
+                    self.things[thing.name] = Standing(thing, name, number, blockers)
+
     def open(self, container: str, part: str, opening: float) -> None:
         """Set how far a part is open, 0..1; what lies in a drawer goes with it.  Raises GeometryError on a
         part or container that is not there.
@@ -113,11 +121,7 @@ def make_kitchen(seed: int, fill: float = 0.7, blocked: float = 0.35) -> Kitchen
     kitchen = Kitchen(seed, _walls(length))
     for container in [*row, *_over_the_row(rng, row), _table(rng, length)]:
         _named(kitchen, container)
-    filling = Filling(rng, fill, blocked)
-    for name, container in kitchen.containers.items():
-        for number, board in enumerate(container.boards):
-            for thing, blockers in fill_board(filling, container, board):
-                kitchen.things[thing.name] = Standing(thing, name, number, blockers)
+    kitchen.furnish(rng, fill, blocked)
     return kitchen
 
 
