@@ -53,7 +53,7 @@ class FieldSettings:
 
 
 class FieldTrainer(TimedTrainer):
-    """State of one run."""
+    """State of one run: the network, and a latent code of every way that is learnt, as it is and mirrored."""
 
     def __init__(self, library: WayLibrary, config: FieldConfig, settings: FieldSettings) -> None:
         super().__init__(settings.minutes, 0, settings.seed)

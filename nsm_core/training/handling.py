@@ -96,7 +96,10 @@ def split(library: HandlingLibrary, settings: HandlingSettings) -> int:
 
 
 class HandlingTrainer(TimedTrainer):
-    """State of one run."""
+    """State of one run: the network, and a batch of characters that it leads from frame to frame.
+
+    Where it goes on from a checkpoint, characters begin on the data again.
+    """
 
     def __init__(
         self,
@@ -124,7 +127,7 @@ class HandlingTrainer(TimedTrainer):
         self._state = self.tracks.state(self._frames)
 
     def rate(self) -> float:
-        """As of every run, with a short warm-up."""
+        """That of every run, after a short warm-up."""
         return super().rate() * min(1.0, (self.step + 1) / _WARM_UP)
 
     def step_on(self, rng: np.random.Generator) -> tuple[float, float]:

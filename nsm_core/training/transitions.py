@@ -64,7 +64,7 @@ class TransitionTrainer(TimedTrainer):
         return super().parts() | {"average": self.best}
 
     def rate(self) -> float:
-        """Full at first, then half a cosine."""
+        """1 for the first half of a run, then half a cosine down to ``LAST_RATE``."""
         return cosine(max(0.0, (self.done - EASED) / (1 - EASED)), LAST_RATE)
 
     def step_on(self, rng: np.random.Generator) -> tuple[float]:

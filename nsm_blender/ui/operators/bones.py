@@ -8,7 +8,7 @@ import bpy
 from bpy.props import StringProperty
 
 from ..properties import settings_of
-from .reporting import WhileIdle, sentences
+from .reporting import WhileIdle, sentences, telling
 
 
 class _OnBones(WhileIdle, bpy.types.Operator):
@@ -99,17 +99,15 @@ class NSM_OT_bones_save(_OnFile):
                 self.report({"WARNING"}, f"The folder of bone lists cannot be made ({error.strerror}).")
         return super().invoke(context, event)
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    @telling
+    def execute(self, context: bpy.types.Context) -> None:
         from ...rigs.bone_map import forget_told, found_map, stored_map
         from ...rigs.presets import save_preset
 
         character = settings_of(context.scene).character
-        with sentences(self):
-            path = Path(bpy.path.abspath(self.filepath))
-            forget_told()
-            save_preset(path.with_suffix(".toml"), stored_map(character.data) or found_map(character.data))
-            return {"FINISHED"}
-        return {"CANCELLED"}
+        path = Path(bpy.path.abspath(self.filepath))
+        forget_told()
+        save_preset(path.with_suffix(".toml"), stored_map(character.data) or found_map(character.data))
 
 
 class NSM_OT_bones_load(_OnFile):
@@ -117,17 +115,15 @@ class NSM_OT_bones_load(_OnFile):
     bl_label = "Load Bone List"
     bl_description = "Load a list of bones that was saved; bones that this character lacks are left empty"
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    @telling
+    def execute(self, context: bpy.types.Context) -> None:
         from ...rigs.bone_map import store_map
         from ...rigs.detect import judged_on
         from ...rigs.presets import load_preset
 
         data = settings_of(context.scene).character.data
-        with sentences(self):
-            preset = load_preset(bpy.path.abspath(self.filepath))
-            store_map(data, judged_on(data, preset.on(data.bones)))
-            return {"FINISHED"}
-        return {"CANCELLED"}
+        preset = load_preset(bpy.path.abspath(self.filepath))
+        store_map(data, judged_on(data, preset.on(data.bones)))
 
 
 CLASSES = (NSM_OT_bones_detect, NSM_OT_bones_clear, NSM_OT_bones_save, NSM_OT_bones_load)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..properties import settings_of
-from .reporting import InObjectMode, sentences
+from .reporting import InObjectMode, telling
 
 
 class NSM_OT_add_character(InObjectMode, bpy.types.Operator):
@@ -14,16 +14,15 @@ class NSM_OT_add_character(InObjectMode, bpy.types.Operator):
     bl_description = "Add the bundled character at the 3D cursor, facing -Y, and choose it"
     adds = "Characters are added"
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    @telling
+    def execute(self, context: bpy.types.Context) -> None:
         from ...animation.made import all_or_nothing
         from ...rigs.character import add_character
 
-        with sentences(self), all_or_nothing():
+        with all_or_nothing():
             settings_of(context.scene).character = add_character(
                 location=tuple(context.scene.cursor.location)
             )
-            return {"FINISHED"}
-        return {"CANCELLED"}
 
 
 CLASSES = (NSM_OT_add_character,)

@@ -12,7 +12,7 @@ from bpy.props import StringProperty
 from ..properties import settings_of
 from ..queue import queue_of
 from ..reviews import is_shown, takes_of
-from .reporting import WhileIdle, sentences
+from .reporting import WhileIdle, telling
 
 
 class _Export(WhileIdle, bpy.types.Operator):
@@ -34,15 +34,13 @@ class _Export(WhileIdle, bpy.types.Operator):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    @telling
+    def execute(self, context: bpy.types.Context) -> None:
         from ...pictures.outputs import require_writable
 
-        with sentences(self):
-            path = require_writable(self.filepath, self.ending)
-            self.write(path, context.scene)
-            self.report({"INFO"}, f"Wrote {path.name}.")
-            return {"FINISHED"}
-        return {"CANCELLED"}
+        path = require_writable(self.filepath, self.ending)
+        self.write(path, context.scene)
+        self.report({"INFO"}, f"Wrote {path.name}.")
 
     def write(self, path: Path, scene: bpy.types.Scene) -> None:
         raise NotImplementedError

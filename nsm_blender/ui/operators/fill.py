@@ -14,7 +14,7 @@ from ..properties import settings_of, show_results
 from ..reviews import remember
 from ..session import TakeSession
 from .generate import TakeMaker, listed_or_discarded, next_seed
-from .reporting import WhileIdle, sentences
+from .reporting import WhileIdle, telling
 
 if TYPE_CHECKING:
     from ...fill.fill import FilledGap
@@ -226,16 +226,14 @@ class NSM_OT_thin_out(WhileIdle, bpy.types.Operator):
     def reason_not(cls, context: bpy.types.Context) -> str:
         return reason_not(context)
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    @telling
+    def execute(self, context: bpy.types.Context) -> None:
         from ...fill.thin import thin_out
 
         scene = context.scene
-        with sentences(self):
-            keyed, (before, after) = thin_out(character_of(context), scene)
-            text = f"{after} keys of the body's {before} are left; Decompress makes the others again."
-            _listed(self, scene, keyed, text)
-            return {"FINISHED"}
-        return {"CANCELLED"}
+        keyed, (before, after) = thin_out(character_of(context), scene)
+        text = f"{after} keys of the body's {before} are left; Decompress makes the others again."
+        _listed(self, scene, keyed, text)
 
 
 class NSM_OT_merge_strips(WhileIdle, bpy.types.Operator):
@@ -255,19 +253,17 @@ class NSM_OT_merge_strips(WhileIdle, bpy.types.Operator):
             return f"The NLA plays no strips of {character.name}, or an action lies over them."
         return ""
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    @telling
+    def execute(self, context: bpy.types.Context) -> None:
         from ...fill.merge import merge_strips
 
         scene = context.scene
-        with sentences(self):
-            keyed = merge_strips(character_of(context), scene)
-            text = (
-                f"What the NLA plays from {keyed.first} to {keyed.last} is one action now; put the playhead "
-                "on a cut and fill the Seam at the Playhead."
-            )
-            _listed(self, scene, keyed, text)
-            return {"FINISHED"}
-        return {"CANCELLED"}
+        keyed = merge_strips(character_of(context), scene)
+        text = (
+            f"What the NLA plays from {keyed.first} to {keyed.last} is one action now; put the playhead "
+            "on a cut and fill the Seam at the Playhead."
+        )
+        _listed(self, scene, keyed, text)
 
 
 def _listed(operator: bpy.types.Operator, scene: bpy.types.Scene, keyed: KeyedTake, text: str) -> None:

@@ -15,7 +15,7 @@ from ..properties import GOAL_TYPES, NsmGoal, action_of, queue_of, settings_of, 
 from ..queue import flow_on
 from ..session import TakeSession
 from .modal import Modal
-from .reporting import WhileIdle, sentences
+from .reporting import WhileIdle, telling
 
 if TYPE_CHECKING:
     from ...prepare import TakeSpec
@@ -189,21 +189,19 @@ class NSM_OT_door_swing(WhileIdle, bpy.types.Operator):
             return "The chosen goal opens no door; choose one that does."
         return ""
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    @telling
+    def execute(self, context: bpy.types.Context) -> None:
         from ...goals.points import HINGE, SWING, goal_point_of
         from ...goals.resolve import show_goal_point
         from ...prepare import start_of
 
-        with sentences(self):
-            spec = spec_of_row(_active_goal(context))
-            # The scene is read for a door without one alone.
-            hinge = goal_point_of(context.scene, spec.object, HINGE)
-            if hinge is None:
-                frame, start = start_of(settings_of(context.scene).character, context.scene)
-                hinge = show_goal_point(spec, context.scene, frame, start)
-            hinge[SWING] = -1 if int(hinge.get(SWING) or 1) > 0 else 1
-            return {"FINISHED"}
-        return {"CANCELLED"}
+        spec = spec_of_row(_active_goal(context))
+        # The scene is read for a door without one alone.
+        hinge = goal_point_of(context.scene, spec.object, HINGE)
+        if hinge is None:
+            frame, start = start_of(settings_of(context.scene).character, context.scene)
+            hinge = show_goal_point(spec, context.scene, frame, start)
+        hinge[SWING] = -1 if int(hinge.get(SWING) or 1) > 0 else 1
 
 
 def _frame_of(character: bpy.types.Object | None, scene: bpy.types.Scene) -> WorldFrame:

@@ -11,7 +11,7 @@ from nsm_core.errors import GoalError
 
 from .. import queue_files
 from ..queue import queue_of
-from .reporting import WhileIdle, sentences
+from .reporting import WhileIdle, telling
 
 
 class _OnQueue(WhileIdle, bpy.types.Operator):
@@ -31,13 +31,11 @@ class NSM_OT_queue_save(_OnQueue):
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         return context.window_manager.invoke_props_dialog(self)
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        with sentences(self):
-            path = queue_files.path_of(self.name)
-            queue_files.save_queue(path, queue_of(context.scene).goals)
-            self.report({"INFO"}, f"The queue is kept as {path.stem}.")
-            return {"FINISHED"}
-        return {"CANCELLED"}
+    @telling
+    def execute(self, context: bpy.types.Context) -> None:
+        path = queue_files.path_of(self.name)
+        queue_files.save_queue(path, queue_of(context.scene).goals)
+        self.report({"INFO"}, f"The queue is kept as {path.stem}.")
 
 
 class NSM_OT_queue_load(_OnQueue):
@@ -46,19 +44,17 @@ class NSM_OT_queue_load(_OnQueue):
     bl_description = "Replace the goals by those that are kept under this name"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        with sentences(self):
-            path = queue_files.path_of(self.name)
-            if not path.is_file():
-                raise GoalError(f"There is no queue called {self.name}; save one first.")
-            missing = queue_files.load_queue(path, queue_of(context.scene), context.scene)
-            if missing:
-                few = ", ".join(missing[:3]) + (f" and {len(missing) - 3} more" if len(missing) > 3 else "")
-                self.report(
-                    {"WARNING"}, f"This scene has no object called {few}; choose others in the marked goals."
-                )
-            return {"FINISHED"}
-        return {"CANCELLED"}
+    @telling
+    def execute(self, context: bpy.types.Context) -> None:
+        path = queue_files.path_of(self.name)
+        if not path.is_file():
+            raise GoalError(f"There is no queue called {self.name}; save one first.")
+        missing = queue_files.load_queue(path, queue_of(context.scene), context.scene)
+        if missing:
+            few = ", ".join(missing[:3]) + (f" and {len(missing) - 3} more" if len(missing) > 3 else "")
+            self.report(
+                {"WARNING"}, f"This scene has no object called {few}; choose others in the marked goals."
+            )
 
 
 class NSM_OT_queue_delete(_OnQueue):
@@ -69,15 +65,13 @@ class NSM_OT_queue_delete(_OnQueue):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         return context.window_manager.invoke_confirm(self, event)
 
-    def execute(self, _context: bpy.types.Context) -> set[str]:
-        with sentences(self):
-            path = queue_files.path_of(self.name)
-            try:
-                path.unlink()
-            except OSError as error:
-                raise GoalError(f"{path.name} cannot be deleted ({error.strerror}).") from error
-            return {"FINISHED"}
-        return {"CANCELLED"}
+    @telling
+    def execute(self, _context: bpy.types.Context) -> None:
+        path = queue_files.path_of(self.name)
+        try:
+            path.unlink()
+        except OSError as error:
+            raise GoalError(f"{path.name} cannot be deleted ({error.strerror}).") from error
 
 
 CLASSES = (NSM_OT_queue_save, NSM_OT_queue_load, NSM_OT_queue_delete)

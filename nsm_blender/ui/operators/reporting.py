@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import ClassVar
+from functools import wraps
+from typing import Any, ClassVar
 
 import bpy
 
@@ -22,6 +23,20 @@ def sentences(operator: bpy.types.Operator) -> Iterator[list[str]]:
     except NsmError as error:
         raised.append(str(error))
         operator.report({"ERROR"}, str(error))
+
+
+def telling(act: Callable[[Any, bpy.types.Context], set[str] | None]) -> Callable[..., set[str]]:
+    """Make the ``execute`` of an operator from what it does: an NsmError raised there is reported as its
+    ERROR and cancels it; where nothing is returned it is finished.
+    """
+
+    @wraps(act)
+    def execute(self: Any, context: bpy.types.Context) -> set[str]:  # Blender counts these arguments
+        with sentences(self):
+            return act(self, context) or {"FINISHED"}
+        return {"CANCELLED"}
+
+    return execute
 
 
 class Guarded:

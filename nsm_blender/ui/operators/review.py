@@ -8,7 +8,7 @@ from .. import reviews
 from ..properties import settings_of
 from ..reviews import pending, remember
 from ..take_properties import NsmTake
-from .reporting import WhileIdle, sentences
+from .reporting import WhileIdle, sentences, telling
 
 __all__ = ["CLASSES", "pending", "remember"]
 
@@ -24,16 +24,15 @@ class _OfTake(WhileIdle, bpy.types.Operator):
     def reason_not(cls, context: bpy.types.Context) -> str:
         return "" if reviews.takes_of(context.scene) else _NONE
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    @telling
+    def execute(self, context: bpy.types.Context) -> set[str] | None:
         takes = settings_of(context.scene).takes
         index = settings_of(context.scene).active_take if self.index < 0 else self.index
         if index >= len(takes) or takes[index] not in reviews.takes_of(context.scene):
             self.report({"WARNING"}, "This take's action is gone, or it is another character's.")
             return {"CANCELLED"}
-        with sentences(self):
-            self.do(context.scene, takes[index])
-            return {"FINISHED"}
-        return {"CANCELLED"}
+        self.do(context.scene, takes[index])
+        return None
 
     def do(self, scene: bpy.types.Scene, record: NsmTake) -> None:
         """What this operator does with a take."""
@@ -71,11 +70,9 @@ class NSM_OT_take_reject(_Review):
         "back the actions and the places they had"
     )
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        with sentences(self):
-            _tell(self, reviews.reject(context.scene, pending(context.scene)))
-            return {"FINISHED"}
-        return {"CANCELLED"}
+    @telling
+    def execute(self, context: bpy.types.Context) -> None:
+        _tell(self, reviews.reject(context.scene, pending(context.scene)))
 
 
 class NSM_OT_take_show(_OfTake):

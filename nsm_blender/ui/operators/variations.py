@@ -8,7 +8,7 @@ from .. import reviews
 from ..ghosts import action_of, ghost_at, ghosts_of, remove_ghosts
 from ..properties import settings_of
 from ..take_properties import NsmTake
-from .reporting import WhileIdle, sentences
+from .reporting import WhileIdle, telling
 
 
 class _WithGhosts(WhileIdle, bpy.types.Operator):
@@ -29,7 +29,8 @@ class NSM_OT_variation_pick(_WithGhosts):
         name="Remove Others", description="Remove the other variations from the list, too", default=False
     )
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    @telling
+    def execute(self, context: bpy.types.Context) -> set[str] | None:
         scene = context.scene
         picked = _picked(context)
         if picked is None:
@@ -37,19 +38,15 @@ class NSM_OT_variation_pick(_WithGhosts):
             return {"CANCELLED"}
         action, armature = picked.character.action, picked.character.object
         shown = {action_of(ghost) for ghost in ghosts_of(scene)} | {action_of(armature)}
-        with sentences(self):
-            reviews.show(scene, picked)
-            remove_ghosts(scene)
-            for other in [t.character.action for t in reviews.takes_of(scene, armature)]:
-                if self.remove_others and other in shown and other != action:
-                    record = _of(scene, other)
-                    if record is not None and not record.accepted:
-                        reviews.reject(scene, record)
-            settings_of(scene).active_take = [t.character.action for t in settings_of(scene).takes].index(
-                action
-            )
-            return {"FINISHED"}
-        return {"CANCELLED"}
+        reviews.show(scene, picked)
+        remove_ghosts(scene)
+        for other in [t.character.action for t in reviews.takes_of(scene, armature)]:
+            if self.remove_others and other in shown and other != action:
+                record = _of(scene, other)
+                if record is not None and not record.accepted:
+                    reviews.reject(scene, record)
+        settings_of(scene).active_take = [t.character.action for t in settings_of(scene).takes].index(action)
+        return None
 
 
 class NSM_OT_ghosts_remove(_WithGhosts):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .reporting import InObjectMode, sentences
+from .reporting import InObjectMode, telling
 
 
 class NSM_OT_what_opens(InObjectMode, bpy.types.Operator):
@@ -22,17 +22,15 @@ class NSM_OT_what_opens(InObjectMode, bpy.types.Operator):
             return "Select a piece of furniture, or all its parts."
         return super().reason_not(context)
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    @telling
+    def execute(self, context: bpy.types.Context) -> None:
         from ...animation.made import all_or_nothing
         from ...goals.container_points import show_what_opens
 
-        with sentences(self) as raised, all_or_nothing():
+        with all_or_nothing():
             added, proposals = show_what_opens(context.scene, list(context.selected_objects))
-        if raised:
-            return {"CANCELLED"}
         told = ", ".join(f"{p.part.name} ({p.part.kind})" for p in proposals)
         self.report({"INFO"}, f"{len(added)} points added; what opens: {told}.")
-        return {"FINISHED"}
 
 
 CLASSES = (NSM_OT_what_opens,)
