@@ -24,6 +24,9 @@ BEFORE, BESIDE, WIDE, HIGH = 0.34, 0.16, 0.2, 1.04
 OVER = 0.96  # metres over the floor of a thing's foot at least: worktops pass under it
 NEARER = (0.0, 0.06, 0.12)  # metres by which it is held nearer where something stands there
 INWARD = np.radians(25)  # by which such a hand points across the body
+KEEPS = 0.06  # metres that what is carried keeps off what stands about
+# Metres by which it is raised over that, and of room that it may lose on its way up.
+OVER_THAT, UNDER = (0.0, 0.06, 0.12, 0.18, 0.24), 0.02
 APART = 0.13  # metres between wrists at work at the same moment
 
 
@@ -65,6 +68,21 @@ def in_world(held: Array, root: Array) -> Array:
     return np.append(place, held[3] + root[2])
 
 
+def over(thing: LightThing, solids: DistanceQuery) -> float:
+    """Metres by which a thing is carried higher than where it is, for the ``solids`` that stand about: as
+    few as give it room, none where it has no more room higher up or something is over it.
+    """
+    places, radii = (np.array(one) for one in zip(*filled(thing), strict=True))
+    raised = places + np.array(OVER_THAT)[:, None, None] * (0.0, 0.0, 1.0)
+    need = radii + KEEPS
+    far = solids.signed_distance(raised.reshape(-1, 3).astype(np.float32), float(need.max()))
+    lack = (need - far.reshape(len(raised), -1)).max(1)
+    free = np.flatnonzero(lack <= 0)
+    if len(free) and (lack[: free[0]] < lack[0] + UNDER).all():
+        return OVER_THAT[int(free[0])]
+    return 0.0
+
+
 def beside(visit: Visit, pose: Array) -> Array:
     """Pose (4,) of a thing, seen from a body that stands for a visit, with the hand where its ways begin; it
     stands at ``pose`` (4,) where they end.
@@ -89,4 +107,4 @@ def hands_apart(one: Visit, other: Visit) -> bool:
     return True
 
 
-__all__ = ["beside", "carried", "hands_apart", "held_aside", "in_world"]
+__all__ = ["beside", "carried", "hands_apart", "held_aside", "in_world", "over"]

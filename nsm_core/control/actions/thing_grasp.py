@@ -26,7 +26,7 @@ from nsm_core.world.planning.hand_way import paced
 from nsm_core.world.scene.props import LightThing
 from nsm_core.world.scene.wrist import WristPose
 
-from .carried import FASTEST, LADEN, TAKING_UP, beside, carried, held_aside, in_world
+from .carried import FASTEST, KEEPS, LADEN, TAKING_UP, beside, carried, held_aside, in_world, over
 from .hold import Lead, SeenBody
 from .led_hand import lead_to
 
@@ -37,9 +37,9 @@ LEAVES, COMES = (0.15, 0.6), (0.12, 0.5)
 # Radians by which one has turned from where it was taken, and is still to turn to where it is left, over
 # which the same happens.
 TURNS_OFF, TURNS_ON = (np.radians(5), np.radians(40)), (np.radians(50), np.radians(20))
-# Metres that what is held keeps off what stands about, by how many at most it is drawn to the body for that,
-# and by how many in a frame.
-KEEPS, DRAWN_IN, DRAWS = 0.04, 0.18, 0.02
+# Metres by which what is held is drawn to the body at most to keep off what stands about, and in a frame.
+DRAWN_IN, DRAWS = 0.18, 0.02
+RISES = 0.012  # metres in a frame by which it is raised over what stands about
 # Metres and radians off the beginning of its way in at which it goes that way, and frames that it waits.
 SETTLED, STRAIGHT, SETTLES = 0.015, np.radians(3), 30
 # Share of the way of the hips, up and down, that what is held goes along with, and metres at most.
@@ -84,6 +84,7 @@ class Holding:
         self._hips: float | None = None
         self._fall, self._weight = 0.0, 0.0
         self._drawn, self._due = 0.0, -1  # metres drawn to the body; frames that it waits to be put down
+        self._over = 0.0  # metres raised over what stands about
         self._last = picking.pick.wrist
         self._begin("reach", paced(picking.pick.empty, FASTEST, TAKING_UP))
 
@@ -253,6 +254,8 @@ class Holding:
         held[2] -= self._lower
         held += (1 - float(smooth_step(self._frame / TAKING_UP))) * self._off
         there = in_world(held, root)
+        self._over += float(np.clip(over(self.prop.put(there), self.solids) - self._over, -RISES, RISES))
+        there[2] += self._over
         turned = self.prop.pose[3] + wrap_angle(there[3] - self.prop.pose[3])
         self.prop.pose[:] = np.append(there[:3], turned)
 

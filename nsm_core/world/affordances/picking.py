@@ -18,25 +18,33 @@ from nsm_core.errors import GoalError
 from nsm_core.rotations import Array
 from nsm_core.world.geometry.distance import DistanceQuery
 from nsm_core.world.planning.hand_fields import HandSpace, hand_space
-from nsm_core.world.planning.hand_way import AMPLE, FROM, HAND, filled, pushed_off, resampled, way_into
+from nsm_core.world.planning.hand_way import (
+    HAND,
+    arm_behind,
+    filled,
+    lacking,
+    pushed_off,
+    resampled,
+    way_into,
+)
 from nsm_core.world.scene.props import LightThing
 from nsm_core.world.scene.wrist import WristPose, beside_held
 
 from .grasps import OneHandGrasp, find_grasps
-from .reach import LEFT, REACHED, RIGHT, Reach, least_strained, raised
+from .reach import LEFT, REACHED, RIGHT, Reach, least_strained
+from .setting_out import before_body
 
 LOWEST = 0.4  # metres over the floor down to which a body bends for what one hand takes
 _LEAST_ROOM = 0.005  # metres that a hand has around it where it takes a thing
 _GRASPS, _ALIKE = 8, 2  # of a kind that are tried, and of these by either hand, the best first
 _WAYS = 7  # of them for which ways are looked for
 _HEADINGS = 12  # in which a thing may be put down
-_NEARER = (0.0, 0.1, 0.2, 0.28)  # metres by which a hand is held nearer to the body than with ease
-_HEIGHTS = (0.95, 1.3)  # metres over the floor of a hand held there
-_BETWEEN = 0.02  # metres off a line between a body and its hand within which something lies between them
 # Balls along each side of a thing whose way is looked at closely, and metres between places of that way.
 _FINELY, _APART = 6, 0.01
 # Metres that a thing that is put down may be in what stands beside it, and over its board at which one looks.
 _STANDS, _RAISED = 0.006, 0.02
+# Metres that a way may lack for no other to be looked for, and that a forearm may brush something by.
+_TOUCHES, _BRUSH = 0.006, 0.012
 _WORTH = 4.0  # strain that a metre of a grasp's score makes up for
 
 
@@ -51,6 +59,7 @@ class Visit:
     reach: Reach
     empty: Array
     laden: Array
+    lack: float = 0.0  # metres that hand, forearm or thing lack on them to be out of everything
 
 
 @dataclass(frozen=True)
@@ -118,12 +127,12 @@ def plan_picking(
 
 
 def led(thing: LightThing, found: Sequence[Match], around: Around, there: Around) -> Picking:
-    """The first of some matches that ways lead a hand to and from; ``around`` the thing, and ``there`` where
-    it is put.  GoalError as of ``plan_picking``.
+    """The first of some matches that ways lead a hand to and from out of everything, or that with the least
+    in its way; ``around`` the thing, and ``there`` where it is put.  GoalError as of ``plan_picking``.
     """
     first = hand_space(thing, around.hands, thing.middle)
     spaces: dict[float, HandSpace] = {}
-    cleared = False
+    cleared, best, least = False, None, np.inf
     for match in found[:_WAYS]:
         visit = _visit(thing, match.grasp, match.hand, match.pick, first, around)
         if visit is None:
@@ -134,8 +143,16 @@ def led(thing: LightThing, found: Sequence[Match], around: Around, there: Around
         if turn not in spaces:
             spaces[turn] = hand_space(put, there.hands, put.middle)
         last = _visit(put, match.grasp, match.hand, match.put, spaces[turn], there)
-        if last is not None:
-            return Picking(match.grasp, match.hand, visit, last, thing.pose.copy(), match.pose)
+        if last is None:
+            continue
+        lack = max(visit.lack, last.lack)
+        if lack < least:
+            best = Picking(match.grasp, match.hand, visit, last, thing.pose.copy(), match.pose)
+            least = lack
+        if least <= _TOUCHES:
+            break
+    if best is not None:
+        return best
     where = f"the place of {thing.name}" if cleared else thing.name
     raise GoalError(
         f"No way leads a hand to {where} past what stands there; move something away from before it."
@@ -261,41 +278,9 @@ def _visit(
         pushed_off(resampled(np.concatenate((begin[None], way)), _APART), balls, around.hands)
         for way, balls in ((empty, bare), (laden, held))
     )
-    return Visit(wrist, reach, empty, laden)
-
-
-def before_body(
-    wrist: WristPose, reach: Reach, around: DistanceQuery, held: LightThing | None = None
-) -> Array | None:
-    """Where (3,) before or beside the body a hand has most room, and on from there to where its way to
-    ``wrist`` begins, with what is ``held`` there; None where something lies between that and the body.
-    """
-    height = float(np.clip(wrist.place[2], *_HEIGHTS))
-    best, most = None, -np.inf
-    balls = [(np.zeros(3), HAND)]
-    if held is not None:
-        balls += [(place - wrist.place, radius) for place, radius in filled(held)]
-    for near in _NEARER:
-        for z in (height, raised(reach)[2]):
-            begin = raised(reach, near)
-            begin[2] = z
-            body = np.append(reach.place, z)
-            out = body + np.linspace(0.3, 1, 12)[:, None] * (begin - body)
-            if around.signed_distance(out.astype(np.float32), AMPLE).min() < _BETWEEN:
-                continue
-            way = wrist.place - begin
-            length = max(float(np.linalg.norm(way)), 1e-6)
-            line = np.linspace(0, max(1 - FROM / length, 0), 6)[:, None] * way + begin
-            rooms = [
-                float(around.signed_distance((line + off).astype(np.float32), AMPLE + radius).min()) - radius
-                for off, radius in balls
-            ]
-            room = min(*rooms, AMPLE)
-            if room > most + 0.01:
-                best, most = begin, room
-            if most >= AMPLE:
-                return best
-    return best
+    arm = [(place, radius - _BRUSH) for place, radius in arm_behind(wrist)]
+    lacks = ((empty, arm), (laden, arm), (laden, held))
+    return Visit(wrist, reach, empty, laden, max(lacking(way, balls, around.hands) for way, balls in lacks))
 
 
 def _why(height: float) -> str:

@@ -16,8 +16,9 @@ from nsm_core.world.planning.hand_way import way_into
 from nsm_core.world.scene.containers import Front
 from nsm_core.world.scene.wrist import WristPose
 
-from .picking import LOWEST, Around, before_body
+from .picking import LOWEST, Around
 from .reach import KNEES, LEANS, LEFT, RIGHT, ROOM, Reach, has_room, strains
+from .setting_out import before_body
 
 HIGHEST = 1.9  # metres over the floor of a handle at most
 ENDS = (1.0, 0.85, 0.7, 0.55)  # shares of what is asked for that are tried, the whole first

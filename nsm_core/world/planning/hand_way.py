@@ -95,7 +95,7 @@ def way_into(
     straight into a grasp, its forearm behind it; with what is ``held``, where that will stand, it comes to
     its place from above.  ``whole`` as in ``way_past``.  None where there is none.
     """
-    soft = [(-far * wrist.towards, _ARM_RADIUS) for far in _ARM]
+    soft = arm_behind(wrist)
     soft.append((_PALM * wrist.towards, _PALM_RADIUS))
     firm: list[Ball] = []
     if held is not None:
@@ -135,6 +135,19 @@ def pushed_off(way: Array, balls: Sequence[Ball], solids: DistanceQuery) -> Arra
         step[0] = 0.0
         way += step
     return way
+
+
+def arm_behind(wrist: WristPose) -> list[Ball]:
+    """Balls that stand for the forearm behind a wrist."""
+    return [(-far * wrist.towards, _ARM_RADIUS) for far in _ARM]
+
+
+def lacking(way: Array, balls: Sequence[Ball], solids: DistanceQuery) -> float:
+    """Metres that ``balls``, places from a way (K, 3) and radii, lack on it at most to be out of solids."""
+    offs, radii = np.array([b[0] for b in balls]), np.array([b[1] for b in balls])
+    places = (way[:, None] + offs).reshape(-1, 3).astype(np.float32)
+    room = solids.signed_distance(places, float(radii.max())).reshape(len(way), -1)
+    return float((radii - room).max())
 
 
 def filled(held: LightThing, most: int = 3) -> list[Ball]:
