@@ -78,6 +78,14 @@ def test_escape_puts_all_back(cast):
     assert as_it_is() == before and running.current() is None
 
 
+def idle(cast) -> None:
+    """Leave each of the cast one goal, to stand, which takes no time to make."""
+    for character in cast:
+        while len(character.nsm_queue.goals) > 1:
+            character.nsm_queue.goals.remove(1)
+        character.nsm_queue.goals[0].action = "idle"
+
+
 def test_one_that_cannot_be_keyed_leaves_none_keyed(cast, monkeypatch):
     keyed, count = together.key_and_check, []
 
@@ -88,10 +96,7 @@ def test_one_that_cannot_be_keyed_leaves_none_keyed(cast, monkeypatch):
         return (yield from keyed(spec, *given))
 
     monkeypatch.setattr(together, "key_and_check", fails)
-    for character in cast:
-        while len(character.nsm_queue.goals) > 1:
-            character.nsm_queue.goals.remove(1)
-        character.nsm_queue.goals[0].action = "idle"
+    idle(cast)
     before = as_it_is()
     with pytest.raises(RuntimeError, match="Ben: The second one fails"):
         bpy.ops.nsm.generate_all()
@@ -107,10 +112,7 @@ def test_one_that_cannot_be_listed_leaves_none_keyed(cast, monkeypatch):
         real(row, target, *given)
 
     monkeypatch.setattr(reviews, "note", fails_for_ben)
-    for character in cast:
-        while len(character.nsm_queue.goals) > 1:
-            character.nsm_queue.goals.remove(1)
-        character.nsm_queue.goals[0].action = "idle"
+    idle(cast)
     before = as_it_is()
     with pytest.raises(RuntimeError, match="The list is full"):
         bpy.ops.nsm.generate_all()

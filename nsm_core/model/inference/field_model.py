@@ -9,14 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from nsm_core.errors import WeightsError
 from nsm_core.model.networks.field_config import CONDITION, FieldConfig, field_layout
 from nsm_core.model.networks.field_numpy import NumpyFields, cells_of, seen_of
 from nsm_core.model.networks.protocol import Weights
 from nsm_core.rotations import Array
 
-from .network_of import require_arrays
-from .weights_file import load_weights
+from .network_of import load_network
 
 PRIOR = 1e-4  # weight of the squared code beside mean errors, for 1 / sigma^2 of equation 9
 RATES = 0.02, 0.004  # of the descent (Adam) at its beginning: from chance, and from a guess, which is near
@@ -126,18 +124,7 @@ def queries(places: Array, condition: Array) -> Array:
 
 def load_fields(path: str | Path) -> FieldModel:
     """Load a weights file; WeightsError where it cannot be used."""
-    weights = load_weights(path, field_layout(), _kind)
-    config = FieldConfig.from_dict(weights.config)
-    require_arrays(weights, config.shapes())
-    return FieldModel(config, weights)
-
-
-def _kind(name: object, holder: object = "The weights file") -> type[FieldConfig]:
-    if name != FieldConfig.network:
-        raise WeightsError(
-            f"{holder} holds another network than that of a hand's ways; choose other weights."
-        )
-    return FieldConfig
+    return FieldModel(*load_network(path, field_layout(), FieldConfig, "that of a hand's ways"))
 
 
 __all__ = ["FieldModel", "FoundCode", "KnownFields", "load_fields", "queries"]

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from nsm_core.errors import WeightsError
 from nsm_core.model.features.codec import turn_in
 from nsm_core.model.features.state import PIVOT
 from nsm_core.model.handling.codec import advance, build_inputs
@@ -22,8 +21,7 @@ from nsm_core.model.networks.handling_numpy import NumpyHandling
 from nsm_core.model.networks.protocol import Weights
 from nsm_core.rotations import Array
 
-from .network_of import require_arrays
-from .weights_file import load_weights
+from .network_of import load_network
 
 # Where the goal's phase comes from (table 4): nowhere, the nearest key frame of the data, the network's own
 # estimate, or the filter over both.
@@ -129,16 +127,7 @@ def _reached(state: HandlingState, goals: Goals) -> tuple[Array, Array]:
 
 def load_handling(path: str | Path) -> HandlingModel:
     """Load a weights file; WeightsError where it cannot be used."""
-    weights = load_weights(path, layout_description(), _kind)
-    config = HandlingConfig.from_dict(weights.config)
-    require_arrays(weights, config.shapes())
-    return HandlingModel(config, weights)
-
-
-def _kind(name: object, holder: object = "The weights file") -> type[HandlingConfig]:
-    if name != HandlingConfig.network:
-        raise WeightsError(f"{holder} holds another network than the controller's; choose other weights.")
-    return HandlingConfig
+    return HandlingModel(*load_network(path, layout_description(), HandlingConfig, "the controller's"))
 
 
 __all__ = [

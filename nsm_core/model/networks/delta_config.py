@@ -9,7 +9,8 @@ from typing import Any, ClassVar, Self
 
 from nsm_core.model.transitions.layout import FRAME, PATCH, POSE
 
-from .gap_config import LONGEST, GapConfig, Shapes, no_network_has
+from .gap_config import LONGEST, GapConfig, Shapes
+from .sizes import no_network_has
 
 
 @dataclass(frozen=True)

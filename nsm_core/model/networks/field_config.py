@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
 
 from nsm_core.errors import WeightsError
 from nsm_core.model.features.layout import Layout
-from nsm_core.validate import shown
+
+from .sizes import whole_sizes
 
 # c: height of the thing over the floor, metres, the hand (0 right, 1 left), whether it places (else picks),
 # whether it leaves (else approaches).
@@ -76,13 +77,7 @@ class FieldConfig:
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> FieldConfig:
         """Read back what ``to_dict`` wrote; WeightsError on values that no network has."""
-        known = {field.name: values.get(field.name, field.default) for field in fields(cls)}
-        for name, value in known.items():
-            if type(value) is not int or not 1 <= value <= 100_000:
-                raise WeightsError(
-                    f"The weights file says {shown(value)} of '{name}', which no network has; copy or train "
-                    "it again."
-                )
+        known = whole_sizes(cls, values)
         if not known["again"] < known["layers"]:
             raise WeightsError("The weights file puts its query in after the last layer; train it again.")
         return cls(**known)

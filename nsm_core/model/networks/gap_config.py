@@ -10,10 +10,10 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from nsm_core.errors import WeightsError
 from nsm_core.model.transitions.layout import OFFSET, PATCH, POSE, TARGET
 from nsm_core.rotations import Array
-from nsm_core.validate import shown
+
+from .sizes import LARGEST, no_network_has
 
 Shapes = dict[str, tuple[int, ...]]
 # Frames to the target up to which nothing is left open, and from which on all of it is (scheduled noise).
@@ -71,18 +71,11 @@ class GapConfig:
             if field.name in cls.choices:
                 sound = sound and value in cls.choices[field.name]
             elif isinstance(field.default, int) and not isinstance(field.default, bool):
-                sound = sound and 0 <= value <= 100_000
+                sound = sound and 0 <= value <= LARGEST
             if not sound:
                 raise no_network_has(field.name, value)
             known[field.name] = value
         return cls(**known)
-
-
-def no_network_has(name: str, value: object) -> WeightsError:
-    """The error on a size of a network that no network has."""
-    return WeightsError(
-        f"The weights file says {shown(value)} of '{name}', which no network has; copy or train it again."
-    )
 
 
 def arrival_embedding(left: Array, size: int) -> Array:
@@ -99,4 +92,4 @@ def openness(left: Array) -> Array:
     return np.clip((left - CERTAIN) / (OPEN - CERTAIN), 0.0, 1.0).astype(np.float32)
 
 
-__all__ = ["LONGEST", "NOISE", "GapConfig", "Shapes", "arrival_embedding", "no_network_has", "openness"]
+__all__ = ["LONGEST", "NOISE", "GapConfig", "Shapes", "arrival_embedding", "openness"]

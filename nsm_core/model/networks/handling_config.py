@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
 
-from nsm_core.errors import WeightsError
 from nsm_core.model.handling.layout import CHANNELS, GATE, INPUT, KEY_JOINTS, LABELS, OUTPUT, SOLID
-from nsm_core.validate import shown
+
+from .sizes import whole_sizes
 
 FAR = 4.0  # deviations from the data's mean beyond which inputs are taken for that far: roll-outs stay sane
 # What a key frame is matched by: key joints seen from its root, and the labels that begin and end there.
@@ -64,15 +64,7 @@ class HandlingConfig:
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> HandlingConfig:
         """Read back what ``to_dict`` wrote; WeightsError on values that no network has."""
-        known = {field.name: values.get(field.name, field.default) for field in fields(cls)}
-        for name, value in known.items():
-            least = 0 if name == "goal_phase" else 1
-            if type(value) is not int or not least <= value <= 100_000:
-                raise WeightsError(
-                    f"The weights file says {shown(value)} of '{name}', which no controller has; copy or "
-                    "train it again."
-                )
-        return cls(**known)
+        return cls(**whole_sizes(cls, values, from_zero=("goal_phase",)))
 
 
 __all__ = ["FAR", "MATCHED", "HandlingConfig"]
