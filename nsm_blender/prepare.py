@@ -34,6 +34,8 @@ from .begin import (
     reading_start,
     require_at_rest,
 )
+from .goals.closing import last_needed
+from .goals.light_things import hold_what_stays
 from .goals.resolve import make_goal_point, moved_by, place_after, require_possible, resolve, sought
 from .goals.spec import GoalSpec
 from .keys.objects import MovedObject, require_movable, rides_along
@@ -252,6 +254,7 @@ def surroundings_of(
 
     seen = yield from staged("Reading the scene", Snapshot.take(evaluated))
     around = Surroundings(scene, frame, spec.character, moving, seen)
+    around.last_needed = last_needed(spec.goals)
     if company is not None:
         around.leave_out(company.characters, company.moving)
     goals = [o for g in spec.goals for o in (g.object, g.to) if o is not None and holds(scene, o)]
@@ -286,6 +289,7 @@ def resolve_goals(
     for asked in spec.goals:
         goals.append(timed(resolve(asked, scene, frame, before, around), asked, spec, scene))
         before = place_after(goals[-1], before, around)
+    hold_what_stays(around)
     return goals
 
 

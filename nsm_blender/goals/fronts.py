@@ -17,17 +17,19 @@ from nsm_core.errors import GeometryError, GoalError
 from nsm_core.rotations import Array
 from nsm_core.world.geometry.distance import DistanceQuery, Union
 from nsm_core.world.scene.containers import Front
+from nsm_core.world.scene.props import Prop
 
 from ..world.evaluated import family_of
 from ..world.frame import WorldFrame
 from ..world.surroundings import Surroundings
 from .door_kinds import furniture_by_name
 from .furniture_parts import AXIS, OPENS, FoundPart, read_parts, topmost
+from .light_things import riding
 from .points import HINGE, goal_point_of
 
 _DEEP, _LARGEST = 0.2, 2.6  # metres that furniture is deep at least, and large at most
 _LOW = 1.5  # metres: what is less high than that is no door to walk through
-_HALF = 0.5  # a front that is open by more is shut by the next goal
+HALF = 0.5  # a front that is open by more is shut by the next goal
 _WAY_OUT, _STEP, _ASIDE = 0.8, 0.01, 0.07  # metres before a thing, between looks, and beside it for a hand
 _INSIDE = 0.6  # metres: what is larger stands in no drawer
 _MEETS = 0.004  # metres from such a way at which a front is in it
@@ -65,13 +67,14 @@ def front_goal(name: str, target: bpy.types.Object, hold: float, around: Surroun
         front, now = earlier[0], replace(earlier[0], pose=earlier[1])
     middle = front.to_world(front.volume.centre)
     goal = Goal("open", name, np.append(middle[:2], 0.0), front.pose[3], hold, prop=front)
-    goal.opening = 0.0 if now.opening > _HALF else 1.0
-    solids = but_moved(around, front.name)
+    goal.opening = 0.0 if now.opening > HALF else 1.0
+    inside = standing_in(target)
+    solids = but_moved(around, front.name, *(one.name for one in inside))
     here = np.asarray(here, dtype=np.float64)[:2]
     plan = around.plan(middle[:2], here)
     pulling = planned(goal, now, solids, plan, here)
     plan.require_way(here, pulling.reach.place)
-    end = front.pose_at(pulling.end)
+    end, around.inside[target] = front.pose_at(pulling.end), inside
     for one in (target, *along_with(target)):
         known = around.left.get(one)
         if known is None or isinstance(known[0], Front):  # and has not been taken out
@@ -81,9 +84,9 @@ def front_goal(name: str, target: bpy.types.Object, hold: float, around: Surroun
 
 def but_moved(around: Surroundings, *but: str, standing: DistanceQuery | None = None) -> DistanceQuery:
     """What stands (``standing``, all that no goal moves without it), and the props of earlier goals where
-    these leave them, ``but`` those of some names.
+    these leave them, with what stands in drawers that they have opened, ``but`` those of some names.
     """
-    moved = {}
+    moved: dict[str, Prop] = {thing.name: thing for _, _, thing in riding(around) if thing.name not in but}
     for prop, pose in around.left.values():
         if prop.name not in but:
             moved[prop.name] = replace(prop, pose=pose)
@@ -110,15 +113,36 @@ def along_with(target: bpy.types.Object) -> list[bpy.types.Object]:
     """Objects that go along with a front without hanging on it: its handle and panes, and what stands in a
     drawer; the topmost of those parented to each other.
     """
-    scene, top = target.users_scene[0], topmost(target)
-    try:
-        each = next(e for e in read_parts(scene, [top], WorldFrame()) if target.name in e.names)
-        front = Front.of(each.part)
-    except (GeometryError, GoalError, StopIteration):
-        return []  # which is told when its goal is looked for
+    found = _part_of(target)
+    if found is None:
+        return []
     own = {target, *target.children_recursive}
-    found = [o for name in each.names if (o := scene.objects[name]) not in own]
-    for other in scene.objects:
+    objects = target.users_scene[0].objects
+    return [
+        *(o for name in found[0].names if (o := objects[name]) not in own),
+        *_standing_in(target, found[1]),
+    ]
+
+
+def standing_in(target: bpy.types.Object) -> list[bpy.types.Object]:
+    """Of these what stands in a drawer."""
+    found = _part_of(target)
+    return [] if found is None else _standing_in(target, found[1])
+
+
+def _part_of(target: bpy.types.Object) -> tuple[FoundPart, Front] | None:
+    """The part of furniture that an object is; None, which is told when its goal is looked for."""
+    try:
+        parts = read_parts(target.users_scene[0], [topmost(target)], WorldFrame())
+        each = next(e for e in parts if target.name in e.names)
+        return each, Front.of(each.part)
+    except (GeometryError, GoalError, StopIteration):
+        return None
+
+
+def _standing_in(target: bpy.types.Object, front: Front) -> list[bpy.types.Object]:
+    found, top = [], topmost(target)
+    for other in target.users_scene[0].objects:
         if other.type != "MESH" or other.parent is not None or other == top:
             continue
         low, high = _bounds([other])
@@ -155,7 +179,7 @@ def _before(parts: Iterable[FoundPart], middle: Array, foot: float) -> list[bpy.
             front = Front.of(part, each.front.name)
         except GoalError:
             continue
-        if front.opening > _HALF:
+        if front.opening > HALF:
             continue
         if part.kind == "drawer":
             if front.carries(np.array((middle[0], middle[1], foot, 0.0))):

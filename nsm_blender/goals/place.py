@@ -25,6 +25,7 @@ from ..world.bodies import place_of
 from ..world.surroundings import Surroundings
 from ..world.tops import Level, boards_of, occupy, places_near_edge
 from .aside import put_aside_first
+from .closing import shut_again, stands_open
 from .finder import Finder, Place
 from .fronts import along_with, but_moved, front_goal, shut_away
 from .light_things import read_thing
@@ -46,8 +47,10 @@ def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: 
     if to == target or to in target.children_recursive:
         raise GoalError(f"{target.name} cannot be put down on itself; choose another destination.")
     earlier = around.left.get(target)
-    first = opened_first(target, around, before[0]) if earlier is None else ()
-    earlier = around.left.get(target)
+    first: tuple[Goal, ...] = ()
+    if earlier is None or isinstance(earlier[0], Front):
+        first = opened_first(target, around, before[0])
+        earlier = around.left.get(target)
     if earlier is None or isinstance(earlier[0], Front):
         thing, pose = read_thing(target, around, spec.mass), None
         if earlier is not None:  # in a drawer that has been opened
@@ -77,24 +80,23 @@ def _find(spec: GoalSpec, scene: bpy.types.Scene, around: Surroundings, before: 
             refused = refused or error
             continue
         around.left[target] = thing, picking.pose
-        return goal
+        return shut_again(goal, spec, around)
     assert refused is not None
-    if pose is not None:
-        raise refused
     goal = Goal(spec.action, spec.label, spots[0], 0.0, spec.hold, prop=thing, first=first)
-    goal = put_aside_first(goal, target, around, plan, here[:2], refused)
+    goal = put_aside_first(goal, target, there, around, plan, here[:2], refused)
     assert goal.picking is not None
     around.left[target] = thing, goal.picking.pose
-    return goal
+    return shut_again(goal, spec, around)
 
 
 def opened_first(target: bpy.types.Object, around: Surroundings, here: Array) -> tuple[Goal, ...]:
     """The goals to open what shuts an object away, one after the other, as far as earlier goals have not."""
     goals: list[Goal] = []
     for front in shut_away(target):
-        if front not in around.left:
+        if not stands_open(front, around):
             here = here if not goals else goals[-1].pulling.reach.place
             goals.append(front_goal(front.name, front, 0.0, around, here))
+            around.opened.append(front)
     return tuple(goals)
 
 
@@ -171,9 +173,10 @@ def _places(board: Level, wide: float) -> Iterator[tuple[Array, Array, float]]:
 
 
 def _after(goal: Goal, before: Place, around: Surroundings) -> Place:
-    """Before the place where the thing stands then."""
+    """Before the place where the thing stands then, or before what is shut last."""
     assert goal.picking is not None
-    reach = goal.picking.put.reach
+    shut = goal.then[-1].pulling if goal.then else None
+    reach = goal.picking.put.reach if shut is None else shut.reach
     return reach.place.astype(np.float32), reach.heading
 
 

@@ -15,6 +15,7 @@ class GoalSpec:
     Of walk and run: ``along`` tells that the object is a curve to go along, ``rounds`` times where it is
     closed; ``speed`` m/s of the character, drawn where None.  ``by``: the frame at which it is to be
     reached, as soon as it can be where None.  ``mass`` kilograms of what is carried, by its size where None.
+    ``close_after``: what a hand opens to get at a thing is shut again once that is put down.
     """
 
     action: str
@@ -27,6 +28,7 @@ class GoalSpec:
     speed: float | None = None
     by: float | None = None
     mass: float | None = None
+    close_after: bool = True
 
     @property
     def label(self) -> str:

@@ -15,7 +15,8 @@ from ..keys.style import HIPS
 class JobGoal:
     """A goal of a job file: an object's name or a place (3,), world; ``to`` names the destination of what is
     carried; ``curve`` is gone along, ``rounds`` times where it is closed, at ``speed`` m/s; ``by`` is the
-    frame at which it is to be reached; ``mass`` kilograms of what is carried.
+    frame at which it is to be reached; ``mass`` kilograms of what is carried; ``close_after``: what is
+    opened for it is shut again.
     """
 
     action: str
@@ -28,6 +29,7 @@ class JobGoal:
     speed: float | None = None
     by: int | None = None
     mass: float | None = None
+    close_after: bool = True
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ _TAKE_KEYS = (
 )  # fmt: skip
 _CAST_KEYS = ("character", "goals")
 _HEAVIEST = 60.0  # kilograms that a goal may give what is carried
-_GOAL_KEYS = ("object", "action", "to", "hold", "location", "by", "mass", *WAY_KEYS)
+_GOAL_KEYS = ("object", "action", "to", "hold", "location", "by", "mass", "close_after", *WAY_KEYS)
 _MOST_VARIATIONS = 1000
 _LONGEST_HOLD = 600.0  # seconds
 _FARTHEST = 1e6  # of a coordinate
@@ -205,7 +205,13 @@ def _goal(entry: Any, where: str) -> JobGoal:
         )
     if mass is not None:
         mass = validate.number(mass, f"'mass' in {where}", JobError, 0, _HEAVIEST)
-    return JobGoal(action.key, target, hold, location, to, curve, rounds, speed, by, mass)
+    if "close_after" in entry and not action.pairs:
+        raise JobError(
+            f"In {where}, 'close_after' is of what is opened to take a thing out; remove it, or take the "
+            "action 'place'."
+        )
+    close = flag(entry, "close_after", where, True)
+    return JobGoal(action.key, target, hold, location, to, curve, rounds, speed, by, mass, close)
 
 
 def _object(entry: dict[str, Any], key: str, where: str, must: bool) -> str | None:

@@ -122,7 +122,15 @@ def _goal(scene: bpy.types.Scene, goal: JobGoal) -> GoalSpec:
         )
     target = _target(scene, goal.object)
     return GoalSpec(
-        goal.action, target, goal.hold, goal.location, to, speed=goal.speed, by=goal.by, mass=goal.mass
+        goal.action,
+        target,
+        goal.hold,
+        goal.location,
+        to,
+        speed=goal.speed,
+        by=goal.by,
+        mass=goal.mass,
+        close_after=goal.close_after,
     )
 
 

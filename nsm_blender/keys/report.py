@@ -49,7 +49,7 @@ def build_report(
     heights = walked.height if walked else None
     travel = travel_report(shown.hips, shown.local, result.action, ground=heights, figure=asked.figure)
     solids = Union((asked.environment, ground)) if ground else asked.environment
-    props = {goal.prop.name: goal.prop for goal in asked.goals if goal.prop is not None}
+    props = {one.prop.name: one.prop for goal in asked.goals for one in goal.parts if one.prop is not None}
     travel |= depth_report(all_depths(shown.hips, shown.local, solids, props, shown.poses, asked.figure))
     ms = {stage: float(result.stage_ms.get(stage, 0.0)) for stage in STAGES} | {"keying": keying_ms}
     ms["total"] = sum(ms.values())

@@ -136,6 +136,8 @@ def _draw_goal(layout: Any, goal: Any) -> None:
         kilograms = weight.row()
         kilograms.active = goal.own_mass
         kilograms.prop(goal, "mass", text="kg")
+    if action.pairs:
+        column.prop(goal, "close_after")
     if goal.object is None and action.aim is Aim.PLACE:
         column.prop(goal, "location")
         column.operator("nsm.goal_pick", icon="RESTRICT_SELECT_OFF")

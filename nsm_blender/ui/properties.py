@@ -151,6 +151,13 @@ class NsmGoal(bpy.types.PropertyGroup):
         poll=_is_goal,
         override=OVERRIDABLE,
     )
+    close_after: BoolProperty(
+        name="Close After",
+        description="Shut the doors and drawers that are opened to get at the thing again, once it is put "
+        "down and no later goal needs them open",
+        default=True,
+        override=OVERRIDABLE,
+    )
     own_mass: BoolProperty(
         name="Own Weight",
         description="Give what is carried a weight that you choose; off, it weighs as its size says",
@@ -314,7 +321,17 @@ def spec_of_row(row: NsmGoal, number: int = 1) -> GoalSpec:
     to = row.destination if action.needs_destination else None
     place = tuple(row.location) if row.object is None else None
     mass = row.mass if row.own_mass and to is not None else None
-    return GoalSpec(row.action, row.object, row.hold, place, to, speed=speed, by=by, mass=mass)
+    return GoalSpec(
+        row.action,
+        row.object,
+        row.hold,
+        place,
+        to,
+        speed=speed,
+        by=by,
+        mass=mass,
+        close_after=row.close_after,
+    )
 
 
 def show_results(settings: NsmSettings, lines: list[tuple[str, bool]]) -> None:

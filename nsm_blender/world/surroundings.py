@@ -43,6 +43,9 @@ class Surroundings:
     """The scene around a take, in its character's core frame, as it is when this is made, or as ``snapshot``
     has it.
 
+    Of fronts of furniture: ``inside`` is what stands in those that goals move, ``opened`` tells of those
+    that were opened to get at something in which order, and ``last_needed`` by which goal, as asked for, each
+    is needed last.
     ``moving`` are the objects that its goals move; they are no part of ``query``.  ``left`` holds, by the
     object, the props of the goals resolved so far and the poses (4,) in which these goals leave them.
     """
@@ -58,6 +61,9 @@ class Surroundings:
         self.scene, self.frame, self.character = scene, frame, character
         self.moving = list(dict.fromkeys(moving))
         self.left: dict[bpy.types.Object, tuple[Prop, Array]] = {}
+        self.inside: dict[bpy.types.Object, list[bpy.types.Object]] = {}
+        self.opened: list[bpy.types.Object] = []
+        self.last_needed: dict[bpy.types.Object, object] = {}
         self._plan: FloorPlan | None = None
         self._bodies: dict[tuple[str, bool], GoalBody] = {}
         self._given = snapshot

@@ -21,19 +21,19 @@ from .goals import Goal
 
 def with_aside(
     goal: Goal,
+    thing: LightThing,
     others: Sequence[LightThing],
     solids: Callable[[Sequence[LightThing]], DistanceQuery],
     plan: FloorPlan,
     here: Array,
     refused: GoalError,
 ) -> Goal:
-    """The goal of a thing that cannot be taken as it stands, with goals before it that put aside what blocks
-    it, as few of ``others`` as can be.
+    """The goal of a ``thing`` that cannot be taken as it stands, with goals before it that put aside what
+    blocks it, as few of ``others`` as can be.
 
-    ``solids`` tells what stands where some things are gone; one comes from ``here`` (2,).  Raises
-    ``refused`` where that helps nothing.
+    All stand where they do once everything is open.  ``solids`` tells what stands where some things are
+    gone; one comes from ``here`` (2,).  Raises ``refused`` where that helps nothing.
     """
-    thing = goal.moves(LightThing)
     end = goal.position.astype(np.float64)
     room = room_walked_to(plan, here, np.stack((thing.pose[:2], end[:2])))
 

@@ -316,8 +316,7 @@ class Director:
             stay = self.goals[self.index].hold + sum(goal.wait for goal in following)
             self._hold = max(1, round(stay * FPS)) if result.reached else 1
             result.remarks = stage.line()[1]
-            grasp = getattr(stage, "grasp", None)
-            for name, value in (grasp.errors if grasp is not None else {}).items():
+            for name, value in stage.errors.items():
                 setattr(result, name, value)
 
     def way_left(self, here: Array) -> float:

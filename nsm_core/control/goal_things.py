@@ -23,7 +23,7 @@ _ROAMED = 200.0 * np.array(((-1.0, -1.0), (1.0, 1.0)))  # metres of floor about 
 def own_props(goals: list[Goal]) -> tuple[list[Goal], dict[str, Prop]]:
     """Copies of goals whose props may be moved, and those props by name; what bears one name is one thing."""
     props: dict[str, Prop] = {}
-    for goal in [one for asked in goals for one in (*asked.first, asked)]:
+    for goal in [one for asked in goals for one in asked.parts]:
         if goal.prop is not None and goal.prop.name not in props:
             props[goal.prop.name] = copy(goal.prop)
             props[goal.prop.name].pose = goal.prop.pose.copy()
@@ -32,8 +32,8 @@ def own_props(goals: list[Goal]) -> tuple[list[Goal], dict[str, Prop]]:
 
 def with_props(goal: Goal, props: Mapping[str, Prop]) -> Goal:
     """The same goal about these props, by the names of its own."""
-    first = tuple(with_props(one, props) for one in goal.first)
-    return replace(goal, first=first, prop=None if goal.prop is None else props[goal.prop.name])
+    first, then = (tuple(with_props(one, props) for one in some) for some in (goal.first, goal.then))
+    return replace(goal, first=first, then=then, prop=None if goal.prop is None else props[goal.prop.name])
 
 
 def places_of(goals: list[Goal], props: Iterable[Prop]) -> list[Array]:

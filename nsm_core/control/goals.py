@@ -79,8 +79,9 @@ class Goal:
     ``steering`` that leads instead of a place, until something else is asked for.
     ``picking`` is how a thing is taken and put down, planned where None; ``pulling`` how a front of furniture
     is moved, to the ``opening``, 0 shut to 1.  ``first`` are goals that belong to it and are done before:
-    fronts that are opened to get at a thing, things that are put aside for it.  ``both`` tells of two goals
-    that their things are carried at once (``scheduling``).
+    fronts that are opened to get at a thing, things that are put aside for it; ``then`` those that are done
+    after it, fronts that are shut again.  ``both`` tells of two goals that their things are carried at once
+    (``scheduling``).
     ``by`` seconds from the take's beginning at which it is to be reached, as soon as it can be where None;
     ``load``, one of LOADS: what becomes of a box that is in the hands when the goal begins.  Who walks, runs
     or stands can carry it along.
@@ -107,6 +108,7 @@ class Goal:
     pulling: Pulling | None = None
     opening: float = 1.0
     first: tuple[Goal, ...] = ()
+    then: tuple[Goal, ...] = ()
     both: Both | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -153,6 +155,11 @@ class Goal:
         ahead = np.clip(behind, 0.0, MOST_OFF_SEAT) * heading_to_direction(np.array(self.heading))
         place = self.position + np.append(ahead, np.clip(under, -MOST_OFF_SEAT / 3, MOST_OFF_SEAT))
         return replace(self, position=place)
+
+    @property
+    def parts(self) -> tuple[Goal, ...]:
+        """What is done for it, in this order: what comes first, the goal itself, what comes then."""
+        return (*self.first, self, *self.then)
 
     def moves(self, kind: type[_Kind]) -> _Kind:
         """What is moved, a ``kind`` of prop; GoalError where that is no such thing."""

@@ -73,13 +73,18 @@ def scheduled(goals: Sequence[Goal], plan: FloorPlan, root: Array, solids: Dista
                 pass  # who performs it as it was asked tells what cannot be
         found += part
         asked += order
-        last = part[-1]
-        here = np.append(last.position[:2], here[2]) if last.picking is None else _put_at(last.picking)
+        here = _left_at(part[-1], here)
     return Schedule(found, asked)
 
 
-def _put_at(picking: Picking) -> Array:
-    return standing_at(picking.put.reach)
+def _left_at(goal: Goal, here: Array) -> Array:
+    """The root (3,) of who comes from another one, ``here`` (3,), once a goal is done."""
+    last = goal.parts[-1]
+    if last.pulling is not None:
+        return standing_at(last.pulling.reach)
+    if last.picking is not None:
+        return standing_at(last.picking.put.reach)
+    return np.append(last.position[:2], here[2])
 
 
 def _runs(goals: Sequence[Goal]) -> Iterator[list[int]]:
@@ -114,7 +119,7 @@ class _Run:
     ) -> None:
         self.goals, self.plan, self.root = goals, plan, root
         self.things = [goal.moves(LightThing) for goal in goals]
-        props = {one.prop.name: one.prop for g in every for one in (*g.first, g) if one.prop is not None}
+        props = {one.prop.name: one.prop for g in every for one in g.parts if one.prop is not None}
         light = [prop for prop in props.values() if isinstance(prop, LightThing)]
         fronts = {prop.name: prop for prop in props.values() if isinstance(prop, Front)}
         way = Way(root[:2], plan, {t.name: t.pose for t in light}, solids, fronts, light)
@@ -239,6 +244,8 @@ class _Run:
                 works = {found[k].hand: found[k].wrist(found[k].pose) for k in part}
                 carried = carried - set(works)
                 poses.append(KeyPose.of(standing_at(found[part[0]].put), works, carried))
+            closes = [one.pulling for k in block.put for one in self.goals[k].then]
+            poses += [KeyPose.of(standing_at(c.reach), {}, set()) for c in closes if c is not None]
         return cost(KeyPose.of(self.root, {}, set()), poses)
 
     def _easiest(self, k: int) -> Match:
@@ -261,11 +268,13 @@ class _Run:
             one, other = (self.things[k] for k in block.taken)
             both = Both((one, other), pickings, self.things[block.put[0]].name, block.at_once)
             leads, follows = (self.goals[k] for k in block.put)
-            opens = tuple(first for k in sorted(block.put) for first in self.goals[k].first)
-            # One does not stand about with a thing in hand.
-            found.append(replace(leads, picking=by[block.put[0]], both=both, first=opens, hold=0.0))
-            hold = max(leads.hold, follows.hold)
-            found.append(replace(follows, picking=by[block.put[1]], both=both, first=(), hold=hold))
+            # All is opened before and shut after both, and one does not stand about with a thing in hand.
+            opens = tuple(one for k in sorted(block.put) for one in self.goals[k].first)
+            shuts = tuple(one for k in sorted(block.put) for one in self.goals[k].then)
+            leads = replace(leads, picking=by[block.put[0]], first=opens, then=(), hold=0.0, both=both)
+            hold = max(self.goals[k].hold for k in block.put)
+            follows = replace(follows, picking=by[block.put[1]], first=(), then=shuts, hold=hold, both=both)
+            found += [leads, follows]
         check_reachable(found, self.plan, self.root[:2], self._still)
         return found
 

@@ -64,10 +64,8 @@ def drawer():
     front = Front.of(part)
     foot = piece.to_world((*((board.low + board.high) / 2), board.height))
     jar = make_thing("jar", np.random.default_rng(1), np.append(foot, 0.0))
-    goals = [
-        Goal("place", "Jar", PLACE, 0.0, 0.2, prop=jar, first=(opens(front),)),
-        opens(front, opening=0.0),
-    ]
+    first, then = (opens(front),), (opens(front, opening=0.0),)
+    goals = [Goal("place", "Jar", PLACE, 0.0, 0.2, prop=jar, first=first, then=then)]
     others = [p for p in piece.parts if p is not part]
     return front, jar, played(goals, Union([piece.standing(), TABLE, *others]))
 
@@ -81,6 +79,13 @@ def test_the_jar_comes_out_with_its_drawer_and_the_drawer_is_shut_again(drawer):
     opened = int(along.argmax())
     np.testing.assert_allclose(jars[opened, :3] - jars[0, :3], poses[opened, :3] - poses[0, :3], atol=1e-9)
     np.testing.assert_allclose(jars[-1, :3], PLACE, atol=1e-6)
+    (goal,) = take.goals
+    assert goal.remarks == [f"{front.name} was shut again."]
+    assert goal.hand_error_cm < 1.0  # of the hand at the jar, not of the one that shuts the drawer last
+    put = int(np.flatnonzero(np.abs(np.diff(jars, axis=0)).max(1) > 1e-6)[-1])
+    assert (
+        np.abs(np.diff(along[: put + 1])).max() > 0 and along[put] > 0.9
+    )  # and is shut after it is put down
 
 
 def test_the_hand_is_at_the_handle_while_the_drawer_moves_and_it_moves_smoothly(drawer):

@@ -82,6 +82,12 @@ class Stage:
         """What is commanded before another goal may begin; None where it may begin at once."""
         return None
 
+    @property
+    def errors(self) -> dict[str, Any]:
+        """What its result tells of its hands."""
+        grasp = getattr(self, "grasp", None)
+        return {} if grasp is None else grasp.errors
+
     def end(self, reached: bool, again: bool = False) -> None:
         """Give way to the next goal; ``again`` tells that it has the same prop."""
 

@@ -20,7 +20,7 @@ from nsm_core.world.scene.solids import Scene
 from . import carry, climb, open, place, sit, touch, walk
 from .approach import Ground
 from .base import Grasp, Performer, Stage, StageStart, Way
-from .first import First
+from .in_parts import InParts
 from .rise import TurnBack
 from .unload import held_by, with_load
 
@@ -60,8 +60,8 @@ def begin(
         if stage is not None:
             return stage
         hands.let_go()
-    if goal.first:
-        return First(goal, lambda one, then: begin(one, ground, then, grasps, scene, ik, before))
+    if goal.first or goal.then:
+        return InParts(goal, lambda one, then: begin(one, ground, then, grasps, scene, ik, before))
     return PERFORMERS[goal.action].begin(goal, start)
 
 
@@ -82,7 +82,7 @@ def standing_places(
     """
     found: list[Array | None] = []
     fronts = {} if fronts is None else fronts
-    for one in (*goal.first, goal):
+    for one in goal.parts:
         found += PERFORMERS[one.action].places(one, Way(here, plan, poses, solids, fronts, things))
         here = next((place for place in reversed(found) if place is not None), here)
     return found
@@ -97,7 +97,7 @@ def check_reachable(
     ``solids`` are what stands still.
     """
     here = np.asarray(start, dtype=np.float64)
-    props = [one.prop for goal in goals for one in (*goal.first, goal)]
+    props = [one.prop for goal in goals for one in goal.parts]
     things = list({p.name: p for p in props if isinstance(p, LightThing)}.values())
     poses = {thing.name: thing.pose.copy() for thing in things}
     fronts = {p.name: p for p in props if isinstance(p, Front)}

@@ -13,6 +13,7 @@ from nsm_core.world.affordances.pulling import Pulling, plan_pulling
 from nsm_core.world.geometry.distance import DistanceQuery, Union
 from nsm_core.world.planning.floor_plan import FloorPlan
 from nsm_core.world.scene.containers import Front
+from nsm_core.world.scene.props import LightThing
 
 from .approach import Command
 from .at_reach import AtReach, where_led
@@ -42,7 +43,8 @@ class Unshut(AtReach):
     def __init__(self, goal: Goal, start: StageStart) -> None:
         super().__init__(goal, start.ground)
         front = goal.moves(Front)
-        solids = start.scene.but(front)
+        riding = [p for p in start.scene.props if isinstance(p, LightThing) and front.carries(p.pose)]
+        solids = start.scene.but(front, *riding)
         self.pulling = planned(goal, front, solids, start.ground.plan, start.moment.root[:2])
         self.grasp: Grasp | None = None
         self._hand = Pull(front, self.pulling, start.scene.props)
@@ -85,12 +87,12 @@ def places(goal: Goal, way: Way) -> list[Array | None]:
     front = way.fronts.get(front.name, front)
     if is_done(goal, front):
         return []
-    others = [other for name, other in way.fronts.items() if name != front.name]
-    pulling = planned(goal, front, Union([way.solids, *others]), way.plan, way.here)
+    riding = [name for name, pose in way.poses.items() if front.carries(pose)]
+    standing = Union(way.standing(front.name, *riding))
+    pulling = planned(goal, front, standing, way.plan, way.here)
     way.fronts[front.name] = front.at(pulling.end)
-    for name, pose in way.poses.items():
-        if front.carries(pose):
-            way.poses[name] = front.carried(pose, pulling.end)
+    for name in riding:
+        way.poses[name] = front.carried(way.poses[name], pulling.end)
     return [pulling.reach.place]
 
 

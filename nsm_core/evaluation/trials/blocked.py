@@ -101,7 +101,7 @@ def request(trial: place.PlaceTrial, hold: float = 0.5, **more: Any) -> TakeRequ
     thing = kitchen.things[trial.thing].thing
     goal = Goal("place", trial.thing, trial.place, 0.0, hold, prop=thing)
     goal = asked_for(kitchen, goal, trial)
-    moved = [one.prop for one in (*goal.first, goal) if one.prop is not None]
+    moved = [one.prop for one in goal.parts if one.prop is not None]
     return TakeRequest(trial.start, trial.heading, [goal], place.standing(kitchen, *moved), **more)
 
 
@@ -115,7 +115,7 @@ def asked_for(kitchen: Kitchen, goal: Goal, trial: place.PlaceTrial) -> Goal:
         planned(goal, solids, plan, trial.start[:2].astype(np.float64))
     except GoalError as error:
         return with_aside(
-            goal, others, partial(_without, kitchen), plan, trial.start[:2].astype(np.float64), error
+            goal, thing, others, partial(_without, kitchen), plan, trial.start[:2].astype(np.float64), error
         )
     return goal
 

@@ -63,8 +63,8 @@ def clear_of(still: DistanceQuery, props: Sequence[Prop] = (), room: float = ROO
 
 
 def props_of(asked: TakeRequest) -> dict[str, Prop]:
-    """The props of a take's goals by name, where they stand at the start."""
-    return {g.prop.name: g.prop for g in asked.goals if g.prop is not None}
+    """The props of all parts of a take's goals by name, where they stand at the start."""
+    return {one.prop.name: one.prop for g in asked.goals for one in g.parts if one.prop is not None}
 
 
 def shortest_way(asked: TakeRequest, place: Array) -> float | None:
