@@ -27,7 +27,7 @@ from nsm_core.errors import GoalError, NsmError
 from . import takes
 from .demo_scene.house import House, build_house
 from .demo_scene.kitchen import build_kitchen
-from .demo_scene.kitchen_take import kitchen_goals
+from .demo_scene.kitchen_take import TEA, kitchen_goals
 from .demo_scene.room import DemoRoom, build_room
 from .goals.spec import GoalSpec
 from .keys.report import goal_line
@@ -59,8 +59,8 @@ def make_demo(options: argparse.Namespace) -> int:
 
 
 def show_kitchen(options: argparse.Namespace) -> int:
-    """Build the kitchen of a seed, everything shut, and have a character bring things to its table; without a
-    take it is saved as it is.
+    """Build the kitchen of a seed, everything shut, and have a character make tea, or bring things to its
+    table; without a take it is saved as it is.
     """
     _require_writable(options, "kitchen")
     scene = _empty_scene()
@@ -288,8 +288,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--kitchen",
         type=int,
+        nargs="?",
+        const=TEA,
         metavar="SEED",
-        help="build a kitchen instead, and bring things to its table that are shut away",
+        help="build a kitchen instead, and make tea there, or bring things to its table that are shut away",
     )
     parser.add_argument("--no-take", action="store_true", help="with --kitchen: build it, and no more")
     parser.add_argument("--no-contact-ik", action="store_true", help="show the network alone")

@@ -9,7 +9,7 @@ from mathutils import Matrix, Vector
 
 from nsm_blender.demo import main
 from nsm_blender.demo_scene.kitchen import build_kitchen
-from nsm_blender.demo_scene.kitchen_take import kitchen_goals
+from nsm_blender.demo_scene.kitchen_take import TEA, kitchen_goals
 from nsm_blender.rigs.character import add_character
 
 
@@ -57,14 +57,29 @@ def test_the_demo_saves_a_kitchen(tmp_path, capsys):
     assert "parts that open" in capsys.readouterr().out
 
 
-def test_what_is_fetched_is_shut_away_and_what_was_opened_is_shut_again(empty_scene):
-    kitchen = build_kitchen(0)[1]
+def fetched(seed, scene):
+    kitchen = build_kitchen(seed)[1]
     character = add_character((2.0, -1.6, 0.0))
     bpy.context.view_layer.update()
-    goals = kitchen_goals(kitchen, character, empty_scene)
-    assert [goal.action for goal in goals] == ["place", "open"] * 2
-    for place, shut in (goals[:2], goals[2:]):
-        assert place.to == empty_scene.objects["Table"]
-        (part,) = kitchen.shut_by(place.object.name.lower())
-        holder = kitchen.things[place.object.name.lower()].container
-        assert shut.object.name.lower() == f"{holder} {part}"
+    goals = kitchen_goals(kitchen, character, scene)
+    assert [(goal.action, goal.close_after) for goal in goals] == [("place", True)] * 2
+    kinds = []
+    for goal in goals:
+        name = goal.object.name[0].lower() + goal.object.name[1:]
+        (part,) = kitchen.shut_by(name)
+        kinds.append(kitchen.containers[kitchen.things[name].container].part(part).kind)
+    assert kinds[0] != "drawer" and kinds[1] == "drawer"
+    return kitchen, goals
+
+
+def test_what_is_fetched_is_shut_away_behind_a_door_and_in_a_drawer(empty_scene):
+    _, goals = fetched(0, empty_scene)
+    assert {goal.to.name for goal in goals} == {"Table"}
+
+
+def test_tea_is_made_of_a_mug_from_behind_a_bowl_and_a_jar(empty_scene):
+    kitchen, goals = fetched(TEA, empty_scene)
+    assert {goal.to.name for goal in goals} == {"Worktop"}
+    mug, jar = (kitchen.things[goal.object.name.lower()] for goal in goals)
+    assert mug.thing.kind == "mug" and any("bowl" in name for name in mug.blockers)
+    assert "jar" in jar.thing.kind or jar.thing.kind == "tea caddy"

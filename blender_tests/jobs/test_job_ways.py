@@ -26,6 +26,12 @@ def test_a_box_may_be_given_its_weight(tmp_path):
     assert goal_of(tmp_path, goal).mass is None and goal_of(tmp_path, goal + ", mass = 8").mass == 8
 
 
+def test_what_is_opened_for_a_thing_is_shut_again_unless_it_is_to_stay_open(tmp_path):
+    goal = 'object = "Mug", action = "place", to = "There"'
+    assert goal_of(tmp_path, goal).close_after
+    assert not goal_of(tmp_path, goal + ", close_after = false").close_after
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [
@@ -37,6 +43,8 @@ def test_a_box_may_be_given_its_weight(tmp_path):
         ('curve = 3, action = "walk"', "'curve'"),
         ('object = "Chair", action = "sit", mass = 3', "'mass' is that of what is brought somewhere"),
         ('object = "Box", action = "carry", to = "There", mass = -1', "'mass'"),
+        ('object = "Box", action = "carry", to = "There", close_after = true', "take the action 'place'"),
+        ('object = "Mug", action = "place", to = "There", close_after = 1', "it must be true or false"),
     ],
 )
 def test_what_is_wrong_is_told(tmp_path, text, told):
