@@ -9,7 +9,7 @@ from mathutils import Matrix, Vector
 
 from nsm_blender.demo import main
 from nsm_blender.demo_scene.kitchen import build_kitchen
-from nsm_blender.demo_scene.kitchen_take import TEA, kitchen_goals
+from nsm_blender.demo_scene.kitchen_take import kitchen_goals
 from nsm_blender.rigs.character import add_character
 
 
@@ -75,11 +75,3 @@ def fetched(seed, scene):
 def test_what_is_fetched_is_shut_away_behind_a_door_and_in_a_drawer(empty_scene):
     _, goals = fetched(0, empty_scene)
     assert {goal.to.name for goal in goals} == {"Table"}
-
-
-def test_tea_is_made_of_a_mug_from_behind_a_bowl_and_a_jar(empty_scene):
-    kitchen, goals = fetched(TEA, empty_scene)
-    assert {goal.to.name for goal in goals} == {"Worktop"}
-    mug, jar = (kitchen.things[goal.object.name.lower()] for goal in goals)
-    assert mug.thing.kind == "mug" and any("bowl" in name for name in mug.blockers)
-    assert "jar" in jar.thing.kind or jar.thing.kind == "tea caddy"
