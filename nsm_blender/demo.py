@@ -23,11 +23,12 @@ import bpy
 from mathutils import Vector
 
 from nsm_core.errors import GoalError, NsmError
+from nsm_core.world.assets.tea_kitchen import TEA
 
 from . import takes
 from .demo_scene.house import House, build_house
 from .demo_scene.kitchen import build_kitchen
-from .demo_scene.kitchen_take import TEA, kitchen_goals
+from .demo_scene.kitchen_take import kitchen_goals
 from .demo_scene.room import DemoRoom, build_room
 from .goals.spec import GoalSpec
 from .keys.report import goal_line
@@ -189,17 +190,19 @@ def print_report(report: dict[str, Any]) -> None:
     print(f"\n{report['name']}: {report['frames']} frames at {report['fps']} frames a second")
     for goal in report["goals"]:
         print(f"  {goal_line(goal)}")
+        if isinstance(goal.get("hand_error_cm"), int | float):
+            print(f"    hands {goal['hand_error_cm']:.2f} cm off where they take hold of it")
     for key, label, unit in (
         ("foot_sliding_cm_s", "foot sliding", "cm/s"),
         ("planted_share", "planted share", ""),
-        ("top_speed_m_s", "top speed", "m/s"),
-        ("penetration_cm", "penetration", "cm"),
+        ("top_speed_m_s", "hips at most", "m/s"),
+        ("penetration_cm", "deepest contact", "cm"),
     ):
         if isinstance(report.get(key), int | float):
-            print(f"  {label:14} {report[key]:6.2f} {unit}")
+            print(f"  {label:15} {report[key]:6.2f} {unit}")
     stages = report.get("ms_per_frame", {})
     print(
-        "  ms per frame   "
+        "  ms per frame    "
         + ", ".join(f"{stage} {ms:.1f}" for stage, ms in stages.items() if isinstance(ms, int | float))
     )
 

@@ -11,6 +11,7 @@ from nsm_blender.demo import main
 from nsm_blender.demo_scene.kitchen import build_kitchen
 from nsm_blender.demo_scene.kitchen_take import kitchen_goals
 from nsm_blender.rigs.character import add_character
+from nsm_core.world.assets.tea_kitchen import JAR, MUG, TEA
 
 
 @pytest.fixture
@@ -57,21 +58,32 @@ def test_the_demo_saves_a_kitchen(tmp_path, capsys):
     assert "parts that open" in capsys.readouterr().out
 
 
-def fetched(seed, scene):
+def goals_in(seed, scene):
     kitchen = build_kitchen(seed)[1]
     character = add_character((2.0, -1.6, 0.0))
     bpy.context.view_layer.update()
     goals = kitchen_goals(kitchen, character, scene)
     assert [(goal.action, goal.close_after) for goal in goals] == [("place", True)] * 2
-    kinds = []
-    for goal in goals:
+    for goal, drawer in zip(goals, (False, True), strict=True):
         name = goal.object.name[0].lower() + goal.object.name[1:]
         (part,) = kitchen.shut_by(name)
-        kinds.append(kitchen.containers[kitchen.things[name].container].part(part).kind)
-    assert kinds[0] != "drawer" and kinds[1] == "drawer"
+        holder = kitchen.containers[kitchen.things[name].container]
+        assert (holder.part(part).kind == "drawer") == drawer
     return kitchen, goals
 
 
 def test_what_is_fetched_is_shut_away_behind_a_door_and_in_a_drawer(empty_scene):
-    _, goals = fetched(0, empty_scene)
+    _, goals = goals_in(0, empty_scene)
     assert {goal.to.name for goal in goals} == {"Table"}
+
+
+def test_tea_is_made_of_a_mug_from_behind_a_bowl_and_a_jar(empty_scene):
+    kitchen, goals = goals_in(TEA, empty_scene)
+    assert {goal.to.name for goal in goals} == {"Worktop"}
+    mug, jar = (kitchen.things[name] for name in (MUG, JAR))
+    assert mug.thing.kind == "mug" and kitchen.things[mug.blockers[0]].thing.kind == "bowl"
+    place = bpy.data.objects[goals[1].object.name].matrix_world.translation
+    np.testing.assert_allclose(place, jar.thing.pose[:3], atol=1e-6)
+    others = [standing.thing for name, standing in kitchen.things.items() if name != JAR]
+    foot = np.float32((jar.thing.pose[:3] + (0.0, 0.0, 0.05))[None])
+    assert min(float(other.signed_distance(foot, 0.3)[0]) for other in others) > 0.05

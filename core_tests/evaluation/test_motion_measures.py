@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from walks import seated_rotations, synthetic_walk
 
-from nsm_core.body.capsules import Body
+from nsm_core.body.capsules import Body, penetration_depths
 from nsm_core.body.ik.two_bone import place_limbs
 from nsm_core.body.skeleton import FEET, HIP_OVER_SEAT, INDEX, J, forward_kinematics
 from nsm_core.conventions import STYLES
@@ -144,11 +144,11 @@ def test_sitting_as_told_touches_but_does_not_penetrate():
 def test_depth_of_a_body_in_a_slab():
     hips, local = standing(10)
     hips[5:, 2] -= 0.1
-    report = motion.penetration(hips, local, Slab(0.05))
+    report = motion.depth_report(penetration_depths(hips, local, Slab(0.05)))
     toe_depth = 0.05 - (0.025 - 0.1) + 0.025
     assert report["penetration_cm"] == pytest.approx(100 * toe_depth, abs=2.0)
     assert report["penetration_share"] == 1.0
-    assert motion.penetration(hips[:5], local[:5], Slab(-0.5))["penetration_cm"] == 0
+    assert motion.depth_report(penetration_depths(hips[:5], local[:5], Slab(-0.5)))["penetration_cm"] == 0
 
 
 def test_backward_joints_are_named():

@@ -10,6 +10,7 @@ from mathutils import Matrix
 
 from nsm_core.rotations import Array
 from nsm_core.world.assets.kitchen import Kitchen, make_kitchen
+from nsm_core.world.assets.tea_kitchen import TEA, tea_kitchen
 from nsm_core.world.scene.containers import Container, MovingPart
 from nsm_core.world.scene.furniture import box_mesh
 from nsm_core.world.scene.small_things import SmallThing
@@ -41,7 +42,7 @@ def build_kitchen(seed: int = 0) -> tuple[DemoRoom, Kitchen]:
     and its own, "Drawers drawer 2", and tells in ``nsm_opens`` how far (radians or metres) it goes about or
     along its local Z.
     """
-    kitchen = make_kitchen(seed)
+    kitchen = tea_kitchen() if seed == TEA else make_kitchen(seed)
     length = max(c.pose[0] + float(c.piece.size[0]) / 2 for c in kitchen.containers.values())
     made = [floor(np.random.default_rng(seed), (-0.6, -_BEFORE), (length + 0.6, 0.0))]
     made.append(_object("Kitchen wall", *box_mesh(kitchen.walls.mins, kitchen.walls.maxs), "Wall"))

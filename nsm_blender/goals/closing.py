@@ -7,8 +7,10 @@ from dataclasses import replace
 
 import bpy
 
+from nsm_core.control.actions.unshut import SHUT
 from nsm_core.control.goals import Goal
 from nsm_core.errors import GoalError
+from nsm_core.rotations import Array
 from nsm_core.world.actions import BY_KEY
 from nsm_core.world.scene.containers import Front
 
@@ -54,15 +56,23 @@ def shut_again(goal: Goal, spec: GoalSpec, around: Surroundings) -> Goal:
         if isinstance(front, Front) and replace(front, pose=end).carries(goal.picking.pose):
             continue
         try:
-            then.append(front_goal(target.name, target, 0.0, around, here))
+            then.append(_shut(target, around, here))
         except GoalError as error:
             raise GoalError(
                 f"{target.name} cannot be shut again once {spec.label} is put down: {error} Or switch Close "
                 "After off, and it stays open."
             ) from error
-        shut = then[-1].pulling
-        here = here if shut is None else shut.reach.place
+        here = then[-1].pulling.reach.place
     return replace(goal, then=tuple(then))
+
+
+def _shut(target: bpy.types.Object, around: Surroundings, here: Array) -> Goal:
+    """The goal to shut a front whole; GoalError where a hand cannot."""
+    goal = front_goal(target.name, target, 0.0, around, here)
+    left = 0.0 if goal.pulling is None else goal.pulling.end
+    if left > SHUT:
+        raise GoalError(f"It would stay open by {left:.0%} of its range; choose another place for the thing.")
+    return goal
 
 
 __all__ = ["last_needed", "shut_again", "stands_open"]

@@ -155,8 +155,10 @@ def goal_line(goal: dict[str, Any]) -> str:
             f"{goal['object']}: gone along in {goal['seconds']:.1f} s, {goal['line_mean_cm']:.1f} cm off it "
             f"on average and {goal['line_max_cm']:.1f} cm at most.{told}"
         )
-    if goal["reached"] and goal.get("remarks"):
-        return f"{goal['object']}: {', '.join(goal['remarks'])}."
+    remarks = goal.get("remarks", ())
+    sentences = [remark for remark in remarks if remark.endswith(".")]
+    if goal["reached"] and remarks and not sentences:
+        return f"{goal['object']}: {', '.join(remarks)}."
     if goal["reached"]:
         late = goal.get("late_seconds", 0.0)
         told = (
@@ -167,9 +169,8 @@ def goal_line(goal: dict[str, Any]) -> str:
                 f"{'it cannot be there sooner' if late > 0 else 'it did not wait so long'}."
             )
         )
-        return (
-            f"{goal['object']}: {BY_KEY[goal['action']].done} after {goal['seconds']:.1f} s, {errors}.{told}"
-        )
+        done = f"{BY_KEY[goal['action']].done} after {goal['seconds']:.1f} s, {errors}.{told}"
+        return " ".join((f"{goal['object']}: {done}", *sentences))
     if goal.get("reason"):
         return f"{goal['object']}: not reached. {goal['reason']}"
     return (

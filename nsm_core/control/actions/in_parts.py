@@ -22,7 +22,6 @@ from .base import Stage
 from .before import Before
 
 _THERE = 0.02  # metres from where it is to be put aside at which a thing is there
-_AJAR = 0.05  # share of its travel from which on a front is not shut
 
 
 class InParts(Before):
@@ -73,7 +72,7 @@ class InParts(Before):
             were = "was" if len(self._aside) == 1 else "were"
             remarks = [f"{' and '.join(self._aside)} stood in the way and {were} put aside first.", *remarks]
         for front in self._shut:
-            far = "" if front.opening < _AJAR else " as far as an arm could"
+            far = "" if front.opening < unshut.SHUT else " as far as an arm could"
             remarks = [*remarks, f"{front.name} was shut again{far}."]
         return line, remarks
 

@@ -20,6 +20,7 @@ from .at_reach import AtReach, where_led
 from .base import Grasp, StageStart, Way
 from .front_grasp import Pull
 
+SHUT = 0.05  # share of its travel up to which a front counts as shut
 _MOVED = 0.01  # share of its travel from which on a front is planned for anew
 
 
@@ -96,4 +97,4 @@ def places(goal: Goal, way: Way) -> list[Array | None]:
     return [pulling.reach.place]
 
 
-__all__ = ["Unshut", "is_done", "places", "planned"]
+__all__ = ["SHUT", "Unshut", "is_done", "places", "planned"]

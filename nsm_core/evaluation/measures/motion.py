@@ -144,19 +144,13 @@ def action_changes(action: Array, fps: float = FPS) -> tuple[int, int]:
     return max(0, len(stays) - 1), sum(s == sit for s in stays)
 
 
-def penetration(hips_position: Array, local_rotations: Array, query: DistanceQuery) -> dict[str, float]:
-    """Tell how deep the body, as ``capsules.CAPSULES``, is inside solids: deepest and mean depth, cm, and the
-    share of deep frames.
-
-    The depth of a frame is that of its deepest point; the mean is over all frames, and a frame is deep from 3
-    cm.  The floor is not part of ``query``.  Flesh that a seat presses flat is not counted (see
-    ``capsules.Capsule``).
-    """
-    return depth_report(penetration_depths(hips_position, local_rotations, query))
-
-
 def depth_report(depth: Array) -> dict[str, float]:
-    """Figures of ``penetration`` from the depths (T,) of all frames, metres."""
+    """Tell how deep a body is inside solids by the depths (T,) of all frames, metres: deepest and mean depth,
+    cm, and the share of deep frames.
+
+    The depth of a frame is that of its deepest point (``capsules.penetration_depths``); the mean is over all
+    frames, and a frame is deep from 3 cm.
+    """
     return {
         "penetration_cm": float(100 * depth.max(initial=0.0)),
         "penetration_mean_cm": float(100 * depth.mean()) if len(depth) else 0.0,
