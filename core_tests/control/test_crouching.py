@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import captures
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from nsm_core.body.ik.solver import Pose
 from nsm_core.body.skeleton import ARMS, FEET, INDEX
 from nsm_core.control.crouching import Crouched, crouched
 from nsm_core.conventions import DT
+from nsm_core.rotations import quat_from_rotvec
 from nsm_core.world.geometry.distance import Cuboids
 
 FRAMES, WORKS, HAND = 120, slice(50, 70), 1
@@ -24,7 +27,10 @@ BOARDS = (0.08, 0.45, 0.8, 1.15, 1.5)  # metres over the floor, of a shelf
 
 @pytest.fixture
 def standing() -> Pose:
+    """A body that stands at the origin with its arms hanging."""
     hips, local = captures.stand(FRAMES)
+    for arm, turn in zip(ARMS, (-1.5, 1.5), strict=True):
+        local[:, arm[0]] = quat_from_rotvec(np.array((0.0, turn, 0.0)))
     return Pose(BUNDLED.tree, hips.astype(float), local.astype(float))
 
 
@@ -90,3 +96,24 @@ def test_a_head_stays_up_and_arms_hang_as_one_pitches(standing):
     assert turned["RightShoulder"] < 10
     knees = down.positions[0, [leg[1] for leg in FEET], 0]
     assert np.ptp(knees) > np.ptp(standing.positions[0, [leg[1] for leg in FEET], 0]) + 0.1
+
+
+def test_an_arm_that_hangs_swings_back_before_a_worktop(standing):
+    frames = np.arange(FRAMES)
+    who = replace(asked(standing, 0.95), targets=np.tile((0.1, -0.8, 0.95), (FRAMES, 2, 1)))
+    worktop = Obstacle(Cuboids([((0, 0, 0), 0.0, [(-1.0, -0.9, 0.0)], [(1.0, -0.14, 0.86)])]))
+    side, arm = BUNDLED.spheres, 1 - HAND
+
+    def forearm(pose: Pose) -> float:
+        centres, radii = side.of(pose.positions, pose.world)
+        own = np.flatnonzero((side.forearm == arm) | (side.hand == arm))
+        far = worktop.distance(np.repeat(frames, len(own)), centres[:, own].reshape(-1, 3), 0.2)
+        return float((radii[:, own] - far.reshape(FRAMES, -1)).max())
+
+    down = crouched(standing, who, [worktop], BUNDLED)
+    assert forearm(down) < 0.01
+    # As it hung it would be in there.
+    pitch = np.tile((0.0, 0.1, 0.9), (FRAMES, 1))
+    assert forearm(who.down(standing, frames, pitch)) > 0.02
+    wrist = np.diff(down.positions[:, ARMS[arm][2]], axis=0)
+    assert np.linalg.norm(wrist, axis=1).max() / DT < 3.0

@@ -19,7 +19,7 @@ from nsm_core.body.ik.clearance import Obstacle
 from nsm_core.body.ik.footsteps import Footsteps
 from nsm_core.body.ik.solver import Pose
 from nsm_core.body.ik.two_bone import place_on
-from nsm_core.body.skeleton import ARMS, FEET, INDEX
+from nsm_core.body.skeleton import ARMS, FEET, INDEX, JOINTS
 from nsm_core.rotations import Array, heading_to_direction
 from nsm_core.signals import gaussian_smooth
 
@@ -38,6 +38,9 @@ ROOM = 0.03  # metres about a body from which on more is no better
 # of sinking, of going back, of pitch; metres off balance, beside so many that are at no cost.
 _LACK, _DEEP, _ARM, _EASE, _OFF, _BALANCED = 0.015, 0.01, 0.03, np.array((0.22, 0.3, 1.4)), 0.04, 0.05
 _CHANGE = np.array((0.05, 0.05, 0.15))  # from one frame that is looked at to the next
+# Radians by which an arm that hangs swings back, those that cost as much as a centimetre in something, and by
+# which it changes from one frame that is looked at to the next; metres about it that are free.
+SWINGS, _SWUNG, _SWINGS_CHANGE, _BESIDE = np.radians(np.arange(0, 91, 15)), 0.8, 0.3, 0.01
 _LIKELY, _ELSE = 40, 100.0  # crouches of a frame whose room is looked at, and what the others cost more
 _BODY = ("Hips", "Chest", "Neck", "Head", "RightHip", "LeftHip", "RightKnee", "LeftKnee")
 _LIMBS = tuple(leg[:3] for leg in FEET)
@@ -63,12 +66,16 @@ class Crouched:
         away = np.linalg.norm(self.targets[frames] - shoulders, axis=-1)
         return np.asarray(np.maximum(away - self.reach[frames], 0.0).max(1))
 
+    def across(self, frames: Array) -> Array:
+        """Unit ways (N, 3) to the left of the body, about which what is upright pitches ahead."""
+        ahead = heading_to_direction(self.headings[frames])
+        return np.column_stack((-ahead[:, 1], ahead[:, 0], np.zeros(len(frames))))
+
     def down(self, pose: Pose, frames: Array, how: Array) -> Pose:
         """Poses of ``frames`` (N,) that go down as ``how`` (N, 3) tells: hips that sink and go back, metres,
         a trunk that pitches, radians; feet stand.
         """
-        ahead = heading_to_direction(self.headings[frames])
-        across = np.column_stack((-ahead[:, 1], ahead[:, 0], np.zeros(len(frames))))
+        ahead, across = heading_to_direction(self.headings[frames]), self.across(frames)
         step = np.zeros((len(frames), 3 + 3 * len(pose.tree.parents)))
         step[:, :2], step[:, 2] = -how[:, 1:2] * ahead, -how[:, 0]
         turns = step[:, 3:].reshape(len(frames), -1, 3)
@@ -100,9 +107,41 @@ def crouched(pose: Pose, who: Crouched, solids: Sequence[Obstacle], figure: Figu
     cost[:, 0] = 0.0
     asked = np.flatnonzero(wide[seen])
     cost[asked] = _price(pose, who, seen[asked], solids, figure)
-    chosen = _FAN[_cheapest(cost)]
+    chosen = _FAN[_cheapest(cost, _FAN / _CHANGE)]
     how = np.stack([np.interp(every, seen, column) for column in chosen.T], -1)
-    return who.down(pose, every, gaussian_smooth(how, 1.5 * EVERY))
+    pose = who.down(pose, every, gaussian_smooth(how, 1.5 * EVERY))
+    return _hanging(pose, who, wide, solids, figure)
+
+
+def _hanging(pose: Pose, who: Crouched, wide: Array, solids: Sequence[Obstacle], figure: Figure) -> Pose:
+    """The motion with arms that hang swung back as far as what stands before a body that leans takes, in the
+    frames ``wide`` (T,).
+    """
+    every = np.arange(len(wide))
+    seen = every[::EVERY]
+    asked = np.flatnonzero(wide[seen])
+    when, swing = np.repeat(seen[asked], len(SWINGS)), np.tile(SWINGS, len(asked))
+    first = [name.split("-")[0] for name in figure.spheres.names]
+    for side, arm in enumerate(ARMS):
+        spheres = figure.spheres.only(np.flatnonzero([n in [JOINTS[j] for j in arm] for n in first]))
+        part = _swung(pose.part(when), arm[0], swing[:, None] * who.across(when))
+        centres, radii = spheres.of(part.positions, part.world)
+        lack = _lack(centres, radii + _BESIDE, when, solids)
+        lack[np.isfinite(who.reach[when, side])] = 0.0  # a hand that is led goes its own way
+        cost = np.full((len(seen), len(SWINGS)), np.inf)
+        cost[:, 0] = 0.0
+        cost[asked] = ((lack / _DEEP) ** 2 + (swing / _SWUNG) ** 2).reshape(len(asked), -1)
+        chosen = np.interp(every, seen, SWINGS[_cheapest(cost, SWINGS[:, None] / _SWINGS_CHANGE)])
+        turn = gaussian_smooth(chosen, float(EVERY))[:, None] * who.across(every)
+        pose = _swung(pose, arm[0], turn)
+    return pose
+
+
+def _swung(pose: Pose, joint: int, turn: Array) -> Pose:
+    """Poses with a joint turned by world rotation vectors ``turn`` (N, 3)."""
+    step = np.zeros((len(turn), 3 + 3 * len(pose.tree.parents)))
+    step[:, 3 + 3 * joint : 6 + 3 * joint] = turn
+    return pose.moved(step)
 
 
 def _price(pose: Pose, who: Crouched, frames: Array, solids: Sequence[Obstacle], figure: Figure) -> Array:
@@ -161,14 +200,16 @@ def _lack(centres: Array, need: Array, frames: Array, solids: Sequence[Obstacle]
     return out
 
 
-def _cheapest(cost: Array) -> Array:
-    """Choices (N,) of the sequence over costs (N, F) that costs the least with its changes."""
-    step = (((_FAN[:, None] - _FAN) / _CHANGE) ** 2).sum(-1)
+def _cheapest(cost: Array, fan: Array) -> Array:
+    """Choices (N,) of the sequence over costs (N, F) that costs the least with its changes: the square of
+    how far they are apart in the ``fan`` (F, K).
+    """
+    step = ((fan[:, None] - fan) ** 2).sum(-1)
     total, came = cost[0], np.zeros(cost.shape, int)
     for n in range(1, len(cost)):
         ways = total[:, None] + step
         came[n] = ways.argmin(0)
-        total = ways[came[n], np.arange(len(_FAN))] + cost[n]
+        total = ways[came[n], np.arange(len(fan))] + cost[n]
     chosen = [int(total.argmin())]
     for n in range(len(cost) - 1, 0, -1):
         chosen.append(int(came[n, chosen[-1]]))
