@@ -110,17 +110,16 @@ def crouched(pose: Pose, who: Crouched, solids: Sequence[Obstacle], figure: Figu
     chosen = _FAN[_cheapest(cost, _FAN / _CHANGE)]
     how = np.stack([np.interp(every, seen, column) for column in chosen.T], -1)
     pose = who.down(pose, every, gaussian_smooth(how, 1.5 * EVERY))
-    return _hanging(pose, who, wide, solids, figure)
+    return _hanging(pose, who, solids, figure)
 
 
-def _hanging(pose: Pose, who: Crouched, wide: Array, solids: Sequence[Obstacle], figure: Figure) -> Pose:
-    """The motion with arms that hang swung back as far as what stands before a body that leans takes, in the
-    frames ``wide`` (T,).
+def _hanging(pose: Pose, who: Crouched, solids: Sequence[Obstacle], figure: Figure) -> Pose:
+    """The motion with arms that hang swung back as far as it takes to be out of what stands before the body,
+    as one leans and on the way.
     """
-    every = np.arange(len(wide))
+    every = np.arange(len(pose.hips))
     seen = every[::EVERY]
-    asked = np.flatnonzero(wide[seen])
-    when, swing = np.repeat(seen[asked], len(SWINGS)), np.tile(SWINGS, len(asked))
+    when, swing = np.repeat(seen, len(SWINGS)), np.tile(SWINGS, len(seen))
     first = [name.split("-")[0] for name in figure.spheres.names]
     for side, arm in enumerate(ARMS):
         spheres = figure.spheres.only(np.flatnonzero([n in [JOINTS[j] for j in arm] for n in first]))
@@ -128,9 +127,7 @@ def _hanging(pose: Pose, who: Crouched, wide: Array, solids: Sequence[Obstacle],
         centres, radii = spheres.of(part.positions, part.world)
         lack = _lack(centres, radii + _BESIDE, when, solids)
         lack[np.isfinite(who.reach[when, side])] = 0.0  # a hand that is led goes its own way
-        cost = np.full((len(seen), len(SWINGS)), np.inf)
-        cost[:, 0] = 0.0
-        cost[asked] = ((lack / _DEEP) ** 2 + (swing / _SWUNG) ** 2).reshape(len(asked), -1)
+        cost = ((lack / _DEEP) ** 2 + (swing / _SWUNG) ** 2).reshape(len(seen), -1)
         chosen = np.interp(every, seen, SWINGS[_cheapest(cost, SWINGS[:, None] / _SWINGS_CHANGE)])
         turn = gaussian_smooth(chosen, float(EVERY))[:, None] * who.across(every)
         pose = _swung(pose, arm[0], turn)
