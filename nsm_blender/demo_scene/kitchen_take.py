@@ -15,6 +15,7 @@ from ..prepare import start_of
 from .kitchen import titled
 
 WORKTOP, TABLE = "worktop", "table"
+_STANDS = 1.5  # seconds in the end, in which one stands up from the drawer
 
 
 def kitchen_goals(kitchen: Kitchen, character: bpy.types.Object, scene: bpy.types.Scene) -> list[GoalSpec]:
@@ -23,7 +24,7 @@ def kitchen_goals(kitchen: Kitchen, character: bpy.types.Object, scene: bpy.type
     Empty where there is neither.
     """
     if kitchen.seed == TEA:
-        return [_bring(name, WORKTOP, scene) for name in (MUG, JAR)]
+        return [_bring(MUG, WORKTOP, scene), _bring(JAR, WORKTOP, scene, hold=_STANDS)]
     goals: list[GoalSpec] = []
     for drawer in (False, True):
         for name, standing in kitchen.things.items():
@@ -37,8 +38,8 @@ def kitchen_goals(kitchen: Kitchen, character: bpy.types.Object, scene: bpy.type
     return goals
 
 
-def _bring(name: str, to: str, scene: bpy.types.Scene) -> GoalSpec:
-    return GoalSpec("place", scene.objects[titled(name)], 0.0, to=scene.objects[titled(to)])
+def _bring(name: str, to: str, scene: bpy.types.Scene, hold: float = 0.0) -> GoalSpec:
+    return GoalSpec("place", scene.objects[titled(name)], hold, to=scene.objects[titled(to)])
 
 
 def _can_be(goal: GoalSpec, character: bpy.types.Object, scene: bpy.types.Scene) -> bool:

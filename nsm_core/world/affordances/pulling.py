@@ -22,11 +22,11 @@ from .setting_out import before_body
 
 HIGHEST = 1.9  # metres over the floor of a handle at most
 ENDS = (1.0, 0.85, 0.7, 0.55)  # shares of what is asked for that are tried, the whole first
-_SEEN = 9  # openings at which hand and body are looked at
+_SEEN, _SWEPT = 9, 25  # openings at which hand and body are looked at, and what the front itself sweeps
 _AROUND, _STEP = 1.0, 0.08  # metres of floor about the handle on which one may stand, and between places
 _BEARINGS = np.radians(np.arange(-75, 76, 25))  # of the handle from where the body faces
 _GIVE = 0.015  # metres by which a front may come into something more than it is when it is as it stands
-_FINE = 0.03  # metres between the points of a front that are looked at
+_FINE = 0.03  # metres between the points of a front that are looked at, at most
 _AT_ONCE, _TRIED = 16, 8  # places looked at at once, and those for which ways of the hand are looked for
 _CLEAR = (0.16, 0.0)  # metres more than it needs that a body keeps off what moves, where it can
 _TELLS = 0.1  # metres up to which what stands about is looked at
@@ -104,7 +104,7 @@ def _amount(front: Front, share: float) -> str:
 def _free(front: Front, opening: float, solids: DistanceQuery) -> float:
     """The opening on the way to another one at which a front comes no deeper into ``solids`` than it is."""
     v = front.volume
-    lines = [np.arange(-h, h + _FINE, _FINE) if h > _FINE else np.zeros(1) for h in v.size / 2]
+    lines = [np.linspace(-s / 2, s / 2, int(np.ceil(s / _FINE)) + 1) for s in v.size]
     points = np.stack(np.meshgrid(*lines, indexing="ij"), -1).reshape(-1, 3) + v.centre
     points = points[front.query.signed_distance(points.astype(np.float32), _TELLS) < 0.005]
     begin = front.opening
@@ -114,7 +114,7 @@ def _free(front: Front, opening: float, solids: DistanceQuery) -> float:
         return np.minimum(solids.signed_distance(world, _TELLS), 0.0)
 
     before, free = deep(begin), begin
-    for share in np.linspace(begin, opening, _SEEN)[1:]:
+    for share in np.linspace(begin, opening, _SWEPT)[1:]:
         if (deep(float(share)) < before - _GIVE).any():
             break
         free = float(share)
