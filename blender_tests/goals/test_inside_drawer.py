@@ -16,14 +16,14 @@ from nsm_blender.rigs.character import add_character
 from nsm_core.world.scene.props import LightThing
 
 TOP = "Drawers drawer 1"
-INSIDE = np.array((1.57, -0.34, 0.7))  # on the floor of the first
+INSIDE = np.array((1.57, -0.34, 0.7))  # on its floor
 CLIP = (0.14, -0.05)  # metres beside the pot
 BOOK = ((-0.016, -0.115, 0.0), (0.016, 0.115, 0.12))
 
 
 @pytest.fixture
 def character(empty_scene):
-    """Who is in a kitchen, in whose topmost drawer a jar stands between two books."""
+    """Who is in a kitchen, in whose topmost drawer a pot stands between two books, and a clip beside them."""
     room, _ = build_kitchen(0)
     bpy.data.objects.remove(bpy.data.objects["Plate"])
     mesh_of_boxes("Pot", [((-0.02, -0.02, 0.0), (0.02, 0.02, 0.05))], INSIDE)

@@ -133,7 +133,7 @@ def test_what_no_hand_opens_is_told_in_a_sentence():
     with pytest.raises(GoalError, match="opens upwards or downwards, as a lid or a flap does"):
         Front.of(container("oven").parts[0])
     front = Front.of(container("drawers", height=0.86).parts[-1])
-    wall = Cuboids([((0, 0), 0.0, ((-1, -0.6, 0.0),), ((1, -0.5, 2.0),))])
+    wall = Cuboids([((0, 0), 0.0, ((-1, -0.55, 0.0),), ((1, -0.45, 2.0),))])
     assert "moves by only" in (told := refused(front, around=Around(wall, wall, FREE.room)))
     assert "make room for it to open" in told
     nowhere = Around(Cuboids(), Cuboids(), lambda places: np.full(len(places), -1.0))
