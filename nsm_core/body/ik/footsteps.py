@@ -88,13 +88,15 @@ def footsteps(
     sole: Sole | None = None,
     first: tuple[Array, Array] | None = None,
     last: tuple[Array, Array] | None = None,
+    clearance: float = CLEARANCE,
 ) -> Footsteps:
     """Plant the feet of a whole take: toe joints (T, 2, 3), ankle rotations (T, 2, 4), contact labels (T, 2).
 
     In every stand the toe joint keeps one place and the foot one heading, from landing to lift-off; between
     two stands the correction goes over from one to the other with the speed of the foot at both ends.
     ``first``: toe joints (2, 3) and ankle rotations (2, 4) of feet that stood before the first frame and
-    stay; ``last``: of feet that are to stand after the last one.
+    stay; ``last``: of feet that are to stand after the last one. ``clearance``: metres of quick swinging feet
+    over the floor.
     """
     sole = sole or Sole()
     toes, feet = toes.copy(), feet.copy()
@@ -116,7 +118,7 @@ def footsteps(
         for a, b in runs:
             planted[a:b, side] = True
     for side in (0, 1):
-        toes[:, side, 2] += _raised(toes[:, side], feet[:, side], planted[:, side], ground, sole)
+        toes[:, side, 2] += _raised(toes[:, side], feet[:, side], planted[:, side], ground, sole, clearance)
         toes[:, side, :2] += _held_off(toes[:, side], feet[:, side], planted[:, side], ground, sole)
     return Footsteps(toes - quat_rotate(feet, sole.toe), feet, planted, tuple(stands))
 
@@ -299,7 +301,9 @@ def _bridge(values: Array, runs: Sequence[tuple[int, int]], pace: Array) -> None
         values[end:start] = out
 
 
-def _raised(toe: Array, foot: Array, planted: Array, ground: FootGround, sole: Sole) -> Array:
+def _raised(
+    toe: Array, foot: Array, planted: Array, ground: FootGround, sole: Sole, clearance: float
+) -> Array:
     """Metres (T,) by which a foot is raised: out of the ground, and over floor and edges while it swings."""
     ahead = heading_to_direction(foot_heading(foot))
     heights = ground.height(np.stack([toe[:, :2] + k * ahead for k in (0.0, MIDDLE, HEEL, TIP)], axis=1))
@@ -307,7 +311,7 @@ def _raised(toe: Array, foot: Array, planted: Array, ground: FootGround, sole: S
     deep = sole.depth(toe, foot, under, np.minimum(under, heights[:, 2]))
     out = gaussian_smooth(_widest(deep, 1), 1.0)
     fast = smooth_step(_speed(toe) / FAST)
-    over = np.where(heights[:, 0] > 0, EDGE, CLEARANCE) * fast
+    over = np.where(heights[:, 0] > 0, EDGE, clearance) * fast
     height = toe[:, 2] - sole.toe_height
     need = np.where(planted, 0.0, np.maximum(_widest(heights, 1).max(1) + over - height, 0.0))
     for a, b in intervals(~planted):

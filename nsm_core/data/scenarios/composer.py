@@ -46,6 +46,7 @@ from .stairs.episode import StairEpisode
 from .take import ComposedTake, Piece, TimedCommand
 
 SHORTEST = 90  # frames of a take
+SWING = 0.045  # metres of quick swinging feet over the floor: what is learnt of them is a mean, and lower
 SEAM = 4  # frames before and after a seam in which the phase of the one clip goes over into that of the next
 _SLOWEST, _FASTEST = 0.5, 2.0  # of the captured pace
 
@@ -181,7 +182,8 @@ def plant(motion: Motion) -> None:
     """
     positions, world = forward_kinematics(motion.hips.astype(np.float64), motion.rotations.astype(np.float64))
     floor = FootGround(Terrain(), Terrain(), np.zeros(len(motion)))
-    feet = footsteps(positions[:, TOES], world[:, ANKLES], motion.feet.astype(np.float64), floor)
+    labels = motion.feet.astype(np.float64)
+    feet = footsteps(positions[:, TOES], world[:, ANKLES], labels, floor, clearance=SWING)
     away = np.linalg.norm(positions[:, ANKLES] - positions[:, [leg[0] for leg in LEGS]], axis=-1)
     reach = np.maximum(away, leg_reach())
     hips, rotations = into_reach(motion.hips, motion.rotations, LEGS, feet.ankles, reach, sinking())

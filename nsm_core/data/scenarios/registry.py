@@ -28,12 +28,12 @@ from .walk import ways
 from .walk.draws import RUNS, WALKS
 
 SCENARIOS: dict[str, Scenario] = {
-    "sit": Scenario(0.9, episode(sit.lay), single_clips.sit, sit.segments, 1, SITS),
-    "carry": Scenario(0.18, episode(carry.lay), single_clips.carry, carry.segments, 3, CARRIES),
-    "open": Scenario(0.22, episode(open.lay), None, open.segments, 4, OPENS),
+    "sit": Scenario(0.8, episode(sit.lay), single_clips.sit, sit.segments, 1, SITS),
+    "carry": Scenario(0.3, episode(carry.lay), single_clips.carry, carry.segments, 3, CARRIES),
+    "open": Scenario(0.34, episode(open.lay), None, open.segments, 4, OPENS),
     "climb": Scenario(0.14, episode(climb.lay), None, climb.segments, 2, CLIMBS),
-    "walk": Scenario(0.1, ways.walk, single_clips.walk_clip, draws=WALKS),
-    "run": Scenario(0.07, ways.run, single_clips.run_clip, draws=RUNS),
+    "walk": Scenario(0.12, ways.walk, single_clips.walk_clip, draws=WALKS),
+    "run": Scenario(0.25, ways.run, single_clips.run_clip, draws=RUNS),
     "stairs": Scenario(0.16, episode(stairs.lay), None, draws=STAIRS),
 }
 
