@@ -60,3 +60,22 @@ def test_what_is_far_moves_nothing():
     for _ in keep_clear(steps, pose, [Obstacle(block((5, 5, 0), (6, 6, 1)))]):
         pass
     assert np.array_equal(ankles, steps.ankles)
+
+
+def test_an_edge_that_a_heel_hangs_over_does_not_push_the_foot_off():
+    hips, local, contacts = walk()
+    pose = Pose(HUMAN, hips.astype(np.float64), local.astype(np.float64))
+    steps = footsteps(
+        pose.positions[:, TOES],
+        pose.world[:, ANKLES],
+        blurred(contacts),
+        FootGround(Terrain(), Terrain(), np.zeros(120)),
+    )
+    a, b = steps.runs[0][1]
+    ankle = steps.ankles[(a + b) // 2, 0]
+    slab = block((-1.0, ankle[1] - 1.0, -0.2), (1.0, ankle[1] - 0.01, 0.0))  # it begins before the ankle
+    assert depth(steps, pose, slab)[a:b].max() > 0
+    planned = steps.ankles.copy()
+    for _ in keep_clear(steps, pose, [Obstacle(slab)]):
+        pass
+    assert np.abs(steps.ankles - planned)[a:b, 0].max() < 0.005

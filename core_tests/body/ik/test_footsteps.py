@@ -118,3 +118,14 @@ def test_a_stand_beside_a_riser_keeps_the_whole_foot_off_it():
     steps, toes, _ = planted(hips, local, np.ones((40, 2)), terrain)
     assert toes[:, 0, 1].min() > float(toe[1]) + 0.02
     assert np.abs(toes[:, 0, 2] - TOE_HEIGHT).max() < 0.01
+
+
+def test_a_heel_that_hangs_over_an_edge_is_taken_onto_the_step():
+    hips, local, contacts = walk(40)
+    hips, local = np.repeat(hips[:1], 40, 0) + (0, 0, 0.2), np.repeat(local[:1], 40, 0)
+    toe = forward_kinematics(hips, local)[0][0, TOES[0]]
+    edge = float(toe[1]) + 0.06  # the walk goes to -Y: 6 cm of the foot behind its ball are on the step
+    steps, toes, _ = planted(hips, local, np.ones((40, 2)), step_at(edge))
+    assert 0.02 < float(toe[1]) - toes[:, 0, 1].max() < 0.1
+    assert steps.ankles[:, 0, 1].max() < edge + 0.01
+    assert np.abs(toes[:, 0, 2] - 0.2 - TOE_HEIGHT).max() < 0.01

@@ -87,9 +87,12 @@ def _pushes(
         deep = np.flatnonzero(lack > 0)
         deep = deep[np.argsort(lack[deep])]  # the deepest is written last
         frames, spheres, lack = frames[deep], spheres[deep], lack[deep]
-        ways = solid.normals(frames, centres[frames, spheres], distance[deep])[:, :2]
+        ways = solid.normals(frames, centres[frames, spheres], distance[deep])
+        # What a foot stands on is no obstacle to it, though its heel hangs over the edge.
+        below = feet.planted[frames, sides[spheres]] & (ways[:, 2] > _LEVEL)
+        ways = ways[:, :2]
         size = np.linalg.norm(ways, axis=1)
-        ok = size > _LEVEL
+        ok = (size > _LEVEL) & ~below
         frames, side = frames[ok], sides[spheres[ok]]
         ways, lack = ways[ok] / size[ok, None], lack[ok]
         deeper = lack > most[frames, side]

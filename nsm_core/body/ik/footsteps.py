@@ -32,7 +32,8 @@ STEP_FRAMES, STEP_LIFT = 12, 0.04
 APART = 0.02  # metres between where a foot stood and where it is to stand from which on it steps there
 FADE = 9  # frames over which a correction fades where the next stand is far
 CLEARANCE, FAST = 0.03, 0.35  # metres that a swinging foot clears the floor by once it is that fast, m/s
-TIP, MIDDLE, HEEL = 0.075, -0.08, -0.17  # metres from the toe joint along the foot
+TIP, MIDDLE, ANKLE, HEEL = 0.075, -0.08, -0.14, -0.17  # metres from the toe joint along the foot
+HANGING = 0.4  # metres that a stand may be moved by for a foot that hangs over an edge whole
 RISE, QUICK = 0.05, 3.0  # metres a frame by which a foot is raised at most, about; frames at least
 EDGE = 0.02  # metres that a foot clears an edge by, and keeps off a riser
 STEP_IN = 0.12  # metres over its sole up to which a foot stands on what is under it
@@ -262,15 +263,20 @@ def _stand_height(place: Array, heading: float, sole: float, ground: FootGround)
 
 
 def _off_risers(place: Array, heading: float, under: float, ground: FootGround) -> Array:
-    """Metres (2,) by which a stand is moved along the foot, the least, so that no part of it is in a
-    riser.
+    """Metres (2,) by which a stand is moved along the foot, so that no part of it is in a riser: the least,
+    but for what it hangs over an edge from ankle to ball.
     """
     if not ground.all:
         return np.zeros(2)
     ahead = heading_to_direction(np.array(heading))
     along = np.arange(HEEL - EDGE, TIP + EDGE + 1e-6, EDGE)
-    free = (ground.height(place + (_ASIDE[:, None] + along)[..., None] * ahead) < under + 2 * EDGE).all(1)
-    return np.asarray(_ASIDE[np.argmax(free)] * ahead) if free.any() else np.zeros(2)
+    heights = ground.height(place + (_ASIDE[:, None] + along)[..., None] * ahead)
+    free = (heights < under + 2 * EDGE).all(1)
+    if not free.any():
+        return np.zeros(2)
+    borne = (along > ANKLE - EDGE / 2) & (along < EDGE / 2)
+    hangs = (heights[:, borne] < under - 2 * EDGE).mean(1)
+    return np.asarray(_ASIDE[np.argmin(np.where(free, abs(_ASIDE) + HANGING * hangs, np.inf))] * ahead)
 
 
 def _bridge(values: Array, runs: Sequence[tuple[int, int]], pace: Array) -> None:
