@@ -46,7 +46,7 @@ from .seated import sat
 from .start import Start
 
 # Standard deviations that are left to what is asked, metres and radians.
-SEAT, HEAD_TURN = 0.003, 0.1
+SEAT, SEAT_TURN, HEAD_TURN = 0.003, 0.03, 0.1
 JUMP = 0.08  # metres in a frame that hips go at most for a hand that would miss
 OFF_HOLD = 0.02  # metres off what it holds from which on a hand is missed
 GRASPS = (0.6, 1.0)  # share of its way over which a hand comes to touch what it holds
@@ -231,8 +231,9 @@ def _fastest(pose: Pose) -> float:
 def _sit(pose: Pose, weight: Array) -> list[Task]:
     if not weight.any():
         return []
-    deviation = np.where(weight > 0, SEAT / np.maximum(weight, 1e-3), np.inf)
-    return [PointTask(HIPS, pose.hips.copy(), deviation)]
+    share = np.where(weight > 0, 1 / np.maximum(weight, 1e-3), np.inf)
+    faces = TurnTask(HIPS, pose.world[:, HIPS].copy(), SEAT_TURN * share)
+    return [PointTask(HIPS, pose.hips.copy(), SEAT * share), faces]
 
 
 __all__ = ["Note", "PostProcess"]
