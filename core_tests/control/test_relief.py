@@ -127,7 +127,7 @@ def test_one_walks_over_low_ground_with_the_feet_on_top(name):
             penetration_depths(take.hips_position, take.local_rotations, solid).max() < 0.04
         )  # a heel over the kerb's edge
     report = travel_report(take.hips_position, take.local_rotations, ground=ground.height)
-    assert report["below_floor_share"] < 0.02
+    assert report["below_floor_share"] < 0.03
     assert jumps(take.hips_position, take.local_rotations)["jolt_cm"] < 9  # 7 on a flat floor
     rise = float(ground.height(take.root[-1:, :2])[0])
     flat = roll(TakeRequest(np.zeros(2), 0.0, [goal], Cuboids()))

