@@ -110,9 +110,14 @@ def test_a_weights_file_says_which_network_it_holds(saved):
     assert isinstance(model, ELMAN.numpy) and model.config == ElmanConfig()
 
 
-def test_the_shipped_file_says_nothing_and_is_the_nsm():
-    assert "network" not in load_weights(BUNDLED).metadata
-    assert load_model().config.network == "nsm"
+def test_the_shipped_file_is_the_nsm_and_one_that_does_not_say_is_too(tmp_path):
+    assert load_weights(BUNDLED).metadata["network"] == load_model().config.network == "nsm"
+    with np.load(BUNDLED) as archive:
+        entries = dict(archive)
+    metadata = {k: v for k, v in json.loads(entries["metadata"].tobytes()).items() if k != "network"}
+    entries["metadata"] = np.frombuffer(json.dumps(metadata).encode(), np.uint8)
+    np.savez(tmp_path / "older.npz", **entries)
+    assert load_model(tmp_path / "older.npz").config.network == "nsm"
 
 
 @pytest.mark.parametrize("name", ["gru", "", 5, ["nsm"], None, "x" * 5000])
