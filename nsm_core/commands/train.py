@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from nsm_core.conventions import FPS
 from nsm_core.data.export import export
 from nsm_core.data.storage import Dataset, require_meaning
 from nsm_core.files import output
@@ -186,8 +187,10 @@ def _train(a: argparse.Namespace, settings: TrainingSettings, config: NetworkCon
         fresh = FreshTakes(
             a.captures, a.objects, str(folder / "objects.npz"), first, settings.fresh.slots, settings.stitched
         )
-    trainer = Trainer(_data(folder, settings, run), settings, config, done, fresh, ranks)
     about = (folder / "data.json").read_bytes()
+    # As much as there is, which of a given folder is not what would have been composed.
+    settings = replace(settings, data_minutes=round(json.loads(about)["frames"] / (60 * FPS), 1))
+    trainer = Trainer(_data(folder, settings, run), settings, config, done, fresh, ranks)
     trainer.stance, trainer.meaning = json.loads(about)["stance"], meaning
     started_from = Path(a.start_from).name if a.start_from else ""
     trainer.origin = {"data_version": hashlib.sha256(about).hexdigest()[:16], "started_from": started_from}
