@@ -25,11 +25,11 @@ def worktop(*things):
 
 def test_what_is_held_is_brought_before_the_body_over_what_stands_there():
     held = make_thing("tin", np.random.default_rng(3), (-0.1, 0.03, 1.0, 0.0), "tin")
-    free = before_body(WRIST, REACH, worktop(), held)
-    assert free is not None and free[2] == pytest.approx(1.05)
+    free = before_body(WRIST, REACH, worktop(), held)[0]
+    assert free[2] == pytest.approx(1.05)
     loaf = ((-0.1, -0.5, TOP), (0.5, -0.3, 1.08))
-    begin = before_body(WRIST, REACH, worktop(loaf), held)
-    assert begin is not None and begin[2] > 1.08 + HAND
+    begin = before_body(WRIST, REACH, worktop(loaf), held)[0]
+    assert begin[2] > 1.08 + HAND
 
 
 def test_a_way_tells_what_it_lacks():

@@ -266,11 +266,11 @@ def _visit(
     thing: LightThing, grasp: OneHandGrasp, hand: int, reach: Reach, space: HandSpace, around: Around
 ) -> Visit | None:
     wrist = beside_held(grasp.at(thing.pose), grasp.width, (RIGHT, LEFT)[hand])
-    begin = before_body(wrist, reach, around.hands, thing)
-    if begin is None:
-        return None
-    empty, laden = (way_into(space, wrist, begin, held, whole=True) for held in (None, thing))
-    if empty is None or laden is None:
+    for begin in before_body(wrist, reach, around.hands, thing):
+        empty, laden = (way_into(space, wrist, begin, held, whole=True) for held in (None, thing))
+        if empty is not None and laden is not None:
+            break
+    else:
         return None
     bare = [(np.zeros(3), HAND)]
     held = [(place - wrist.place, radius) for place, radius in filled(thing, _FINELY)]

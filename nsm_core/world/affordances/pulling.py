@@ -177,11 +177,12 @@ def _way(front: Front, opening: float, reach: Reach, around: Around, whole: bool
     ``whole``, else from where it comes near; None where there is none.
     """
     there, wrist = front.at(opening), front.grip(opening)
-    begin = before_body(wrist, reach, around.hands)
-    if begin is None:
-        return None
-    way = way_into(hand_space(there, around.hands, wrist.held), wrist, begin, whole=whole)
-    return way if way is None or not whole else np.concatenate((begin[None], way))
+    space = hand_space(there, around.hands, wrist.held)
+    for begin in before_body(wrist, reach, around.hands):
+        way = way_into(space, wrist, begin, whole=whole)
+        if way is not None:
+            return np.concatenate((begin[None], way)) if whole else way
+    return None
 
 
 __all__ = ["HIGHEST", "Pulling", "plan_pulling"]
