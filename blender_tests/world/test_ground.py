@@ -72,7 +72,7 @@ def test_a_take_begins_on_a_rug_leaves_it_and_sits_on_another():
     report = take.report
     assert report["goals"][0]["reached"] and report["goals"][0]["position_error_cm"] < 3
     # 5 cm of the calf at a leg of the chair, as on a flat floor.
-    assert report["penetration_cm"] < 6 and report["below_floor_share"] < 0.02
+    assert report["penetration_cm"] < 6 and report["below_floor_share"] < 0.035
     bones = character.pose.bones
     for frame, z in ((report["frames"], 0.06), (1, 0.04)):
         bpy.context.scene.frame_set(frame)
