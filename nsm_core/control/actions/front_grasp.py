@@ -93,8 +93,7 @@ class Pull:
         gripped = self._share if doing in ("reach", "back") else 1.0
         closed = doing == "move" or doing in ("take", "leave") and self._frame > CLOSING / 2
         share = float(smooth_step(self._weight))
-        now = seen.wrists[self.hand].astype(np.float64)
-        self.leads = [lead_to(self.hand, self._last, now, share, gripped, closed)] if share > 0 else []
+        self.leads = [lead_to(self.hand, self._last, seen, share, gripped, closed)] if share > 0 else []
         if done:
             self._next()
 

@@ -180,10 +180,9 @@ class Holding:
             rotation = self._last.rotation
         self._last = WristPose(np.array(place), rotation)
         gripped = self._share if doing in ("reach", "back") else 1.0
-        now = seen.wrists[self.hand].astype(np.float64)
         share = float(smooth_step(self._weight))
         closed = doing in ("out", "carry", "in") or doing in ("take", "leave") and self._frame > CLOSING / 2
-        self.leads = [lead_to(self.hand, self._last, now, share, gripped, closed)] if share > 0 else []
+        self.leads = [lead_to(self.hand, self._last, seen, share, gripped, closed)] if share > 0 else []
         if doing == "carry" and self._due >= 0:
             self._go_in()
         elif done:
