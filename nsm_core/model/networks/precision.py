@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import time
+from functools import cache
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import torch
 
 
+@cache
 def half_precision_pays(device: torch.device) -> bool:
     """Whether products of bfloat16 are faster than those of float32 on ``device``: measured, since processors
-    without such instructions emulate them at a seventh of the speed, and none says so.
+    without such instructions emulate them at a seventh of the speed, and none says so; once, so that all
+    trainings of a process are alike.
     """
     import torch
 
