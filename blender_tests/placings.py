@@ -10,6 +10,10 @@ import bpy
 from scenes import box, mesh_of_boxes
 
 from nsm_blender.batch import main
+from nsm_blender.goals.resolve import moved_by
+from nsm_blender.goals.spec import GoalSpec
+from nsm_blender.prepare import TakeSpec, resolve_goals, start_of, surroundings_of
+from nsm_blender.progress import finish
 
 
 def shelf_and_table() -> None:
@@ -52,3 +56,16 @@ report = "out.json"
     assert main([str(folder / "job.toml")]) == 0
     bpy.ops.wm.open_mainfile(filepath=str(folder / "out.blend"))
     return json.loads((folder / "out.json").read_text(encoding="utf-8"))
+
+
+def found(character: bpy.types.Object, *goals: GoalSpec):
+    """The goals of a character of the open file with all that belongs to them, as a take would plan them."""
+    scene, spec = bpy.context.scene, TakeSpec(character, list(goals))
+    frame, start = start_of(character, scene)
+    around = finish(surroundings_of(spec, scene, frame, moved_by(spec.goals)))
+    return resolve_goals(spec, scene, frame, start, around)
+
+
+def place(name: str, to: str = "Table", **more: Any) -> GoalSpec:
+    """A goal that has one object put onto another."""
+    return GoalSpec("place", bpy.data.objects[name], 0.0, to=bpy.data.objects[to], **more)

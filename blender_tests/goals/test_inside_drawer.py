@@ -5,13 +5,10 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
+from placings import found, place
 from scenes import mesh_of_boxes
 
 from nsm_blender.demo_scene.kitchen import build_kitchen
-from nsm_blender.goals.resolve import moved_by
-from nsm_blender.goals.spec import GoalSpec
-from nsm_blender.prepare import TakeSpec, resolve_goals, start_of, surroundings_of
-from nsm_blender.progress import finish
 from nsm_blender.rigs.character import add_character
 from nsm_core.world.scene.props import LightThing
 
@@ -33,17 +30,6 @@ def character(empty_scene):
     character = add_character((*room.start, 0.0))
     bpy.context.view_layer.update()
     return character
-
-
-def found(character, *goals):
-    scene, spec = bpy.context.scene, TakeSpec(character, list(goals))
-    frame, start = start_of(character, scene)
-    around = finish(surroundings_of(spec, scene, frame, moved_by(spec.goals)))
-    return resolve_goals(spec, scene, frame, start, around)
-
-
-def place(name, to="Table", **more):
-    return GoalSpec("place", bpy.data.objects[name], 0.0, to=bpy.data.objects[to], **more)
 
 
 def test_what_blocks_a_thing_in_a_drawer_is_put_aside_and_the_rest_stays_in_it(character):
