@@ -50,3 +50,18 @@ def ease(t: Scalars) -> Array:
     """Minimum-jerk step of (...) from 0 to 1."""
     t = np.clip(t, 0, 1)
     return t**3 * (10 - 15 * t + 6 * t * t)
+
+
+def cheapest_sequence(cost: Array, change: Array) -> Array:
+    """Choices (N,) of the sequence over costs (N, F) that costs the least with its changes: ``change`` (F, F)
+    from one choice to the next, infinite where that may not be (dynamic programming).
+    """
+    total, came = cost[0], np.zeros(cost.shape, int)
+    for n in range(1, len(cost)):
+        ways = total[:, None] + change
+        came[n] = ways.argmin(0)
+        total = ways[came[n], np.arange(len(change))] + cost[n]
+    chosen = [int(total.argmin())]
+    for n in range(len(cost) - 1, 0, -1):
+        chosen.append(int(came[n, chosen[-1]]))
+    return np.array(chosen[::-1])

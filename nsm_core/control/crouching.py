@@ -21,7 +21,7 @@ from nsm_core.body.ik.solver import Pose
 from nsm_core.body.ik.two_bone import place_on
 from nsm_core.body.skeleton import ARMS, FEET, INDEX, JOINTS
 from nsm_core.rotations import Array, heading_to_direction
-from nsm_core.signals import gaussian_smooth
+from nsm_core.signals import cheapest_sequence, gaussian_smooth
 
 EVERY = 4  # frames between those that are looked at
 AROUND = 30  # frames before and after a shoulder is too far off in which one may go down and come up
@@ -107,7 +107,7 @@ def crouched(pose: Pose, who: Crouched, solids: Sequence[Obstacle], figure: Figu
     cost[:, 0] = 0.0
     asked = np.flatnonzero(wide[seen])
     cost[asked] = _price(pose, who, seen[asked], solids, figure)
-    chosen = _FAN[_cheapest(cost, _FAN / _CHANGE)]
+    chosen = _FAN[cheapest_sequence(cost, _changes(_FAN / _CHANGE))]
     how = np.stack([np.interp(every, seen, column) for column in chosen.T], -1)
     pose = who.down(pose, every, gaussian_smooth(how, 1.5 * EVERY))
     return _hanging(pose, who, solids, figure)
@@ -128,7 +128,9 @@ def _hanging(pose: Pose, who: Crouched, solids: Sequence[Obstacle], figure: Figu
         lack = _lack(centres, radii + _BESIDE, when, solids)
         lack[np.isfinite(who.reach[when, side])] = 0.0  # a hand that is led goes its own way
         cost = ((lack / _DEEP) ** 2 + (swing / _SWUNG) ** 2).reshape(len(seen), -1)
-        chosen = np.interp(every, seen, SWINGS[_cheapest(cost, SWINGS[:, None] / _SWINGS_CHANGE)])
+        chosen = np.interp(
+            every, seen, SWINGS[cheapest_sequence(cost, _changes(SWINGS[:, None] / _SWINGS_CHANGE))]
+        )
         turn = gaussian_smooth(chosen, float(EVERY))[:, None] * who.across(every)
         pose = _swung(pose, arm[0], turn)
     return pose
@@ -197,20 +199,11 @@ def _lack(centres: Array, need: Array, frames: Array, solids: Sequence[Obstacle]
     return out
 
 
-def _cheapest(cost: Array, fan: Array) -> Array:
-    """Choices (N,) of the sequence over costs (N, F) that costs the least with its changes: the square of
-    how far they are apart in the ``fan`` (F, K).
+def _changes(fan: Array) -> Array:
+    """What it costs (F, F) to go from one choice of a ``fan`` (F, K) to another: the square of how far they
+    are apart.
     """
-    step = ((fan[:, None] - fan) ** 2).sum(-1)
-    total, came = cost[0], np.zeros(cost.shape, int)
-    for n in range(1, len(cost)):
-        ways = total[:, None] + step
-        came[n] = ways.argmin(0)
-        total = ways[came[n], np.arange(len(fan))] + cost[n]
-    chosen = [int(total.argmin())]
-    for n in range(len(cost) - 1, 0, -1):
-        chosen.append(int(came[n, chosen[-1]]))
-    return np.array(chosen[::-1])
+    return np.asarray(((fan[:, None] - fan) ** 2).sum(-1))
 
 
 __all__ = ["Crouched", "crouched"]

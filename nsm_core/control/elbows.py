@@ -17,7 +17,7 @@ from nsm_core.body.ik.clearance import Obstacle
 from nsm_core.body.ik.solver import Pose
 from nsm_core.body.skeleton import ARMS, JOINTS
 from nsm_core.rotations import Array, quat_conjugate, quat_from_rotvec, quat_mul, quat_rotate
-from nsm_core.signals import gaussian_smooth
+from nsm_core.signals import cheapest_sequence, gaussian_smooth
 
 from .actions.hold import Lead
 
@@ -26,6 +26,10 @@ FAN = np.radians(np.arange(-120, 121, 15))  # turns that are tried
 ROOM = 0.02  # metres about an arm from which on more is no better
 _EASY = np.radians(40)  # by which a wrist is bent at no cost
 _LACK, _BEND, _AWAY, _CHANGE = 0.01, np.radians(15), np.radians(60), np.radians(20)  # that cost as much
+
+# What it costs to go from one turn of the fan to another: one step at a time.
+_APART = np.abs(np.subtract.outer(np.arange(len(FAN)), np.arange(len(FAN))))
+_STEPS = np.where(_APART > 1, np.inf, _APART * ((FAN[1] - FAN[0]) / _CHANGE) ** 2)
 
 
 def with_room(
@@ -44,7 +48,7 @@ def with_room(
         cost = np.full((len(seen), len(FAN)), np.inf)
         cost[:, FAN == 0.0] = 0.0
         cost[led[seen, side]] = price
-        turn = np.interp(np.arange(len(leads)), seen, FAN[_cheapest(cost)])
+        turn = np.interp(np.arange(len(leads)), seen, FAN[cheapest_sequence(cost, _STEPS)])
         pose = turned(pose, int(side), gaussian_smooth(turn, float(EVERY)))
     return pose
 
@@ -106,23 +110,6 @@ def _price(pose: Pose, side: int, frames: Array, solids: Sequence[Obstacle], fig
         + (np.maximum(bend - _EASY, 0) / _BEND) ** 2
         + (FAN / _AWAY) ** 2
     )
-
-
-def _cheapest(cost: Array) -> Array:
-    """Choices (N,) of the sequence over costs (N, F) that costs the least with its changes, of one step of
-    the fan at a time.
-    """
-    step = ((FAN[1] - FAN[0]) / _CHANGE) ** 2
-    total, came = cost[0], np.zeros(cost.shape, int)
-    for n in range(1, len(cost)):
-        wide = np.pad(total, 1, constant_values=np.inf)
-        ways = np.stack((wide[:-2] + step, wide[1:-1], wide[2:] + step))
-        came[n] = np.arange(len(FAN)) + ways.argmin(0) - 1
-        total = ways.min(0) + cost[n]
-    chosen = [int(total.argmin())]
-    for n in range(len(cost) - 1, 0, -1):
-        chosen.append(int(came[n, chosen[-1]]))
-    return np.array(chosen[::-1])
 
 
 __all__ = ["EVERY", "FAN", "turned", "with_room"]

@@ -15,6 +15,11 @@ class Before(Stage):
     stage: Stage | None = None
     _onward: Array | None = None
 
+    @property
+    def at_work(self) -> Stage | None:
+        """The stage in hand."""
+        return self.stage
+
     def begin(self, stage: Stage) -> None:
         """Have ``stage`` perform the goal from now on."""
         self.stage = stage
@@ -40,11 +45,11 @@ class Before(Stage):
         return None if self.stage is None else self.stage.seat()
 
     def stays_at(self) -> tuple[Array, float] | None:
-        return None if self.stage is None else self.stage.stays_at()
+        return None if self.at_work is None else self.at_work.stays_at()
 
     def end(self, reached: bool, again: bool = False) -> None:
-        if self.stage is not None:
-            self.stage.end(reached, again)
+        if self.at_work is not None:
+            self.at_work.end(reached, again)
 
     @property
     def manner(self) -> SeatedManner | None:  # type: ignore[override]
@@ -58,18 +63,18 @@ class Before(Stage):
 
     @property
     def grasp(self) -> object:
-        """The hands that the stage that follows puts to work."""
-        return getattr(self.stage, "grasp", None)
+        """The hands that the stage in hand puts to work."""
+        return getattr(self.at_work, "grasp", None)
 
     @property
     def other(self) -> object:
         """The hand that the stage in hand puts to work on a second thing."""
-        return getattr(self.stage, "other", None)
+        return getattr(self.at_work, "other", None)
 
     @property
     def approach(self) -> object:
-        """How the stage that follows comes to its place, to be looked for anew."""
-        return getattr(self.stage, "approach", None)
+        """How the stage in hand comes to its place, to be looked for anew."""
+        return getattr(self.at_work, "approach", None)
 
 
 __all__ = ["Before"]

@@ -39,6 +39,11 @@ class InParts(Before):
         self._aside: list[str] = []
         self._shut: list[Front] = []
 
+    @property
+    def at_work(self) -> Stage | None:
+        """What is being done now, the goal's own stage or one before or after it."""
+        return self._now
+
     def update(self, moment: Moment) -> Command:
         while self._left and (self._now is None or self._now.passed(moment)):
             self._go_on(self._left.pop(0), moment)
@@ -76,15 +81,8 @@ class InParts(Before):
             remarks = [*remarks, f"{front.name} was shut again{far}."]
         return line, remarks
 
-    def stays_at(self) -> tuple[Array, float] | None:
-        return None if self._now is None else self._now.stays_at()
-
     def keeps_off(self) -> tuple[FloorPlan, Array] | None:
         return None if self._now is None else self._now.keeps_off()
-
-    def end(self, reached: bool, again: bool = False) -> None:
-        if self._now is not None:
-            self._now.end(reached, again)
 
     @property
     def errors(self) -> dict[str, Any]:
@@ -95,21 +93,6 @@ class InParts(Before):
     def part(self) -> int:  # type: ignore[override]
         """Counts on over all that is done."""
         return self._parts + (0 if self._now is None else self._now.part)
-
-    @property
-    def grasp(self) -> object:
-        """The hand that is at work now."""
-        return getattr(self._now, "grasp", None)
-
-    @property
-    def other(self) -> object:
-        """The hand that the stage in hand puts to work on a second thing."""
-        return getattr(self._now, "other", None)
-
-    @property
-    def approach(self) -> object:
-        """How the stage in hand comes to its place, to be looked for anew."""
-        return getattr(self._now, "approach", None)
 
 
 def is_done(goal: Goal) -> bool:
